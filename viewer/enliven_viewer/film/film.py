@@ -26,8 +26,9 @@ from enliven_viewer.render.overlay import Canvas
 from enliven_viewer.settings import ViewerSettings
 
 _IDLE = 0.005
+"""Seconds of sleep where the feed has nothing new: short beside the 33 ms between two poses."""
 _QUIET_END = 3.0
-"""Seconds without a pose after which an edge whose heart does not beat either is taken for gone."""
+"""Seconds without a pose or a heartbeat after which the edge counts as gone: six heartbeats are missed."""
 ENDED = "ended"
 
 
@@ -82,7 +83,7 @@ def make_film(
 
 
 class _Studio:
-    """The renderer, the camera and the look of a film, from one picture to the next."""
+    """The renderer, the camera and the scene style of a film, from one picture to the next."""
 
     def __init__(self, document: Document, settings: ViewerSettings, caption: bool) -> None:
         self.document, self.settings = document, settings
@@ -135,7 +136,7 @@ class _Studio:
         return SceneStyle(body=1.0 if playing else shown, reveal=shown, cues=shown)
 
     def _caption(self, moment: TimelineMoment, second: float) -> None:
-        """The time, and whether somebody holds the mesh, in the lower right corner."""
+        """Write the time, and whether the mesh is possessed, in the lower right corner."""
         assert self._canvas is not None
         margin, line = 1.4 * self._text, self._text
         word = "possessed" if moment.possessed else "free"

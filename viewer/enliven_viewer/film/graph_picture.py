@@ -28,13 +28,24 @@ from enliven_viewer.render import (
 from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.render.overlay import Tubes, tube_rows
 
-CLAY = (112, 116, 126)
-NODE, EDGE = (236, 244, 255), (92, 178, 255)
-BRIDGE, WEAK, CUT = (255, 74, 52), (255, 190, 64), (255, 96, 214)
-"""sRGB of nodes, edges, bridges, other edges where E_rig acts, and cut vertices."""
+MESH_COLOUR = (112, 116, 126)
+"""sRGB of the mesh: grey, so that every colour of the graph stands out."""
+NODE = (236, 244, 255)
+"""sRGB of nodes: nearly white, the brightest on the grey."""
+EDGE = (92, 178, 255)
+"""sRGB of ordinary edges: cold, since no term acts on them alone."""
+BRIDGE = (255, 74, 52)
+"""sRGB of bridges, which part the graph: red, since a limb hangs by one edge."""
+WEAK = (255, 190, 64)
+"""sRGB of the other edges where E_rig acts: amber, a weaker warning than a bridge."""
+CUT = (255, 96, 214)
+"""sRGB of cut vertices, which part the graph too: apart from the red of bridges."""
 SIDES = (math.radians(-24), math.radians(96), math.radians(216))
-"""How far each view is turned from the front right."""
-HEADER, _FOOTER = 88, 72
+"""Radians that each view is turned from the front right: a third of a round apart."""
+HEADER = 88
+"""Pixels of the title above the panels: one line of 30 pixels with room."""
+_FOOTER = 72
+"""Pixels of the legend below the panels: one line of 20 pixels with room."""
 _SIZE = 1.75
 """Metres: the largest extent of what is drawn, whatever the mesh's own size."""
 
@@ -128,7 +139,7 @@ def fitted(character: Character, graph: DeformationGraph) -> tuple[Character, Fl
     low, high = character.vertices.min(0), character.vertices.max(0)
     scale = _SIZE / max(float((high - low).max()), 1e-12)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], np.float64)
-    colours = np.tile(np.array(CLAY, np.uint8), (len(character.vertices), 1))
+    colours = np.tile(np.array(MESH_COLOUR, np.uint8), (len(character.vertices), 1))
     nodes = (graph.positions - foot) * scale
     vertices = ((character.vertices - foot) * scale).astype(np.float32)
     return (

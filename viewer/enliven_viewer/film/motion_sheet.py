@@ -23,8 +23,10 @@ STICK = (120, 190, 255)
 """sRGB of the performer."""
 SIDE = math.radians(38)
 """How far the camera stands from the front towards the left."""
-_ABOVE, _FLAT = (math.radians(12), math.radians(38)), 0.5
-"""How far the camera looks down on what is tall, and on what lies flat: below this share of its extent."""
+_ABOVE = (math.radians(12), math.radians(38))
+"""Radians that the camera looks down on a tall subject, and on one that lies flat."""
+_FLAT = 0.5
+"""Height over the largest extent below which a subject begins to count as flat."""
 _TALL = 1.75
 """Metres of the largest extent of what is drawn: light and floor are made for people."""
 

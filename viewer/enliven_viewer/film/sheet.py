@@ -12,8 +12,16 @@ from enliven.arrays import UInt8
 from enliven.errors import ResourceError
 from enliven_viewer.live import clock
 
-PAPER, INK, QUIET = (19, 21, 27), (240, 241, 244), (160, 167, 180)
-_GAP, _TITLE = 10, 64
+PAPER = (19, 21, 27)
+"""sRGB of the background: as dark as the stage, so that the pictures are the brightest."""
+INK = (240, 241, 244)
+"""sRGB of titles."""
+QUIET = (160, 167, 180)
+"""sRGB of subtitles: dimmer than titles."""
+_GAP = 10
+"""Pixels between two pictures and around all."""
+_TITLE = 64
+"""Pixels above the pictures for one line of title."""
 _PACKED = 3
 """Of 9, how hard a PNG is packed: a ninth larger than at the usual 6, in a third of the time."""
 

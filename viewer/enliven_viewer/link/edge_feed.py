@@ -11,7 +11,9 @@ from enliven_viewer.link.received import ReceivedCues, ReceivedPose
 from enliven_viewer.playback import CueFrame, Document, EdgeState
 
 _NOTICE_SECONDS = 5.0
+"""Seconds that a notice is shown: long enough to read two lines."""
 _BARE_SECONDS = 3.0
+"""Seconds without characters after which the control port is said to be wrong: fetching takes less."""
 _HEARD = ("connected", "on rate", "ended")
 _EASE = 0.1
 """Share of a new latency in the shown one, which would flicker otherwise."""
@@ -53,11 +55,11 @@ class EdgeFeed:
     def possess(
         self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
     ) -> None:
-        """Ask that a performer, or whoever is in view, takes hold of a character."""
+        """Ask the edge to let a performer, or the one in view, possess a character."""
         self._link.possess(character_id, body, parts, mode=mode)
 
     def release(self, character_id: str, body: int | None = None) -> None:
-        """Ask that a performer, or whoever holds it, lets a character go."""
+        """Ask the edge to release a character from a performer, or from every performer."""
         self._link.release(character_id, body=body)
 
     def smooth(self, body: int, amount: float | None = None) -> None:

@@ -161,9 +161,9 @@ class EdgeClient:
         """Ask that a body take hold of a character; a refusal comes as a notice.
 
         Args:
-            body: the performer's id; None: whoever is in view.
+            body: the performer's id; None: the performer in view.
             parts: names of :data:`enliven.person.body.PARTS`, joined with "+".
-            on_reply: called from a later :meth:`poll` with Done or Refused, or at once where nobody is there.
+            on_reply: called from a later :meth:`poll` with Done or Refused; at once without an edge.
             mode: who else holds it then, see :class:`~enliven.wire.messages.Possess`.
         """
         self._command(character, lambda own: Possess(own, body, parts, mode), on_reply)

@@ -27,14 +27,14 @@ class Feed(Protocol):
         """Ask that a performer takes hold of a character.
 
         Args:
-            body: who; None: whoever is in view.
+            body: the performer's id; None: the performer in view.
             parts: what of the body, as in :data:`enliven.person.body.PARTS`.
             mode: who else holds it then; "preview": only show what would be held.
         """
         ...
 
     def release(self, character_id: str, body: int | None = None) -> None:
-        """Ask that a performer, or whoever holds it, lets a character go."""
+        """Ask for a character to be released by a performer, or by every performer."""
         ...
 
     def smooth(self, body: int, amount: float | None = None) -> None:

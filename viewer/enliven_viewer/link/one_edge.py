@@ -53,16 +53,25 @@ from enliven_viewer.link.received import Health, Notice, ReceivedBodies, Receive
 from enliven_viewer.link.requests import Requests
 
 _MOST_PER_POLL = 5000
+"""Messages that one poll takes at most, so that a flood of them does not stop the drawing."""
 _KEPT = 4000
 """Poses, and frames of bodies, kept for a caller that does not take them: two minutes of one character."""
 _SILENT_AFTER = 2.0
+"""Seconds without a message after which an edge counts as silent: four heartbeats."""
 _ASK_EVERY = 1.0
+"""Seconds between two requests for the same thing while the streams arrive."""
 _ASK_FIRST_EVERY = 0.1
+"""Seconds between two requests before the streams arrive: each makes the edge publish a heartbeat."""
 _REPLY_WITHIN = 1.0
+"""Seconds after which a hello or a ping is given up: an edge answers within a frame."""
 _CHARACTER_WITHIN = 10.0
+"""Seconds after which the request of a character is given up: it may be megabytes over a slow network."""
 _FETCHED_AT_ONCE = 4
+"""Characters that are requested at the same time, so that poses and heartbeats are not held up."""
 _COMMAND_WITHIN = 3.0
+"""Seconds after which a command is given up and the user is told that the edge does not answer."""
 _RATE_OVER = 2.0
+"""Seconds over which the rate of poses is counted: steady to read, and soon right."""
 
 
 @dataclass(frozen=True)

@@ -67,9 +67,9 @@ class ReceivedCues:
         state: "free", "preview" or "possessed".
         nodes: (K,) int32 indices of pivots.
         strengths: (K,) float32 in [0, 1].
-        body: the performer's id, the first of several; -1 for nobody.
+        body: the performer's id, the first of several; -1 for none.
         time_ns: the sensor's clock.
-        owners: (K,) whose each node is, by id; empty where nobody said.
+        owners: (K,) ids of the performers that hold the nodes; empty where the edge does not tell.
         held: how many of the first nodes are held, the others would be; None: all or, in a preview, none.
     """
 

@@ -43,7 +43,7 @@ class Requests:
         self._last = 0
 
     def under_way(self, prefix: str) -> int:
-        """How many requests whose key begins so are unanswered."""
+        """Number of unanswered requests with a key that begins with ``prefix``."""
         return sum(p.key.startswith(prefix) for p in self._pending.values())
 
     def send(self, body: Ask, key: str, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
@@ -63,7 +63,7 @@ class Requests:
         return True
 
     def poll(self, malformed: Callable[[Malformed], None], most: int = 256) -> None:
-        """Hand replies to those who asked, and None to those whose time is up."""
+        """Call back each request that was answered, with its reply, and each that timed out, with None."""
         for _ in range(most):
             try:
                 parts = self._socket.recv_multipart(zmq.DONTWAIT)

@@ -1,4 +1,4 @@
-"""A take from a file: a recording whose topics hold the messages that went over the wire."""
+"""Plays a take from a file: a recording of the messages that went over the wire, by topic."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ log = logging.getLogger(__name__)
 TOPICS = ("character", "bodies", "pose", "props", "matches", "cues")
 """The topics of a take; messages of one time are applied in this order."""
 _BATCH = 96
+"""Messages that one poll applies: about a second of a take, so that the window draws while it is read."""
 
 
 class TakeFeed:

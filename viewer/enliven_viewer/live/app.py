@@ -23,8 +23,9 @@ from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.window import open_window
 
 _MINIMISED_PAUSE = 0.05
+"""Seconds of sleep per turn of the loop while the window is minimised and nothing is drawn."""
 _ROOM = 1.14
-"""Leaves the timeline's bar below the subject's feet."""
+"""Size of the picture over that of the subject: the bar of the timeline fits below the feet."""
 
 
 class App:
@@ -107,7 +108,7 @@ class App:
         self.possess("preview")
 
     def choose_performer(self) -> None:
-        """Who the next possession is of: the next one in view, or whoever comes."""
+        """Choose the performer of the next possession: the next one in view, or the first that comes."""
         self.possession.next_performer(body.id for body in self._scene.bodies)
         self.possess("preview")
 
@@ -128,7 +129,7 @@ class App:
             self.camera.frame(self._scene.box, self._aspect, reset=True, room=_ROOM)
 
     def browse(self, step: int) -> None:
-        """Ask the feed for another match with the pose, of every character from which somebody chooses."""
+        """Ask the feed for another match, for every character that waits for one to be chosen."""
         for name in self._scene.boards:
             self.feed.browse(name, step)
 
@@ -137,7 +138,7 @@ class App:
         turn_to_bones(self.camera, self._scene)
 
     def report_view(self) -> None:
-        """Tell the feed from where the user looks, where somebody chooses, and where that is new."""
+        """Tell the feed the direction of view where a match is being chosen and the view has changed."""
         if not self._scene.boards:
             return
         look = self._view_reporter.changed(self.camera.view(self._aspect), time.monotonic())

@@ -36,16 +36,24 @@ KEYS = (
 """The keys and what they do, as the help lists them."""
 
 INK: Colour = (0.95, 0.96, 0.98, 0.96)
+"""Text: bright on the dark panels."""
 QUIET: Colour = (0.78, 0.81, 0.86, 0.85)
+"""Text of less weight."""
 GLASS: Colour = (0.05, 0.06, 0.085, 0.58)
+"""Panels: dark enough to read on, and the stage shows through."""
 ACCENT: Colour = (1.0, 0.69, 0.30, 1.0)
+"""Amber: what is active or live."""
 GOOD: Colour = (0.42, 0.86, 0.56, 1.0)
+"""Green: all is well."""
 WAIT: Colour = (1.0, 0.74, 0.30, 1.0)
+"""Yellow: a warning, or something that is waited for."""
 BAD: Colour = (1.0, 0.36, 0.33, 1.0)
+"""Red: an error."""
 TRACK: Colour = (1.0, 1.0, 1.0, 0.20)
+"""The part of the timeline that was not played yet."""
 
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
-"""The colour of what is wrong."""
+"""The colour of a health message by its severity."""
 
 
 @dataclass(frozen=True)

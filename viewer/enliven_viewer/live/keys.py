@@ -10,11 +10,11 @@ import glfw
 from enliven_viewer.live.app import App
 from enliven_viewer.live.hud import timeline_fraction
 from enliven_viewer.live.possession_choice import PARTS
+from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.window import toggle_full_screen
 
-_TURN = 0.008
-"""Radians a pixel of dragging."""
 _KEY_TURN = 0.12
+"""Radians that the camera turns per press of an arrow key with Shift: seven degrees."""
 
 
 class KeyBindings:
@@ -71,7 +71,7 @@ class KeyBindings:
         if self._scrubbing:
             self._app.playhead.scrub(self._fraction_along(x))
         elif self._held == glfw.MOUSE_BUTTON_LEFT and not self._shift():
-            self._app.camera.orbit(-_TURN * across, _TURN * down)
+            self._app.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
         else:
             self._app.camera.pan(-across / height, down / height)
 
@@ -107,7 +107,7 @@ _TURNS = {
 
 
 def _toggle(name: str) -> Any:
-    """Switch one overlay of the look on or off."""
+    """The action of a key that switches one overlay on or off."""
 
     def act(app: App) -> None:
         app.style = replace(app.style, **{name: 0.0 if getattr(app.style, name) > 0 else 1.0})

@@ -12,15 +12,26 @@ from enliven.matching import Board
 from enliven_viewer.render import CameraView, Scene, SceneCharacter
 from enliven_viewer.render.overlay import TINTS, Canvas, Colour
 
-WIDTH, HEIGHT, GAP, PAD = 124.0, 92.0, 8.0, 10.0
-"""Pixels of a card on a plain screen, the space between two, and within one."""
+WIDTH = 124.0
+"""Pixels of a card on a plain screen: nine fit beside one another in 1280."""
+HEIGHT = 92.0
+"""Pixels of a card: a line of title, the picture and a line of score."""
+GAP = 8.0
+"""Pixels between two cards."""
+PAD = 10.0
+"""Pixels between the edge of a card and its text."""
 WIDE = 2.0
 """How much wider than high the picture on a card is."""
 _GLASS: Colour = (0.05, 0.06, 0.085, 0.62)
+"""The card: a little denser than the panels, for the thin lines on it."""
 _MEANT: Colour = (1.0, 0.69, 0.30, 0.95)
+"""Frame of the match that would be taken, and how long the pose was held: amber."""
 _BONE: Colour = (0.78, 0.81, 0.86, 0.42)
+"""Bones that no limb of the performer drives: faint."""
 _INK: Colour = (0.95, 0.96, 0.98, 0.92)
+"""The title of a card."""
 _QUIET: Colour = (0.78, 0.81, 0.86, 0.85)
+"""The score of a card: dimmer than the title."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +56,7 @@ class Card:
 
 
 def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
-    """The cards of the first character from which somebody chooses, as it is seen; none where nobody does."""
+    """The cards of the first character that has matches to choose from, as the camera sees it; else none."""
     for actor in scene.actors:
         board = scene.boards.get(actor.character.id)
         if board is not None and board.state == "choosing":

@@ -21,13 +21,14 @@ PARTS = (
 SMOOTHING = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Amounts that the keys go through: 0 is off, 1 is gentle."""
 _USUAL = 2
+"""The place in SMOOTHING of the amount that the keys start from: gentle."""
 
 
 class PossessionChoice:
     """A choice of performer and parts.
 
     Attributes:
-        body: the performer's id; None: whoever comes next.
+        body: the performer's id; None: the next performer that comes.
         parts: what takes hold.
         locked: whether only those performers count who were there when it was asked for.
     """
@@ -43,7 +44,7 @@ class PossessionChoice:
         self.parts = PARTS[number]
 
     def next_performer(self, present: Iterable[int]) -> None:
-        """The next of those in view, after the last of them whoever comes."""
+        """Choose the next performer in view; after the last of them, the next one that comes."""
         order: list[int | None] = [None, *sorted(set(present))]
         at = order.index(self.body) if self.body in order else 0
         self.body = order[(at + 1) % len(order)]

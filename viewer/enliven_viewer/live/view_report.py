@@ -14,8 +14,10 @@ _EVERY = 0.1
 """Seconds between two words about it at least."""
 _END_ON = 0.3
 """A chain of which less than this share of the way from end to end is seen points at the eye."""
-_TURNED, _MOVED = 0.005, 0.02
-"""Radians, and metres, that are worth a word."""
+_TURNED = 0.005
+"""Entry of the rotation matrix, about radians: smaller turns do not change the ranking of matches."""
+_MOVED = 0.02
+"""Metres that the eye moves before it is reported: less does not change the ranking either."""
 
 
 class ViewReporter:
@@ -41,7 +43,7 @@ def look_of(view: CameraView) -> Look:
 
 
 def hidden(scene: Scene, view: CameraView) -> bool:
-    """Whether a chain from which somebody chooses points at the eye, so that its direction cannot be seen."""
+    """Whether a chain that may be chosen points at the eye, so that its direction cannot be seen."""
     rows = view.camera_from_world[:3, :3]
     for board in scene.boards.values():
         for row in board.rows if board.state == "choosing" else ():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from enliven_viewer.playback.timeline import NS, Timeline, TimelineMoment
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+"""Seconds of the timeline per second, as the keys step through them; 1 is as it happened."""
 
 
 class Playhead:

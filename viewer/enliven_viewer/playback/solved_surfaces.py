@@ -32,7 +32,7 @@ _BUDGET = 0.012
 _FAILURES = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
 """What solving a mesh may come to: what a stranger sends ends no viewer."""
 _SETTLING = 12
-"""Pictures for which a surface whose control points do not move is still solved, until it is at rest."""
+"""Pictures for which a surface is still solved after its control points stopped: then it is at rest."""
 
 
 class SolvedSurfaces:

@@ -16,6 +16,7 @@ from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, bl
 from enliven_viewer.settings import PlaybackSettings
 
 NS = 1_000_000_000
+"""Nanoseconds of a second: the unit of the sensor's clock."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class CueFrame:
         nodes: (A,) int32 pivots that the body is attached to.
         strengths: (A,) float32 in [0, 1], how firmly.
         state: "possessed"; or "preview", what would be held if the body took hold now.
-        owners: (A,) whose each pivot is, by id; empty: everything is one performer's.
+        owners: (A,) ids of the performers that hold the pivots; empty where one performer holds all.
         held: how many of the first pivots are held, the others are a preview; None: as the state says.
     """
 

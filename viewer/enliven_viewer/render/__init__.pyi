@@ -1,9 +1,10 @@
-from .camera import Box, CameraView, FilmCamera, OrbitCamera
+from .camera import DRAG_TURN, Box, CameraView, FilmCamera, OrbitCamera
 from .renderer import EMPTY_BOX, Renderer
 from .scene import PLAIN, Scene, SceneCharacter, SceneStyle, scene_of
 from .skinned import linear
 
 __all__ = [
+    "DRAG_TURN",
     "EMPTY_BOX",
     "PLAIN",
     "Box",

@@ -14,9 +14,17 @@ Box = tuple[Float, Float]
 """Lowest and highest corner, (3,) each, metres, world frame."""
 
 FRONT_RIGHT = math.radians(32)
+"""Radians about +Y from the front, where every view begins: a face and a side are seen."""
 SLIGHTLY_ABOVE = math.radians(13)
+"""Radians above the horizon, where every view begins: the floor shows where feet stand."""
 MARGIN = 0.96
-LOWEST, HIGHEST = math.radians(1.0), math.radians(88)
+"""Share of the box that must fit: a subject does not reach the corners of its box."""
+LOWEST = math.radians(1.0)
+"""Radians above the horizon at least: the floor has no underside."""
+HIGHEST = math.radians(88)
+"""Radians above the horizon at most: straight down, there is no upright direction."""
+DRAG_TURN = 0.008
+"""Radians that the camera turns per pixel of dragging: half a turn across 400 pixels."""
 
 
 @dataclass(frozen=True)

@@ -16,15 +16,28 @@ REVEAL_RADIUS = 0.04
 TINTS = linear(np.array([(96, 226, 222), (255, 196, 92), (196, 160, 255), (150, 235, 130)]))
 """(4, 3) linear light, by the order of the bodies."""
 
-_SLIM, _WRIST = 0.026, 0.019
+_SLIM = 0.026
+"""Metres, radius at most joints; this and those below are of a person 1.75 m tall, slimmer than life."""
+_WRIST = 0.019
+"""Metres, radius at wrists and ankles, the thinnest places of a limb."""
+_HAND = 0.022
+"""Metres, radius at hands and feet."""
+_TRUNK = 0.034
+"""Metres, radius along the spine."""
+_HEAD_RADIUS = 0.092
+"""Metres, radius of the ball of the head."""
 _JOINT_RADII = np.full(len(Joint), _SLIM)
 _JOINT_RADII[[Joint.WRIST_LEFT, Joint.WRIST_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] = _WRIST
-_JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = 0.022
-_JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.034
-_HEAD_RADIUS = 0.092
-_SEGMENTS, _RINGS = 18, 5
-_SHADOW_SEGMENTS, _SHADOW_RINGS = 10, 3
-"""Of what casts a shadow: its blur is wider than the corners are sharp."""
+_JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = _HAND
+_JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = _TRUNK
+_SEGMENTS = 18
+"""Faces around a capsule: its outline looks round at any distance that the camera allows."""
+_RINGS = 5
+"""Rings of vertices from the middle of a half ball to its pole."""
+_SHADOW_SEGMENTS = 10
+"""Faces around a capsule that casts a shadow: the blur is wider than its corners are sharp."""
+_SHADOW_RINGS = 3
+"""Rings of a half ball that casts a shadow, for the same reason."""
 
 
 def capsules_of(bodies: tuple[Body, ...], opacity: float) -> Float32:

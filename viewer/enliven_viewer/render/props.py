@@ -9,8 +9,10 @@ from enliven.arrays import Float, Float32, Int, Int32
 from enliven.document import BALL, BOX, Props
 from enliven_viewer.render.skinned import linear
 
-_BEVEL, _MOST_BEVEL = 0.07, 0.012
-"""Of a box's edges: share of its least half edge, and metres at most."""
+_BEVEL = 0.07
+"""Bevel of a box's edges as a share of its least half edge: enough to catch the light."""
+_MOST_BEVEL = 0.012
+"""Metres of bevel at most, so that a large box stays a box."""
 _FINENESS = {BOX: 2, BALL: 6}
 """Points from the middle of a template's side to its edge."""
 

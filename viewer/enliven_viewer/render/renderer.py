@@ -34,11 +34,14 @@ EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
 """What the camera and the light look at while there is nothing."""
 _ALPHA_TO_COVERAGE = 0x809E
 """GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
-_SHADOW_BLUR, _CONTACT_BLUR = (2.0,), (1.0, 2.2)
-"""Texels between the taps of each blur; the contact's spans decimetres."""
+_SHADOW_BLUR = (2.0,)
+"""Texels between the taps of the key light's blur: a soft edge without steps."""
+_CONTACT_BLUR = (1.0, 2.2)
+"""Texels between the taps of the two blurs of the contact map, which span decimetres."""
 _SLANT = 1.0 / float(TO_KEY[1])
 """How much longer a texel of the key light's map is on the floor."""
 _FRAME_BYTES = 4 * (4 * 16 + 4 * 4)
+"""Bytes of the uniform block Frame: four matrices and four vectors of float32."""
 
 
 class Renderer:

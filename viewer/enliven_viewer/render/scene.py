@@ -13,8 +13,10 @@ from enliven.person import Body
 from enliven_viewer.playback import CueFrame, Document, SolvedSurfaces, TimelineMoment, bounds_of
 from enliven_viewer.render.camera import Box
 
-_BOX_REACH, _SHADOW_REACH = 0.7, 1.4
-"""Metres from characters and bodies within which boxes belong into the picture, and things have shadows."""
+_BOX_REACH = 0.7
+"""Metres from characters and bodies within which the camera keeps loose boxes in the picture."""
+_SHADOW_REACH = 1.4
+"""Metres from characters and bodies within which loose things have shadows: twice the reach of the camera."""
 
 
 @dataclass(frozen=True)

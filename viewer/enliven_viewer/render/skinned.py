@@ -27,7 +27,7 @@ _FINE = 0.07
 _COARSE = 0.03
 """Metres: detail of what is drawn for the contact map."""
 DEFAULT_COLOUR = (226, 142, 84)
-"""sRGB of a mesh that brings no colours: warm clay."""
+"""sRGB of a mesh that brings no colours: warm, on the cold stage."""
 
 
 class SkinnedMesh:
@@ -84,7 +84,7 @@ class SkinnedMesh:
         self._skin.transform(self._skinned, moderngl.POINTS, vertices=self.count)
 
     def place(self, vertices: Float32) -> None:
-        """Put the vertices (V, 3), metres in the world, where somebody solved them to be."""
+        """Put the vertices (V, 3), metres in the world, where a solver put them."""
         if vertices is not self._placed:
             self._skinned.write(placed(vertices, self.character.faces, self._surface))
         self._placed = vertices

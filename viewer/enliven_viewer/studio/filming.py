@@ -14,6 +14,7 @@ from enliven_viewer.studio.window import KEYS, StudioWindow
 from enliven_viewer.studio.workspace import Workspace
 
 _BIT_RATE = 6.0
+"""Mbit/s of the film: the small text of panels stays readable."""
 
 
 class WindowStage:

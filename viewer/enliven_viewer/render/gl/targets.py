@@ -137,7 +137,7 @@ class SoftMap:
         self.ctx.depth_func = "<"
 
     def blur(self, widths: tuple[float, ...], drawn: Region) -> None:
-        """Blur with nine-tap Gaussians whose taps are ``widths`` texels apart, one after the other.
+        """Blur by nine-tap Gaussians one after the other, their taps ``widths`` texels apart.
 
         Args:
             drawn: holds what was drawn, with :func:`reach_of` the widths around it.

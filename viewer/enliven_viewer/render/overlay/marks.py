@@ -12,14 +12,19 @@ from enliven_viewer.render.gl import load_program, set_uniform
 from enliven_viewer.render.scene import Scene, SceneCharacter
 
 CUE_TINT = (1.0, 0.74, 0.22)
+"""Linear light of attachment points where one performer holds a mesh: amber."""
 CUE_TINTS = ((0.22, 0.90, 0.86), (1.0, 0.70, 0.20), (0.72, 0.52, 1.0), (0.50, 0.95, 0.36))
-"""Where several performers hold a mesh: of the first, second, ... body, as its skeleton's."""
+"""Linear light of attachment points where several performers hold a mesh: as their skeletons, in order."""
 NODE_TINT = (0.30, 0.62, 1.0)
+"""Linear light of a graph's nodes: cold, apart from attachment points."""
 EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
+"""Linear light and opacity of a graph's edges: fainter than its nodes."""
 CUE_RADIUS = 0.030
+"""Metres, radius of an attachment point at full strength: as thick as a wrist."""
 NODE_RADIUS = 0.012
+"""Metres, radius of a node: small, since a graph has hundreds of them."""
 POINT_RADIUS = 0.020
-"""Metres: of the control points of a puppet."""
+"""Metres, radius of a control point of a puppet, which has only a few."""
 _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 

@@ -33,6 +33,7 @@ from enliven_viewer.studio.viewport import (
 log = logging.getLogger(__name__)
 Edit = Callable[[Project], Project]
 _ROOM = 1.25
+"""Size of the picture over that of all shapes when they are framed: room to drag their ends."""
 
 
 class Editor:

@@ -33,7 +33,7 @@ HardConstraint = Position | Velocity | Coupling
 def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
     """A project in which control points without a joint follow the likeliest one of a take.
 
-    Those with a name that nobody chose are called after it; those at the bottom are feet.
+    Points with an automatic name are named after their joint; those at the bottom are feet.
     """
     puppet = project.puppet(puppet_id)
     if take not in project.takes:
@@ -52,7 +52,7 @@ def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
 
 
 def with_joint(project: Project, puppet_id: str, point: str, joint: str) -> Project:
-    """A project with a control point paired with a joint; called after it where nobody named it."""
+    """A project with a control point paired with a joint, and named after it where its name is automatic."""
     names = {one.name: one for one in project.puppet(puppet_id).points}
     name = unused(spoken_joint(joint), names) if _AUTOMATIC.fullmatch(point) else point
     return change_point(project, puppet_id, point, joint=joint, name=name)

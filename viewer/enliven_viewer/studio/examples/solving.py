@@ -1,7 +1,7 @@
 """Solving what puppets play, beside the window: no picture waits for it, and the last good motion stays.
 
 solving = Solving(editor.toasts)
-project, puppet = solving.shown(project, "cactus")       # the newest whose motions are solved
+project, puppet = solving.shown(project, "cactus")       # the newest with solved motions
 state = state_of(project, puppet, time)                  # so this costs nothing
 """
 
@@ -62,9 +62,9 @@ class Solving:
         self._known: dict[str, _Solved] = {}
 
     def shown(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
-        """The newest project and puppet whose motions are solved; without layers while there is none.
+        """The newest project and puppet with solved motions; without layers while there is none.
 
-        Control points may be others than the project's: whoever draws it takes the puppet that is returned.
+        Its control points may differ from the project's: draw the puppet that is returned.
         """
         wish = _Wish(project, project.puppets[puppet_id])
         known = self._known.setdefault(puppet_id, _Solved())

@@ -14,6 +14,7 @@ from enliven_viewer.studio.viewport import CHAIN, DARK
 from enliven_viewer.studio.workspace import Workspace
 
 _SHARE = 0.56
+"""Share of the side panel that the view of sources takes: the list of shapes still fits above."""
 _THUMB = ImVec2(92, 92)
 
 

@@ -7,7 +7,7 @@ import zlib
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.live import ACCENT, INK, QUIET, clock
-from enliven_viewer.studio.panels.style import packed, panel, quiet, small
+from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, quiet, small
 from enliven_viewer.studio.panels.timeline_puppets import draw_puppet_lanes
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.timeline import LABELS, LANE, RULER, Bar, TimelineLayout
@@ -15,7 +15,7 @@ from enliven_viewer.studio.viewport import DARK, LANES, LINE, RAISED, Colour
 from enliven_viewer.studio.workspace import Workspace
 
 _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
-_EYE, _CLOSED = "\uf06e", "\uf070"
+"""Icons of Font Awesome 4, on the buttons of the transport."""
 _NO_MOTION = "No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape."
 _NO_TAKE = "The puppet plays no take yet. Choose one in the performer's view."
 
@@ -129,7 +129,7 @@ def _lane(workspace: Workspace, layout: TimelineLayout, bar: Bar, origin: ImVec2
         ImVec2(origin.x, top), ImVec2(right, top + LANE), packed(RAISED, 0.95 if chosen else 0.5), 4.0
     )
     tint, faded = colour_of(layer.take), 0.3 if layer.muted else 1.0
-    icon = _CLOSED if layer.muted else _EYE
+    icon = CLOSED_EYE if layer.muted else EYE
     draw.add_text(ImVec2(origin.x + 5, top + 4), packed(QUIET if layer.muted else INK, 0.9), icon)
     name_right = origin.x + LABELS - 14
     draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(name_right, top + LANE), True)

@@ -10,14 +10,15 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Position, Velocity
 from enliven_viewer.live import ACCENT, BAD, GOOD, INK, QUIET
 from enliven_viewer.studio.panels.examples import constraint_text
-from enliven_viewer.studio.panels.style import packed, small
+from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, small
 from enliven_viewer.studio.timeline import LABELS, LaneRow, PuppetLanes
 from enliven_viewer.studio.viewport import CHAIN, DARK, RAISED, Colour, point_colour
 from enliven_viewer.studio.workspace import Workspace
 
-_EYE, _CLOSED = "\uf06e", "\uf070"
 _CONTACT: Colour = (0.46, 0.70, 0.50, 1.0)
+"""The time on the floor: green."""
 _FLIGHT: Colour = (0.46, 0.58, 0.86, 1.0)
+"""The time in the air: blue."""
 _LABELS = {"poses": "key poses", "band": "on the floor", "held": "held hard"}
 _FAR = 1.15
 """How far the coverage line shows, where 1 is as far as without any example."""
@@ -71,7 +72,7 @@ def _bar(
         ImVec2(origin.x, top), ImVec2(right, low), packed(RAISED, 0.95 if chosen else 0.5), 4.0
     )
     faded = 0.3 if layer.muted else 1.0
-    icon = _CLOSED if layer.muted else _EYE
+    icon = CLOSED_EYE if layer.muted else EYE
     draw.add_text(ImVec2(origin.x + 5, top + 4), packed(QUIET if layer.muted else INK, 0.9), icon)
     draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(origin.x + LABELS - 14, low), True)
     draw.add_text(ImVec2(origin.x + 28, top + 4), packed(ACCENT if chosen else INK, faded), row.puppet)

@@ -13,6 +13,7 @@ from enliven_viewer.studio.viewport import Disc, Fill, Line, axes_marks
 from enliven_viewer.studio.workspace import Workspace
 
 _WIDE = 380.0
+"""Pixels of a line of a message at most: about sixty letters, easy to read."""
 
 
 def draw_overlay(workspace: Workspace, area: Area) -> None:

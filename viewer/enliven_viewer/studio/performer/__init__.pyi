@@ -1,5 +1,5 @@
 from .performer_picture import PerformerPicture
 from .performer_view import PerformerFigure, PerformerView
-from .thumbnails import Thumbnails
+from .thumbnails import SIDE, Thumbnails
 
-__all__ = ["PerformerFigure", "PerformerPicture", "PerformerView", "Thumbnails"]
+__all__ = ["SIDE", "PerformerFigure", "PerformerPicture", "PerformerView", "Thumbnails"]

@@ -12,16 +12,21 @@ from enliven_viewer.render.overlay import Tubes, tube_rows
 from enliven_viewer.studio.performer.performer_view import PerformerFigure
 from enliven_viewer.studio.viewport import FADED, HOVERED, Lens, point_colour
 
-_LIMB, _JOINT, _PAIRED = 0.026, 0.020, 0.033
-"""Radii as shares of the performer's height."""
+_LIMB = 0.026
+"""Radius of a limb as a share of the performer's height."""
+_JOINT = 0.020
+"""Radius of a joint as a share of the performer's height: thinner than a limb, so that it is hidden in it."""
+_PAIRED = 0.033
+"""Radius of a paired joint as a share of the performer's height: thicker than a limb, so that it shows."""
 _SEEN_THROUGH = 0.3
+"""Metres below a surface at which the figure is still drawn clearly: more than a limb is thick."""
 
 
 class PerformerPicture:
     """Draws figures into the picture of a renderer.
 
     Args:
-        renderer: whose picture it is; others may draw into it at other times.
+        renderer: draws the figures; others may use it at other times.
     """
 
     def __init__(self, renderer: Renderer) -> None:

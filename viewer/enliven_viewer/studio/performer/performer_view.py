@@ -16,13 +16,13 @@ from enliven.document import Clip, Skeleton, still_shape
 from enliven.examples import turned_about_y, yaw_of
 from enliven.mapping import facing_of
 from enliven.modeling.puppet import play_take
-from enliven_viewer.render import OrbitCamera
+from enliven_viewer.render import DRAG_TURN, OrbitCamera
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of, seconds_at, with_joint
 from enliven_viewer.studio.viewport import Lens, Point, joints_of
 
-_TURN = 0.008
 _ROOM = 1.3
+"""Size of the picture over that of the performer at rest: raised arms stay in it."""
 _KEPT = 60
 """Figures that are kept: those of the strip are asked for in every picture."""
 
@@ -32,7 +32,7 @@ class PerformerFigure:
     """The performer at one moment.
 
     Attributes:
-        skeleton: whose joints.
+        skeleton: the take's.
         joints: (N, 3) metres, above the floor at the origin.
         height: metres, of the skeleton at rest.
     """
@@ -195,7 +195,7 @@ class PerformerView:
             return
         across, down = at[0] - self._last[0], at[1] - self._last[1]
         turned = self.editor.camera if self.linked else self.camera
-        turned.orbit(-_TURN * across, _TURN * down)
+        turned.orbit(-DRAG_TURN * across, DRAG_TURN * down)
         if not self.linked:
             self.camera.advance(10.0)
         self._last = at

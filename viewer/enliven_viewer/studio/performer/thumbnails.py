@@ -19,10 +19,16 @@ from enliven_viewer.studio.puppets import PuppetCharacters
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)
+"""Pixels, width and height of a thumbnail: twice those of a tile, for screens with small pixels."""
 _SETTINGS = RenderSettings(shadow_size=256, contact_size=64, samples=4)
-_SIDE, _ABOVE, _ROOM = 0.42, 0.16, 1.06
-"""Radians from which it is seen, and how much air is around it."""
+SIDE = 0.42
+"""Radians from the front that thumbnails and their stick figures are seen from: both arms show."""
+_ABOVE = 0.16
+"""Radians above the horizon that a thumbnail is seen from: a little, so that feet part."""
+_ROOM = 1.06
+"""Size of a thumbnail over that of the puppet: little room, since it is small."""
 _KEPT = 96
+"""Pictures that are kept, of 110 kB each: several strips of key poses."""
 
 _Key = tuple[object, ...]
 
@@ -81,7 +87,7 @@ class Thumbnails:
         low = np.minimum(puppet.mesh.vertices.min(0), vertices.min(0))
         high = np.maximum(puppet.mesh.vertices.max(0), vertices.max(0))
         camera, aspect = OrbitCamera(0.5), _SIZE[0] / _SIZE[1]
-        camera.face(_SIDE, _ABOVE)
+        camera.face(SIDE, _ABOVE)
         camera.frame((low, high), aspect, at_once=True, room=_ROOM)
         camera.advance(10.0)
         actor = SceneCharacter(character, character.rest_pose(), vertices=vertices.astype(np.float32))

@@ -22,8 +22,12 @@ from enliven_viewer.studio.viewport import (
     Selection,
 )
 
-_BONE, _JOINT, _ROOT = 2.3, 3.9, 5.4
-"""Radii in pixels."""
+_BONE = 2.3
+"""Pixels, radius of a bone at its parent: thin, so that the mesh is seen."""
+_JOINT = 3.9
+"""Pixels, radius of a joint: large enough to hit with the pointer."""
+_ROOT = 5.4
+"""Pixels, radius of the root, which moves the whole shape: larger than other joints."""
 
 
 def skeleton_rows(posed: PosedShape, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:

@@ -15,12 +15,22 @@ from enliven_viewer.render import linear
 from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.viewport import AXES, HELD_AXIS, Colour, Disc, Fill, Lens, Line, Point
 
-LENGTH, _NEAR, _FAR = 84.0, 24.0, 42.0
-"""Pixels: of an arrow, and from where to where a square goes along both of its axes."""
-_REACH, _RING = 8.0, 13.0
+LENGTH = 84.0
+"""Pixels of an arrow."""
+_NEAR = 24.0
+"""Pixels along both of its axes at which a square begins: clear of the ring."""
+_FAR = 42.0
+"""Pixels along both of its axes at which a square ends: half of an arrow."""
+_REACH = 8.0
+"""Pixels from an arrow within which the pointer takes it."""
+_RING = 13.0
+"""Pixels, radius of the ring."""
 _EDGE_ON = 0.2
 """A square that is seen nearly from its edge, or an arrow nearly along it, is not offered."""
-_CONE, _TRACK = 0.24, 260.0
+_CONE = 0.24
+"""Share of an arrow that its cone takes."""
+_TRACK = 260.0
+"""Pixels to both sides of the line along which an arrow is dragged: three times the arrow."""
 PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
 _STEPS = np.array([1.0, 2.0, 5.0, 10.0])
 

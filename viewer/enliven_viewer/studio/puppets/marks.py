@@ -10,8 +10,10 @@ from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.puppets.stage import StandingPuppet
 from enliven_viewer.studio.viewport import Lens, Point, point_colour
 
-GHOST_RADIUS, POINT_RADIUS = 7.0, 5.2
-"""Pixels: of a suggestion's ring, of a control point."""
+GHOST_RADIUS = 7.0
+"""Pixels, radius of a suggestion's ring: larger than a control point, which may be put there."""
+POINT_RADIUS = 5.2
+"""Pixels, radius of a control point on the mesh."""
 
 
 def point_at(standing: StandingPuppet, lens: Lens, at: Point, reach: float) -> int | None:
@@ -25,7 +27,7 @@ def point_at(standing: StandingPuppet, lens: Lens, at: Point, reach: float) -> i
 
 
 def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, at: Point) -> int | None:
-    """The suggested vertex whose ring is under a pixel."""
+    """The suggested vertex with its ring under a pixel; None for none."""
     if not suggested:
         return None
     away = np.linalg.norm(lens.project(standing.vertices[list(suggested)])[0] - at, axis=1)

@@ -22,7 +22,9 @@ LARGE = 30_000
 TOLD = 150_000
 """Vertices from which preparing is worth telling, and scrubbing does not settle every frame."""
 _STILL = 1e-4
+"""Share of the mesh's size below which a frame counts as at rest: less than a pixel."""
 _MOST_ROUNDS = 60
+"""Frames that a surface is improved after a drag: one or two seconds, by then it is at rest."""
 Held = tuple[tuple[int, float | None], ...]
 
 

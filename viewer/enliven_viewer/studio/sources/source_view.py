@@ -20,6 +20,7 @@ from enliven_viewer.studio.viewport import (
 )
 
 _TURN = 0.01
+"""Radians a pixel of dragging: more than on the stage, since the view is small."""
 SOURCE = "source"
 """The id of the shape that stands for a take's skeleton."""
 

@@ -7,12 +7,8 @@ from typing import Any
 
 from enliven.document import Layer, Project
 from enliven_viewer.studio.editor import Edit, Editor
-from enliven_viewer.studio.timeline.layout import RULER, LaneHandle, TimelineLayout
+from enliven_viewer.studio.timeline.layout import FASTEST, RULER, SLOWEST, SNAP, LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_drag import PuppetTimelineInput
-
-_SNAP = 6.0
-"""Pixels within which a bar's start sticks to zero, to the playhead and to other bars' ends."""
-_SLOWEST, _FASTEST = 0.05, 20.0
 
 
 class TimelineInput:
@@ -92,7 +88,7 @@ class TimelineInput:
             return _changing(names, offset=self._snapped(layout, bar.layer, bar.layer.offset + moved))
         take = layout.project.takes[bar.layer.take]
         lasting = max(layout.time(bar.right) - bar.layer.offset + moved, 1e-3)
-        speed = min(max(take.duration / lasting, _SLOWEST), _FASTEST)
+        speed = min(max(take.duration / lasting, SLOWEST), FASTEST)
         return _changing(names, speed=speed if bar.layer.speed > 0 else -speed)
 
     def _snapped(self, layout: TimelineLayout, layer: Layer, offset: float) -> float:
@@ -102,7 +98,7 @@ class TimelineInput:
             if layer.id not in bar.ids:
                 places += [bar.layer.offset, layout.time(bar.right)]
         nearest = min(places, key=lambda place: abs(place - offset))
-        near = abs(layout.x(nearest) - layout.x(offset)) <= _SNAP
+        near = abs(layout.x(nearest) - layout.x(offset)) <= SNAP
         return nearest if near else offset
 
 

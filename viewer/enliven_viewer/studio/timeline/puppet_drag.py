@@ -22,12 +22,9 @@ from enliven_viewer.studio.examples import (
     time_of,
     without_constraint,
 )
-from enliven_viewer.studio.timeline.layout import TimelineLayout
+from enliven_viewer.studio.timeline.layout import FASTEST, SLOWEST, SNAP, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_lanes import PuppetLaneHandle, PuppetLanes
 
-_SNAP = 6.0
-"""Pixels within which a bar's start sticks to zero and to the playhead."""
-_SLOWEST, _FASTEST = 0.05, 20.0
 _DRAGGED = ("bar", "edge", "pose", "switch")
 
 
@@ -153,12 +150,12 @@ class PuppetTimelineInput:
         if handle.kind == "bar":
             return self._changing(handle, offset=self._snapped(layout, layer.offset + way))
         lasting = max(layer_end(lanes.project, layer) - layer.offset + way, 1e-3)
-        speed = min(max(take.duration / lasting, _SLOWEST), _FASTEST)
+        speed = min(max(take.duration / lasting, SLOWEST), FASTEST)
         return self._changing(handle, speed=speed if layer.speed > 0 else -speed)
 
     def _snapped(self, layout: TimelineLayout, offset: float) -> float:
         nearest = min((0.0, self.editor.time), key=lambda place: abs(place - offset))
-        return nearest if abs(layout.x(nearest) - layout.x(offset)) <= _SNAP else offset
+        return nearest if abs(layout.x(nearest) - layout.x(offset)) <= SNAP else offset
 
     def _edit(self, word: str, handle: PuppetLaneHandle, **changes: Any) -> None:
         self.editor.edit(word, self._changing(handle, **changes))

@@ -10,11 +10,15 @@ from typing import Literal
 
 from enliven.document import Project, Puppet, PuppetLayer, Switch
 from enliven_viewer.studio.examples import HardConstraint, TakeCoverage, constraints_of, layer_end, time_of
-from enliven_viewer.studio.timeline.layout import GAP, LABELS, LANE, TimelineLayout
+from enliven_viewer.studio.timeline.layout import EDGE, END, GAP, LABELS, LANE, MUTE, TimelineLayout
 
-POSES, BAND = 30.0, 15.0
-"""Pixels: heights of the row of key poses, and of those of contacts and of what is held."""
-_EDGE, _MUTE, _NEAR, _LABEL_END = 7.0, 22.0, 7.0, LABELS - 12.0
+POSES = 30.0
+"""Pixels, height of the row of key poses: the line of coverage and the diamonds over it."""
+BAND = 15.0
+"""Pixels, heights of the rows of contacts and of hard constraints."""
+_NEAR = 7.0
+"""Pixels around a mark within which the pointer takes it."""
+_LABEL_END = LABELS - END
 
 Kind = Literal["bar", "edge", "mute", "label", "pose", "suggested", "switch", "band", "found", "held"]
 ROWS = ("bar", "poses", "band", "held")
@@ -54,7 +58,7 @@ class PuppetLanes:
 
     Attributes:
         layout: where times are, and where the lanes of shapes end.
-        chosen: the id of the puppet whose key poses are shown, or None.
+        chosen: the id of the puppet that has rows of key poses, or None.
         coverage: of a take by the chosen puppet's examples.
         switches: of a layer of the chosen puppet, as edited or as found.
     """
@@ -66,7 +70,7 @@ class PuppetLanes:
 
     @property
     def project(self) -> Project:
-        """Whose puppets."""
+        """The project of the layout."""
         return self.layout.project
 
     def layer(self, row: LaneRow | PuppetLaneHandle) -> PuppetLayer:
@@ -150,7 +154,7 @@ class PuppetLanes:
     def _at(self, row: LaneRow, x: float) -> tuple[Kind | None, int]:
         if x < _LABEL_END:
             if row.kind == "bar":
-                return ("mute" if x < _MUTE else "label"), 0
+                return ("mute" if x < MUTE else "label"), 0
             return ("found" if row.kind == "band" else "label"), 0
         if row.kind == "bar":
             return self._on_bar(row, x), 0
@@ -173,7 +177,7 @@ class PuppetLanes:
 
     def _on_bar(self, row: LaneRow, x: float) -> Kind | None:
         left, right = self.span(row)
-        if abs(x - right) <= _EDGE:
+        if abs(x - right) <= EDGE:
             return "edge"
         return "bar" if left <= x <= right or (self.layer(row).loop and x >= left) else None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
+from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.studio.puppets import (
     Manipulator,
     PointSuggestions,
@@ -23,14 +24,13 @@ _STILL = 4.0
 """Pixels that a click may move."""
 _MANY = 1_000_000
 """Faces: where there are more, it is not looked which is under a pointer that only passes."""
-_TURN = 0.008
-"""Radians a pixel of dragging, as when the stage is dragged."""
 _NUDGES: dict[str, tuple[float, float]] = {
     "left": (-1.0, 0.0),
     "right": (1.0, 0.0),
     "up": (0.0, 1.0),
     "down": (0.0, -1.0),
 }
+"""Steps to the right and up of each arrow key, in pixels of the picture."""
 
 
 class PuppetTool(Tool):
@@ -112,7 +112,7 @@ class PuppetTool(Tool):
             # What began as a click on the mesh, or beside it, turns the view as on the empty stage.
             self._click, self._turning = None, True
             across, down = pointer.at[0] - self._last[0], pointer.at[1] - self._last[1]
-            self.editor.camera.orbit(-_TURN * across, _TURN * down)
+            self.editor.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
         self._last = pointer.at
 
     def release(self, pointer: Pointer) -> None:

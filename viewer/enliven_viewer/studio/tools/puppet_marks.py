@@ -22,6 +22,7 @@ from enliven_viewer.studio.tools.puppet_drag import PointDrag
 from enliven_viewer.studio.viewport import Colour, Disc, Fill, Label, Lens, Line, Point
 
 _WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
+"""Names and rings around what is chosen: readable on every mesh."""
 
 
 Mark = Line | Disc | Fill | Label

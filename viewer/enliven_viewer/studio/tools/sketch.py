@@ -17,6 +17,7 @@ _APART = 4.0
 _CLOSED = 22.0
 """Pixels from its begin within which a stroke shows that it is closed."""
 _FEWEST = 8
+"""Points of a stroke at least: fewer are a slip of the pointer, and outline nothing."""
 
 
 class SketchTool(Tool):

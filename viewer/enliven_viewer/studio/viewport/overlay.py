@@ -39,7 +39,7 @@ class Fill:
 
 @dataclass(frozen=True)
 class Label:
-    """A line of text whose left middle is at a place."""
+    """A line of text with its left middle at a place."""
 
     at: Point
     text: str

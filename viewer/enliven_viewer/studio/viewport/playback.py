@@ -8,12 +8,14 @@ from enliven.document import Layer, Project, Shape
 from enliven.motion.layers import Player
 from enliven_viewer.studio.viewport.pose_at_time import PosedShape
 
-_MOST, _ALMOST = 4.0, 0.02
-"""How much longer than needed a project may play so that loops meet, and what share of a round is no jump."""
+_MOST = 4.0
+"""Times its length that a project may play longer to end where all loops begin again together."""
+_ALMOST = 0.02
+"""Share of a round by which loops may miss one another there: too little to be seen as a jump."""
 
 
 class Players:
-    """The players of a project's shapes; one whose shape and layers stay the same is kept."""
+    """The players of a project's shapes; a player is kept while its shape and layers stay the same."""
 
     def __init__(self) -> None:
         self._players: dict[str, tuple[tuple[object, ...], Player]] = {}

@@ -16,7 +16,7 @@ class PosedShape:
     """A shape at one moment.
 
     Attributes:
-        shape: whose.
+        shape: the shape in its rest pose.
         turns: (N, 4) unit quaternions D_j, world turns since rest.
         joints: (N, 3) metres.
     """

@@ -23,10 +23,7 @@ from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove
-from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands
-
-_ASIDE = 0.3
-"""Metres between the bones of a shape and those of a copy that is put beside it."""
+from enliven_viewer.studio.workspace.puppet_commands import ASIDE, PuppetCommands
 
 
 class Commands:
@@ -253,7 +250,7 @@ class Commands:
         project, copy = copy_graph(project, graph)
         right = self.editor.lens.view.camera_from_world[0, :3]
         wide = float(np.ptp(project.graphs[graph].mesh.vertices @ right))
-        return move_graph(project, copy, right * (wide + _ASIDE))
+        return move_graph(project, copy, right * (wide + ASIDE))
 
     def _chosen(self) -> str | None:
         if self.editor.selection.shape is None:
@@ -273,7 +270,7 @@ class Commands:
         lens, points = self.editor.lens, source.shapes[name].skeleton.positions
         right = lens.view.camera_from_world[0, :3]
         wide = float(np.ptp(points @ right))
-        way = np.asarray(right * (wide + _ASIDE))
+        way = np.asarray(right * (wide + ASIDE))
         way[1] = 0.0
         return way
 

@@ -36,8 +36,10 @@ _LONGEST = 130
 """Letters of a file's note that are shown."""
 _BESIDE = 0.3
 """Metres between a model that is opened and what is there."""
-_LIKELY, _PERSON = (0.25, 6.0), 1.7
-"""Metres: heights of a mesh that are believed, and the one that others are given."""
+_LIKELY = (0.25, 6.0)
+"""Metres: a height of a mesh between these is believed; others are taken for another unit."""
+_PERSON = 1.7
+"""Metres: the height that a mesh of no likely height is given, that of a person."""
 
 
 def add_file(editor: Editor, path: Path) -> None:

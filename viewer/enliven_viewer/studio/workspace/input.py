@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools import TOOLS, Pointer, Tool
 from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.workspace.command_table import MENU_COMMANDS
 from enliven_viewer.studio.workspace.commands import Commands
 
-_TURN = 0.008
-"""Radians a pixel of dragging."""
-LEFT, RIGHT, MIDDLE = 0, 1, 2
+LEFT = 0
+"""The left button, as ImGui counts; it works with the tool."""
+RIGHT = 1
+"""The right button, which turns the camera."""
+MIDDLE = 2
+"""The middle button, which moves the camera."""
 
 
 class ViewportInput:
@@ -59,7 +63,7 @@ class ViewportInput:
             height = max(self.editor.size[1], 1.0)
             self.editor.camera.pan(-across / height, down / height)
         else:
-            self.editor.camera.orbit(-_TURN * across, _TURN * down)
+            self.editor.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
 
     def release(self, at: Point, button: int = LEFT, *, shift: bool = False, ctrl: bool = False) -> None:
         """A button went up."""

@@ -23,8 +23,8 @@ from enliven.modeling.puppet import (
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 
-_ASIDE = 0.3
-"""Metres between a puppet and what is put beside it."""
+ASIDE = 0.3
+"""Metres between a shape or puppet and a copy that is put beside it: both are seen apart."""
 
 
 class PuppetCommands:
@@ -170,7 +170,7 @@ class PuppetCommands:
     def _aside(self, mesh: Mesh) -> Float:
         """(3,) metres to the right, as it is seen, by about the mesh's width."""
         right = self.editor.lens.view.camera_from_world[0, :3]
-        way = np.asarray(right * (float(np.ptp(mesh.vertices @ right)) + _ASIDE))
+        way = np.asarray(right * (float(np.ptp(mesh.vertices @ right)) + ASIDE))
         way[1] = 0.0
         return way
 

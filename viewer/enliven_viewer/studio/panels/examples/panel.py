@@ -18,6 +18,7 @@ from enliven_viewer.studio.workspace import Workspace
 
 _BACK = "\uf060"
 _PAD = 10.0
+"""Pixels between the edge of the status box and its text."""
 
 
 def draw_examples(workspace: Workspace, area: Area) -> None:

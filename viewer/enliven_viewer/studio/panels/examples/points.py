@@ -16,7 +16,10 @@ from enliven_viewer.studio.puppets import plane_for
 from enliven_viewer.studio.viewport import RAISED, point_colour
 from enliven_viewer.studio.workspace import Workspace
 
-_ROW, _FOOT, _LOCKED, _SOFT = 24.0, "\uf063", "\uf023", "\uf09c"
+_ROW = 24.0
+"""Pixels from one control point of the list to the next: a line of text with room to click."""
+_FOOT, _LOCKED, _SOFT = "\uf063", "\uf023", "\uf09c"
+"""Icons of Font Awesome 4: a foot, a point that is held hard, a soft one."""
 _SUGGESTED = 6
 """Control points that are suggested at once."""
 _AXES = ("left to right", "above to below", "front to back")

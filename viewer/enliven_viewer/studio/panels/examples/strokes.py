@@ -7,11 +7,8 @@ import math
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.studio.performer import PerformerFigure
+from enliven_viewer.studio.performer import SIDE, PerformerFigure
 from enliven_viewer.studio.places import Area
-
-SIDE = 0.42
-"""Radians from the front that figures are seen from, as key poses are."""
 
 
 def stick(draw: imgui.ImDrawList, figure: PerformerFigure, room: Area, colour: int) -> None:
