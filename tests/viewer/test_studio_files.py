@@ -104,9 +104,9 @@ def test_opening_another_project_asks_first(workspace: Workspace, tmp_path) -> N
 
 def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspace: Workspace) -> None:
     store = workspace.store
-    store.keep(store._since + 1.0)
+    store.autosave(store._since + 1.0)
     assert not store.folder.exists(), "not yet time"
-    store.keep(store._since + 60.0)
+    store.autosave(store._since + 60.0)
     written = list(store.folder.iterdir())
     assert [path.name for path in written] == [f"recovery-{os.getpid()}.enliven"]
     assert store.recoverable() == [], "this studio still runs"
@@ -123,18 +123,18 @@ def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspa
 
 def test_nothing_is_kept_of_what_is_saved_or_unchanged(workspace: Workspace, tmp_path) -> None:
     store = workspace.store
-    store.keep(store._since + 60.0)
+    store.autosave(store._since + 60.0)
     store.save(tmp_path / "work.enliven")
     assert list(store.folder.iterdir()) == []
-    store.keep(store._since + 120.0)
+    store.autosave(store._since + 120.0)
     assert list(store.folder.iterdir()) == []
 
 
 def test_a_recovery_file_that_cannot_be_written_is_said(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "in the way").write_text("")
     store = ProjectStore(workspace.editor, tmp_path / "in the way")
-    store._saved = store._kept = workspace.editor.project.without_shape("limb")
-    store.keep(store._since + 60.0)
+    store._saved = store._autosaved = workspace.editor.project.without_shape("limb")
+    store.autosave(store._since + 60.0)
     assert "Ctrl+S" in said(workspace)
 
 

@@ -1,4 +1,4 @@
-"""Pictures to a film: an MP4 file by PyAV, H.264 where there is an encoder for it."""
+"""Writes pictures as an MP4 file with PyAV, in H.264 where there is an encoder for it."""
 
 from __future__ import annotations
 

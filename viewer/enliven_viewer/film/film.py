@@ -1,4 +1,4 @@
-"""A film without a window: every pose in sensor time, drawn off-screen, into MP4 and a contact sheet."""
+"""Films without a window: every pose, in sensor time, drawn off-screen into an MP4 and a contact sheet."""
 
 from __future__ import annotations
 

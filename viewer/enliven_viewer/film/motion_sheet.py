@@ -1,4 +1,4 @@
-"""A contact sheet of a motion: the performer above, what the model makes of it below, at the same times."""
+"""A contact sheet of a motion: a row of the performer above a row of the model, at the same times."""
 
 from __future__ import annotations
 

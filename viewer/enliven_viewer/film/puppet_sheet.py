@@ -1,4 +1,4 @@
-"""A contact sheet of a puppet: the performer above, what the puppet makes of it below, at the same times."""
+"""A contact sheet of a puppet: a row of the performer above a row of the puppet, at the same times."""
 
 from __future__ import annotations
 

@@ -63,15 +63,15 @@ class EdgeFeed:
         self._link.release(character_id, body=body)
 
     def smooth(self, body: int, amount: float | None = None) -> None:
-        """Ask that a performer be smoothed by so much: 0 not at all, None as the edge's settings say."""
+        """Ask for an amount of smoothing of a performer: 0 for none, None for the edge's settings."""
         self._link.smooth(body, amount)
 
     def lock(self, on: bool, then: Callable[[], None]) -> None:
-        """Ask that only who is followed now performs; or, with False, everybody who comes."""
+        """Ask that only the performers who are followed now perform, or with False all who come."""
         self._link.lock(on, lambda answer: then() if isinstance(answer, Done) else None)
 
     def look(self, look: Look) -> None:
-        """Say from where the viewer looks: what a pose means is decided on the screen."""
+        """Tell the edge the direction of view, since matches are ranked as they are seen on the screen."""
         self._look = look
         self._link.look(look)
 
@@ -94,7 +94,7 @@ class EdgeFeed:
         self._shown_cues = current
 
     def _look_again(self) -> None:
-        """An edge that has restarted does not know from where the viewer looks."""
+        """Tell the direction of view again to an edge that has restarted."""
         instance = self._link.edges[0].instance
         if instance != self._told_instance and self._link.status is not None:
             self._told_instance = instance
@@ -102,7 +102,7 @@ class EdgeFeed:
                 self._link.look(self._look)
 
     def _lacks_characters(self, connected: bool, now: float) -> bool:
-        """Whether the edge is heard, but has not told its characters for a while: often a wrong port."""
+        """Whether the edge is heard but has sent no characters for a while, often because of a wrong port."""
         if not connected or self._link.characters:
             self._bare_since = None
             return False
@@ -116,7 +116,7 @@ class EdgeFeed:
         self._link_ms = way if self._link_ms is None else self._link_ms + _EASE * (way - self._link_ms)
 
     def _state(self) -> EdgeState:
-        """What the link and the edge say, in the viewer's words."""
+        """The state of the link and of the edge, as the window shows it."""
         endpoint, health = next(iter(self._link.health.items()))
         now = time.monotonic()
         for notice in self._link.take_notices():

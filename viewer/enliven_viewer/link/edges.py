@@ -98,7 +98,7 @@ class EdgeClient:
 
     @property
     def bodies(self) -> ReceivedBodies | None:
-        """The newest bodies: of the first edge that has sent any."""
+        """The newest bodies of the first edge that has sent any."""
         return next((e.latest_bodies for e in self.edges if e.latest_bodies is not None), None)
 
     @property
@@ -129,15 +129,15 @@ class EdgeClient:
         return [cues for edge in self.edges for cues in _emptied(edge.new_cues)]
 
     def take_props(self) -> list[Props]:
-        """What was loose in every frame since the last call, each edge's in its order."""
+        """The props of every frame since the last call, each edge's in its order."""
         return [props for edge in self.edges for props in _emptied(edge.props)]
 
     def take_boards(self) -> list[Board]:
-        """What there was to choose from in every frame since the last call, each edge's in its order."""
+        """The boards of matches of every frame since the last call, each edge's in its order."""
         return [board for edge in self.edges for board in _emptied(edge.boards)]
 
     def look(self, look: Look) -> None:
-        """Tell every edge from where the viewer looks; one that is not there needs not know."""
+        """Tell every connected edge the viewer's direction of view."""
         for edge in self.edges:
             if edge.status is not None:
                 edge.command(look, None)
@@ -158,7 +158,7 @@ class EdgeClient:
         on_reply: Callable[[Answer], None] | None = None,
         mode: Mode = "alone",
     ) -> None:
-        """Ask that a body take hold of a character; a refusal comes as a notice.
+        """Ask the edge to let a body possess a character; a refusal comes as a notice.
 
         Args:
             body: the performer's id; None: the performer in view.
@@ -174,18 +174,18 @@ class EdgeClient:
         on_reply: Callable[[Answer], None] | None = None,
         body: int | None = None,
     ) -> None:
-        """Ask that a performer, or everybody, lets a character go; see :meth:`possess`."""
+        """Ask for a character to be released by a performer, or by every performer; see :meth:`possess`."""
         self._command(character, lambda own: Release(own, body), on_reply)
 
     def smooth(
         self, body: int, amount: float | None = None, on_reply: Callable[[Answer], None] | None = None
     ) -> None:
-        """Ask that a performer be smoothed by another amount: 0 not at all, None as the settings say."""
+        """Ask for an amount of smoothing of a performer: 0 for none, None for the settings."""
         for edge in self.edges:
             edge.command(Smooth(body, amount), on_reply)
 
     def lock(self, on: bool, on_reply: Callable[[Answer], None] | None = None) -> None:
-        """Ask that only who is followed now performs; or, with False, everybody who comes."""
+        """Ask that only the performers who are followed now perform, or with False all who come."""
         for edge in self.edges:
             edge.command(Lock(on), on_reply)
 
@@ -239,7 +239,7 @@ class EdgeClient:
 
 
 def _emptied(queue: deque[Any]) -> list[Any]:
-    """What was in the queue."""
+    """Empty a queue and return what was in it."""
     taken = list(queue)
     queue.clear()
     return taken

@@ -24,7 +24,7 @@ class Feed(Protocol):
     def possess(
         self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
     ) -> None:
-        """Ask that a performer takes hold of a character.
+        """Ask for a performer to possess a character.
 
         Args:
             body: the performer's id; None: the performer in view.
@@ -38,11 +38,11 @@ class Feed(Protocol):
         ...
 
     def smooth(self, body: int, amount: float | None = None) -> None:
-        """Ask that a performer be smoothed by so much: 0 not at all, None as the edge's settings say."""
+        """Ask for an amount of smoothing of a performer: 0 for none, None for the edge's settings."""
         ...
 
     def lock(self, on: bool, then: Callable[[], None]) -> None:
-        """Ask that only who is followed now performs; or, with False, everybody who comes.
+        """Ask that only the performers who are followed now perform, or with False all who come.
 
         Args:
             then: called from a later :meth:`poll` once it is so.
@@ -50,7 +50,7 @@ class Feed(Protocol):
         ...
 
     def look(self, look: Look) -> None:
-        """Say from where the viewer looks: what a pose means is decided on the screen."""
+        """Tell the edge the direction of view, since matches are ranked as they are seen on the screen."""
         ...
 
     def browse(self, character_id: str, step: int = 1) -> None:

@@ -82,7 +82,7 @@ class _Held:
 
 
 class EdgeConnection:
-    """One SUB and one DEALER socket, and what was heard over them; a Link polls it.
+    """One SUB and one DEALER socket to an edge, and the messages that came; an EdgeClient polls it.
 
     Args:
         endpoint: where the edge is, or will be.
@@ -150,7 +150,7 @@ class EdgeConnection:
         return Health(state, text, rate, self._rejects.total, self._lost)
 
     def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
-        """Ask the edge to do something; whatever comes of it is a notice, and ``on_reply`` gets the reply."""
+        """Send a command; a refusal becomes a notice, and ``on_reply`` gets the reply."""
 
         def replied(answer: Answer | None) -> None:
             answer = answer or Refused(f"{self.name} does not answer")
@@ -188,7 +188,7 @@ class EdgeConnection:
         return "connected", f"{self.name}: {self.status.phase}"
 
     def _begin(self, instance: int | None) -> None:
-        """An edge's first start, or its next: what was counted or asked of the one before is void.
+        """Reset counters and requests for an edge that was started, or started again.
 
         Its characters stay on the screen until the new one says what it has.
         """
@@ -210,7 +210,7 @@ class EdgeConnection:
         self._rejects.add(error)
 
     def _receive(self, data: bytes, latched: bool) -> None:
-        """One stream message; what contradicts itself is dropped like what cannot be read."""
+        """Take one stream message; drop it where it contradicts itself."""
         try:
             _, message = unpack_stream(data)
             if not latched:
@@ -335,7 +335,7 @@ class EdgeConnection:
             self.clock.answered(answer.sent_ns, answer.edge_ns, time.time_ns())
 
     def _welcomed(self, answer: Answer | None) -> None:
-        """What there is; characters that the edge does not have any more go."""
+        """Take the edge's list of characters; those that it does not have any more are removed."""
         if not isinstance(answer, Welcome):
             return
         self._take_status(answer.status)
@@ -351,7 +351,7 @@ class EdgeConnection:
             self._receive(message, latched=True)
 
     def _take_character(self, answer: Answer | None) -> None:
-        """A character, and the poses that waited for it; one that cannot be used leaves the old one."""
+        """Take a character and the poses that waited for it; an unusable one leaves the old character."""
         if not isinstance(answer, CharacterMessage):
             return
         shown = self._label(self.name, answer.id)

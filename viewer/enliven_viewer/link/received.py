@@ -1,4 +1,4 @@
-"""What the link hands on: poses, bodies and cues with their times, notices for people, an edge's health."""
+"""What the link delivers: poses, bodies and cues with their times, notices for the user, an edge's health."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ReceivedPose:
 
 @dataclass(frozen=True)
 class ReceivedBodies:
-    """Everybody in view at one moment of the sensor's clock; ``captured_ns`` as in :class:`ReceivedPose`."""
+    """The bodies in view at one moment of the sensor's clock; ``captured_ns`` as in :class:`ReceivedPose`."""
 
     edge: str
     time_ns: int
@@ -60,7 +60,7 @@ class ReceivedBodies:
 
 @dataclass(frozen=True)
 class ReceivedCues:
-    """What of a character is held, or would be.
+    """The nodes of a character that are held, or would be.
 
     Attributes:
         character: its id.

@@ -32,7 +32,7 @@ class _Pending:
 
 
 class Requests:
-    """A DEALER socket and what is still unanswered."""
+    """A DEALER socket and its unanswered requests."""
 
     def __init__(self, context: zmq.Context[Any], endpoint: Endpoint) -> None:
         self._socket = make_socket(context, zmq.DEALER, REPLY.max_bytes + 64)
@@ -84,7 +84,7 @@ class Requests:
             self._pending.pop(number).on_reply(None)
 
     def forget(self) -> None:
-        """Give up on every reply: the edge that was asked is gone."""
+        """Give up every unanswered request, since the edge is gone."""
         pending, self._pending = self._pending, {}
         for each in pending.values():
             each.on_reply(None)

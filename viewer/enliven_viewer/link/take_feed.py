@@ -146,7 +146,7 @@ class TakeFeed:
             document.add_character(character)
 
     def _look_ahead(self, document: Document, character_id: str, revision: int) -> None:
-        """A copy of a character that has not come yet: the one that should have was damaged."""
+        """Search a later copy of a character, where its first copy is damaged."""
         if (character_id, revision) in self._searched:
             return
         self._searched.add((character_id, revision))

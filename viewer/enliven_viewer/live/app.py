@@ -93,17 +93,17 @@ class App:
                 last = now
 
     def possess(self, mode: Mode = "alone") -> None:
-        """Ask the feed that the chosen performer takes hold of every character with the chosen parts."""
+        """Ask the feed to let the chosen performer possess every character with the chosen parts."""
         for name in self.document.characters:
             self.feed.possess(name, self.possession.body, self.possession.parts, mode)
 
     def release(self) -> None:
-        """Ask the feed that the chosen performer, or everybody, lets go of every character."""
+        """Ask the feed to release every character from the chosen performer, or from all."""
         for name in self.document.characters:
             self.feed.release(name, self.possession.body)
 
     def choose_parts(self, number: int) -> None:
-        """What the next possession takes hold with, and is previewed with from now on."""
+        """Choose the parts of the next possession, which are previewed from now on."""
         self.possession.choose(number)
         self.possess("preview")
 
@@ -113,13 +113,13 @@ class App:
         self.possess("preview")
 
     def smoother(self, step: int) -> None:
-        """Ask the feed that the chosen performer, or everybody in view, be smoothed more (1) or less (-1)."""
+        """Ask the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
         present = [body.id for body in self._scene.bodies]
         for body, amount in self.possession.smoother(step, present).items():
             self.feed.smooth(body, amount)
 
     def toggle_lock(self) -> None:
-        """Ask the feed that only who is there now performs, or everybody who comes again."""
+        """Ask the feed that only the present performers perform, or all who come again."""
         wanted = not self.possession.locked
         self.feed.lock(wanted, lambda: setattr(self.possession, "locked", wanted))
 
@@ -167,7 +167,7 @@ class App:
         self._fps += (1 / max(elapsed, 1e-3) - self._fps) * min(elapsed * 2, 1.0)
         renderer.resize(self._size)
         self._scene = scene_of(self.document, self.playhead.moment(), self.style, self._surfaces)
-        self._frame_newcomers()
+        self._frame_new_subjects()
         self.report_view()
         renderer.draw(self._scene, self.camera.view(self._aspect))
         if self._with_hud:
@@ -177,8 +177,8 @@ class App:
         renderer.present(renderer.ctx.screen)
         glfw.swap_buffers(window)
 
-    def _frame_newcomers(self) -> None:
-        """Look at everything when the first, or another, character or performer comes."""
+    def _frame_new_subjects(self) -> None:
+        """Frame everything when a character or the first performer appears."""
         present = (*self.document.characters, *("body" for _ in self._scene.bodies[:1]))
         if self._framed != present and self._scene.box is not None:
             first = self._framed is None
@@ -205,13 +205,13 @@ class App:
         )
 
     def _possession_words(self) -> str:
-        """What the next possession takes, or what keeps the user from seeing it."""
+        """The text about the next possession, or about why it cannot be seen."""
         if hidden(self._scene, self.camera.view(self._aspect)):
             return "some bones point at you: V shows more of them"
         return self.possession.words
 
     def _notice(self) -> str:
-        """What to say in the middle of an empty picture."""
+        """The text in the middle of an empty picture."""
         if self.document.characters or len(self.document.timeline):
             return ""
         edge = self.document.edge

@@ -1,4 +1,4 @@
-"""What is written over the picture: the state of the link, the pace, the timeline, and the keys."""
+"""The head-up display: the state of the link, the pace, the timeline, and the keys."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 
 @dataclass(frozen=True)
 class HudState:
-    """Everything that the HUD says.
+    """The contents of the head-up display.
 
     Attributes:
         edge: state of the link; None when a take is played.
@@ -162,7 +162,7 @@ class Hud:
         return 16 * s + height
 
     def _health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
-        """Under the state: what is wrong and what to do, the gravest first; what has no room is counted."""
+        """Draw below the state the problems and what to do, the gravest first; count those without room."""
         s, canvas = self.scale, self._canvas
         line, gap = canvas.line_height(self._small), 8 * s
         width = min(430 * s, size[0] - 32 * s)

@@ -18,7 +18,7 @@ _KEY_TURN = 0.12
 
 
 class KeyBindings:
-    """Listens to a window on behalf of an app."""
+    """Turns the keys and the mouse of a window into calls of an app."""
 
     def __init__(self, app: App, window: Any) -> None:
         self._app, self._window = app, window

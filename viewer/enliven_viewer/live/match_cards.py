@@ -1,4 +1,4 @@
-"""The matches of a pose as cards: a small picture of the skeleton each, what would be driven in colour."""
+"""The matches of a pose as cards: each a small picture of the skeleton, the driven bones in colour."""
 
 from __future__ import annotations
 

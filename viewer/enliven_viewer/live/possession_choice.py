@@ -1,4 +1,4 @@
-"""What is asked of the edge for a performer: who takes hold, with what, how smoothly, and who may come."""
+"""The choices of the next possession: the performer, the parts, the smoothing, and who may join."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _USUAL = 2
 
 
 class PossessionChoice:
-    """A choice of performer and parts.
+    """The performer and the parts that the next possession takes.
 
     Attributes:
         body: the performer's id; None: the next performer that comes.

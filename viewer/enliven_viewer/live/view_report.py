@@ -1,4 +1,4 @@
-"""From where the viewer looks, for the edge that ranks what a pose means; and from where to look better."""
+"""Reports the direction of view to the edge, which ranks matches by it, and finds a better direction."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _MOVED = 0.02
 
 
 class ViewReporter:
-    """What the edge was told last."""
+    """Remembers the view that was reported last, and reports a new one."""
 
     def __init__(self) -> None:
         self._told: CameraView | None = None
         self._when = -math.inf
 
     def changed(self, view: CameraView, seconds: float) -> Look | None:
-        """What to tell the edge at a time of the wall clock, or None where that would be nothing new."""
+        """The view to report at a time of the wall clock, seconds; None where it has not changed."""
         if seconds - self._when < _EVERY or (self._told is not None and _alike(view, self._told)):
             return None
         self._told, self._when = view, seconds

@@ -39,7 +39,7 @@ class Playhead:
         return (self.time_ns - self.timeline.start_ns) / length if length else 1.0
 
     def moment(self) -> TimelineMoment | None:
-        """What is to be drawn now; None when nothing was received."""
+        """The moment to draw now; None where nothing was received."""
         return self.timeline.at(self.time_ns)
 
     def advance(self, seconds: float) -> None:

@@ -1,4 +1,4 @@
-"""Surfaces of puppets: an edge sends control points, and what is between them is solved here.
+"""Surfaces of puppets: an edge sends control points, and the viewer solves the surface between them.
 
 surfaces = Surfaces()
 vertices = surfaces.vertices(character, pose)     # (V, 3) metres in the world; None: draw it rigidly

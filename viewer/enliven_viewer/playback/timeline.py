@@ -1,4 +1,4 @@
-"""A timeline of moments: everything that was received or loaded, by the sensor's clock."""
+"""A timeline of moments, received or loaded, in the order of the sensor's clock."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class TimelineMoment:
 
     @property
     def possessed(self) -> bool:
-        """Whether anybody held any character."""
+        """Whether any character was possessed."""
         return any(cues.state == "possessed" for cues in self.cues.values())
 
 
@@ -100,11 +100,11 @@ class Timeline:
         self._put(replace(self._at(time_ns), bodies=tuple(bodies)))
 
     def add_props(self, props: Props) -> None:
-        """Put what is loose at its time; it replaces what was of the same time."""
+        """Put the props of one time; they replace earlier ones of the same time."""
         self._put(replace(self._at(props.time_ns), props=props))
 
     def add_board(self, board: Board) -> None:
-        """Put what there is to choose from on a character at its time."""
+        """Put a board of matches at its time."""
         old = self._at(board.time_ns)
         self._put(replace(old, boards={**old.boards, board.character: board}))
 
@@ -194,7 +194,7 @@ class Timeline:
         )
 
     def _still_loose(self, index: int, time_ns: int) -> Props | None:
-        """What was loose a moment ago: it does not vanish while a moment's own props are on their way."""
+        """The props of the moment before, so that they stay visible until the moment's own props arrive."""
         props = self._moments[index - 1].props if index else None
         fresh = props is not None and time_ns - props.time_ns <= self.settings.gap * NS
         return props if fresh else None

@@ -1,4 +1,4 @@
-"""Vertices that were solved, not skinned: with smooth normals of where they are, as the GPU draws them."""
+"""Solved vertices for the GPU: their positions, each with a smooth normal."""
 
 from __future__ import annotations
 

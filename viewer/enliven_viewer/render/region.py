@@ -1,4 +1,4 @@
-"""Where in the picture, in the maps of shadows and on the floor anything is: work is done only there."""
+"""Regions of the picture, of the shadow maps and of the floor that are not empty: only they are drawn."""
 
 from __future__ import annotations
 

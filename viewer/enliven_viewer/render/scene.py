@@ -1,4 +1,4 @@
-"""What is to be drawn: characters in their poses, bodies, cues, and how strongly each is shown."""
+"""A scene: characters in their poses, bodies, cues, and how strongly each is shown."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ class SceneCharacter:
 
     @property
     def extent(self) -> Float32:
-        """(N, 3) metres, what is filled: the solved surface, or the pivots."""
+        """(N, 3) metres, points of the character: the solved surface, or the pivots."""
         return self.pose.positions if self.vertices is None else self.vertices
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything of one picture."""
+    """The contents of one picture."""
 
     actors: tuple[SceneCharacter, ...] = ()
     bodies: tuple[Body, ...] = ()
@@ -70,11 +70,11 @@ class Scene:
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
     extent: Box | None = None
-    """What is filled beyond the pivots, where that is known; shadows reach as far."""
+    """Lowest and highest corner of all surfaces, where known; shadows reach as far."""
 
     @property
     def box(self) -> Box | None:
-        """What a camera should have in its picture; None when there is nothing."""
+        """The box that a camera should show; None where the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
         return self._around(boxes, _BOX_REACH)  # balls come and go too fast for a camera
 
@@ -84,7 +84,7 @@ class Scene:
         return self._around(None if self.props is None else self.props.positions, _SHADOW_REACH)
 
     def _around(self, loose: Float | None, reach: float) -> Box | None:
-        """A box with room around characters, bodies, and what of the loose things is within reach of them."""
+        """A box with room around characters, bodies, and the loose things within reach of them."""
         points = [actor.extent for actor in self.actors] + [body.joints for body in self.bodies]
         if self.extent is not None:
             points.append(np.stack(self.extent))
@@ -127,7 +127,7 @@ def scene_of(
 
 
 def _drawn_in(positions: Float, box: Box, reach: float) -> Float:
-    """(N, 3) positions; those outside the box by more than ``reach`` are drawn in, the farther the more.
+    """(N, 3) positions, pulled towards the box where they are farther from it than ``reach``.
 
     So what rolls away lets go of the camera gently, and at twice the reach it is forgotten.
     """

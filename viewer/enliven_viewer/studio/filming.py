@@ -56,11 +56,11 @@ class WindowStage:
         imgui.get_io().add_input_characters_utf8(text)
 
     def activate(self, name: str) -> bool:
-        """It is there to be clicked."""
+        """A widget in a window is clicked."""
         return False
 
     def rename(self, name: str) -> bool:
-        """There is a field to type into."""
+        """A window has a field to type into."""
         return False
 
     def viewport(self) -> Point:

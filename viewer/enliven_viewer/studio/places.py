@@ -1,4 +1,4 @@
-"""Where the panels are in a window, pixels: fixed around the viewport, so that nothing covers the work."""
+"""The layout of the panels in a window, in pixels: around the viewport, so that nothing covers the work."""
 
 from __future__ import annotations
 

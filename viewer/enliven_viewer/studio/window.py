@@ -127,7 +127,7 @@ class StudioWindow:
         try:
             hello_imgui.run(runner)
         except BaseException:
-            self.workspace.store.keep_now()
+            self.workspace.store.autosave_now()
             raise
 
     def close(self) -> None:
@@ -155,7 +155,7 @@ class StudioWindow:
 
     @property
     def _acts(self) -> bool:
-        """Whether a puppet is worked on: then its performer and its key poses are shown."""
+        """Whether a puppet is edited; its performer and its key poses are shown then."""
         return self.workspace.puppets.puppet is not None and not isinstance(
             self.workspace.input.tool, MapTool
         )
@@ -235,7 +235,7 @@ class StudioWindow:
             self._performer.draw(figure, view.lens, view.paired(), view.hovered)
 
     def _gui(self) -> None:
-        """The panels, and what the pointer does where none is."""
+        """Draw the panels, and pass the input beside them to the viewport."""
         places = self.places
         draw_menu(self.workspace)
         draw_toolbar(self.workspace, places.tools)
@@ -257,7 +257,7 @@ class StudioWindow:
         draw_overlay(self.workspace, places.viewport)
         draw_dialogs(self.workspace)
         self._listen(places.viewport)
-        self.workspace.store.keep()
+        self.workspace.store.autosave()
         self.workspace.exporting.poll()
         if self.workspace.ended:
             self.workspace.store.close()

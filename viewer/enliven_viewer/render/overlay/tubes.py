@@ -1,4 +1,4 @@
-"""A graph as tubes and balls over a picture that is drawn already; what the mesh covers is fainter."""
+"""Draws a graph as tubes and balls over a finished picture, fainter where the mesh covers it."""
 
 from __future__ import annotations
 

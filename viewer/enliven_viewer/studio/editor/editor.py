@@ -37,7 +37,7 @@ _ROOM = 1.25
 
 
 class Editor:
-    """Everything that an artist changes, and how it is seen.
+    """The project with its history, the time, the camera and the selection.
 
     An edit is a function Project -> Project; :meth:`edit` does it and remembers what was before. While
     something is dragged :attr:`draft` is what is shown, and nothing is remembered until it is dropped.
@@ -61,7 +61,7 @@ class Editor:
 
     @property
     def project(self) -> Project:
-        """What is shown: the draft while something is dragged, otherwise the newest of the history."""
+        """The project that is shown: the draft during a drag, else the newest of the history."""
         return self.draft if self.draft is not None else self.history.project
 
     @property
@@ -183,7 +183,7 @@ class Editor:
         self.camera.frame(self.box() or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
 
     def box(self) -> Box | None:
-        """What every shape fills now."""
+        """The box around all shapes, meshes and puppets now; None where there are none."""
         filled = [points for s in self.posed_shapes for points in (s.joints, s.surface())]
         filled += [mesh.vertices for mesh in self.possessed]
         bounds = bounds_of(filled + [puppet.vertices for puppet in self.puppets.standing])
@@ -201,6 +201,6 @@ class Editor:
         self.toasts.say(f"{word}: {name}")
 
     def _mend_selection(self) -> None:
-        """Forget what is no longer there."""
+        """Remove from the selection what the project no longer has."""
         self.selection = valid_selection(self.selection, self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))

@@ -1,4 +1,4 @@
-"""Where a take is like an example and where it is not: what the strip and the timeline show.
+"""How far each moment of a take is from the examples, for the strip and the timeline.
 
 Distances are between poses of the performer in the body frame, over the joints that are paired.
 """
@@ -26,7 +26,7 @@ from enliven.examples import (
 
 @dataclass(frozen=True, eq=False)
 class TakeCoverage:
-    """What examples say of a take.
+    """How well key poses cover a take.
 
     Attributes:
         take: its id.
@@ -52,7 +52,7 @@ class TakeCoverage:
 
 
 class CoverageCache:
-    """Coverages by what they depend on; the last few are kept."""
+    """Caches the coverage of takes; the last few are kept."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}

@@ -1,4 +1,4 @@
-"""What the example panel does to a project, beyond one call of :mod:`enliven.modeling.puppet.edits`."""
+"""Edits of the example panel that take more than one call of :mod:`enliven.modeling.puppet.edits`."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ def _recover(workspace: Workspace) -> None:
     imgui.same_line()
     if imgui.button("Throw away", ImVec2(110, 0)):
         workspace.asking = ""
-        workspace.store.throw_away(found)
+        workspace.store.discard(found)
     imgui.same_line()
     if imgui.button("Later", ImVec2(110, 0)):
         workspace.asking = ""

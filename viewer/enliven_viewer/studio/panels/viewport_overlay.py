@@ -1,4 +1,4 @@
-"""What is written and drawn over the viewport: the tool's marks, its hint, and messages."""
+"""Draws over the viewport: the tool's marks, its hint, and messages."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ _KEPT = 60
 
 @dataclass(frozen=True, eq=False)
 class PerformerFigure:
-    """The performer at one moment.
+    """The joints of the performer at one moment.
 
     Attributes:
         skeleton: the take's.
@@ -43,7 +43,7 @@ class PerformerFigure:
 
 
 class PerformerView:
-    """What the second view shows, seen by a camera of its own.
+    """The second view: the performer, seen by a camera of its own.
 
     Attributes:
         linked: whether it turns with the stage.

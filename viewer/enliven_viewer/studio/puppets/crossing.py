@@ -1,4 +1,4 @@
-"""Where a posed puppet passes through itself, looked for beside the window."""
+"""Finds the faces of a posed puppet that pass through one another, in a thread beside the window."""
 
 from __future__ import annotations
 

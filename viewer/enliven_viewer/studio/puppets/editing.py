@@ -1,4 +1,4 @@
-"""What the puppets of the studio need of the editor that holds the project."""
+"""Protocols between the puppets of the studio and the editor that holds the project."""
 
 from __future__ import annotations
 

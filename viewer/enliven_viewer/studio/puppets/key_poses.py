@@ -15,10 +15,10 @@ from enliven_viewer.studio.puppets.stage import PuppetStage, StandingPuppet
 
 
 class KeyPoses(PuppetSelection):
-    """Which key pose of the chosen puppet is edited.
+    """The key pose of the chosen puppet that is edited.
 
     Attributes:
-        way: how the puppet stood when the key pose was begun: there it stays while it is edited.
+        start_state: the state of the puppet when the key pose was begun; it stays there while it is edited.
     """
 
     def __init__(self, editor: Editing, stage: PuppetStage) -> None:

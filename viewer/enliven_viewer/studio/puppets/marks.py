@@ -1,4 +1,4 @@
-"""What the puppet tool draws over the picture, and which control point or suggestion is under the pointer."""
+"""Control points and suggestions of a puppet: those under the pointer, and rows to draw them."""
 
 from __future__ import annotations
 

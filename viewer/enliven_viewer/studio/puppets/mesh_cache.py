@@ -1,4 +1,4 @@
-"""What is found once for a mesh and asked often: its size, its plane of symmetry, its vertices in a tree."""
+"""Caches facts of a mesh: its size, its plane of symmetry, its vertices in a tree."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which puppet, control point and key pose are worked on, and what a drag does to them.
+"""Edits the chosen puppet: its control points and key poses, dragged and dropped.
 
 puppets = editor.puppets
 puppets.begin_pose("walk", 0.4)        # a new key pose for that moment of a take, or the one that is there
@@ -31,7 +31,7 @@ _MOST_AWAY = 50.0
 
 
 class PuppetEditor(KeyPoses):
-    """The state that the stage and the example panel share.
+    """The state of editing puppets, which the stage and the example panel share.
 
     Attributes:
         moment: the take and the second of it that the performer's view shows; a drag begins a key pose

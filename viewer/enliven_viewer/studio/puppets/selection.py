@@ -13,7 +13,7 @@ from enliven_viewer.studio.puppets.stage import PuppetStage, StandingPuppet
 
 
 class PuppetSelection:
-    """What of the project's puppets is worked on.
+    """The chosen puppet and control point, and adding control points.
 
     Attributes:
         stage: how the puppets stand.

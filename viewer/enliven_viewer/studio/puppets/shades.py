@@ -1,4 +1,4 @@
-"""What is drawn over the picture of a puppet: the outline of another pose, and faces that cross."""
+"""Draws over the picture of a puppet: the outline of another pose, and faces that cross."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One puppet's solver: prepared beside the window where the mesh is large, and what it was asked last."""
+"""The surface solver of one puppet, prepared in a thread where the mesh is large."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How puppets stand on the studio's stage at a moment, and which of them is under the pointer."""
+"""The puppets on the studio's stage at a moment, and the one under the pointer."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from enliven_viewer.studio.viewport import Lens, coloured
 
 @dataclass(frozen=True, eq=False)
 class StandingPuppet:
-    """A puppet at one moment.
+    """A puppet on the stage at one moment.
 
     Attributes:
         surface: (V, 3) metres of its vertices, in the mesh's own frame.
@@ -171,7 +171,7 @@ def puppet_at(
 
 
 class PuppetCharacters:
-    """What the renderer knows puppets as: the same object while the mesh stays the same."""
+    """The renderer's characters of puppets, the same object while the mesh stays the same."""
 
     def __init__(self) -> None:
         self._known: dict[str, tuple[Mesh, Character]] = {}

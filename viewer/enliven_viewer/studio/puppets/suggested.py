@@ -1,4 +1,4 @@
-"""Where control points are suggested: at the ends of the mesh's limbs, found beside the window."""
+"""Suggests control points at the ends of the mesh's limbs, found in a thread beside the window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sessions: what an artist does, as a list of actions that drive the studio's own tools.
+"""Sessions: lists of an artist's actions, which drive the studio's own tools.
 
     session = [Key("m"), Click(Widget("takes")), Click(JointPlace("tentacle", 0)), Drag(...), Wait(1.0)]
     play(session, HeadlessStage(workspace))   # without a window, for tests

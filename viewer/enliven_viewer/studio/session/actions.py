@@ -1,4 +1,4 @@
-"""What an artist does, as a list of actions, each done picture by picture as with a mouse and a keyboard."""
+"""Actions of a session, each done picture by picture as with a mouse and a keyboard."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Places that a session names, and where they are on the screen as things stand."""
+"""Places that a session names, and their pixels at the moment."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ Place = (
 
 
 class SessionStage(Protocol):
-    """Where a session's input goes; places are pixels of its own."""
+    """Takes the input of a session; its places are pixels of its own."""
 
     workspace: Workspace
     at: Point
@@ -141,7 +141,7 @@ class SessionStage(Protocol):
         """Type text into the field that has the focus."""
 
     def activate(self, name: str) -> bool:
-        """Do what a click on a widget does; False where it is there to be clicked."""
+        """Do what a click on a widget does; False where the widget can be clicked."""
         ...
 
     def rename(self, name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Which parts of a shape could a take drive, as both are seen? The best first, ready to be accepted."""
+"""Ranks the parts of a shape that a take could drive, as both are seen, and applies a chosen match."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from enliven_viewer.studio.timeline.puppet_drag import PuppetTimelineInput
 
 
 class TimelineInput:
-    """What the pointer does over the timeline; pixels are counted from the timeline's top left."""
+    """Turns the pointer over the timeline into edits; pixels are counted from the timeline's top left."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor

@@ -1,4 +1,4 @@
-"""Where things are on the timeline: ruler, lanes, playhead; and what is under the pointer."""
+"""The layout of the timeline: ruler, lanes and playhead, and the handle under the pointer."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Kind = Literal["ruler", "bar", "edge", "mute", "label", "nothing"]
 
 @dataclass(frozen=True)
 class LaneHandle:
-    """What of the timeline is under the pointer, and of which layers."""
+    """The part of the timeline under the pointer, and its layers."""
 
     kind: Kind
     layers: tuple[str, ...] = ()
@@ -138,7 +138,7 @@ class TimelineLayout:
         return tuple((k * small, k % 5 == 0) for k in range(count + 1))
 
     def handle_at(self, x: float, y: float) -> LaneHandle:
-        """What is under a pixel."""
+        """The handle under a pixel."""
         if y < RULER:
             return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
         for bar in self.bars():

@@ -29,7 +29,7 @@ _DRAGGED = ("bar", "edge", "pose", "switch")
 
 
 class PuppetTimelineInput:
-    """What the pointer does over the lanes of puppets; pixels as the timeline's.
+    """Turns the pointer over the lanes of puppets into edits; pixels are the timeline's.
 
     Attributes:
         chosen: the switch or the constraint that Delete takes away, or None.

@@ -26,7 +26,7 @@ ROWS = ("bar", "poses", "band", "held")
 
 @dataclass(frozen=True)
 class PuppetLaneHandle:
-    """What of a puppet's lanes is under the pointer.
+    """The part of a puppet's lanes under the pointer.
 
     Attributes:
         layer: its number.
@@ -143,7 +143,7 @@ class PuppetLanes:
         return tuple((k, one, self.x(row, one.frame * step)) for k, one in enumerate(held))
 
     def handle_at(self, x: float, y: float) -> PuppetLaneHandle | None:
-        """What is under a pixel; None where no lane of a puppet is."""
+        """The handle under a pixel; None where no lane of a puppet is."""
         for row in self.rows():
             if row.top <= y < row.top + row.height:
                 kind, item = self._at(row, x)

@@ -1,4 +1,4 @@
-"""What every tool is: a small state machine that the pointer and the keys drive."""
+"""The base of all tools: a small state machine that the pointer and the keys drive."""
 
 from __future__ import annotations
 

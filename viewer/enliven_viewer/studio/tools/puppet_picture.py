@@ -19,7 +19,7 @@ _ALWAYS = 0.8
 
 @dataclass(frozen=True, eq=False)
 class PuppetPicture:
-    """What is drawn over the meshes.
+    """What the puppet tool draws over the meshes.
 
     Attributes:
         crossing: vertices (V, 3) metres in the world and the faces (K, 3) of them that warn, or None.

@@ -1,4 +1,4 @@
-"""How shapes stand at a moment, and how long the project plays."""
+"""The shapes of a project at a moment, and the length of the project."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a shape is at a moment: its bones' turns and its joints, and how the renderer is told."""
+"""A shape at one moment: the turns of its bones, its joints, and its pose for the renderer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Possessed meshes in the studio: how they stand, which is picked, and those of a recorded take."""
+"""Possessed meshes in the studio: their poses, picking, and loading them from a recorded take."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an artist has chosen."""
+"""The selection of an artist."""
 
 from __future__ import annotations
 

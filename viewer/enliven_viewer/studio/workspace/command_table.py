@@ -12,7 +12,7 @@ from enliven_viewer.studio.workspace.commands import Commands
 
 @dataclass(frozen=True)
 class MenuCommand:
-    """A command: the menu that it is in, its label, its keys (the first is shown), and what it does."""
+    """A command: its menu, its label, its keys (the first is shown), and its function."""
 
     menu: str
     label: str

@@ -1,4 +1,4 @@
-"""What menus and keys do: one method a command."""
+"""The commands of menus and keys, a method each."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from enliven_viewer.studio.workspace.puppet_commands import ASIDE, PuppetCommand
 
 
 class Commands:
-    """Commands on an editor; the clipboard is theirs.
+    """Commands on an editor, and their clipboard.
 
     Attributes:
         ask: opens a dialogue of the window ("open", "save", "export", "help", ...); without a window nothing
@@ -54,7 +54,7 @@ class Commands:
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
-        """Take the chosen node out, or else the chosen shape away."""
+        """Remove the chosen joint, or else the chosen shape."""
         chosen = self.editor.selection
         if self.puppets.delete():
             return

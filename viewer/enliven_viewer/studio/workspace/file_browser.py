@@ -10,7 +10,7 @@ from enliven.errors import InputError
 
 @dataclass
 class FileBrowser:
-    """What an open or save dialogue shows.
+    """The state of an open or save dialogue.
 
     Attributes:
         folder: that is listed.

@@ -20,7 +20,7 @@ MIDDLE = 2
 
 
 class ViewportInput:
-    """Forwards what a pointer and a keyboard do over the viewport.
+    """Passes the input over the viewport to the active tool, the camera or a command.
 
     Args:
         editor: what is edited.
@@ -83,7 +83,7 @@ class ViewportInput:
         return self._held is not None
 
     def key(self, key: str) -> bool:
-        """A key such as "c", "space", "ctrl+z", "ctrl+shift+v"; whether anything came of it."""
+        """Take a key such as "c", "space", "ctrl+z" or "ctrl+shift+v"; returns whether it had an effect."""
         if self.first(key) or self.tool.type(key):
             return True
         if key == "escape":

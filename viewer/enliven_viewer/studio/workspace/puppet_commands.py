@@ -1,4 +1,4 @@
-"""What menus and keys do to the chosen puppet, and how a puppet is made of a shape."""
+"""Commands on the chosen puppet, and making a puppet of a shape."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ASIDE = 0.3
 
 
 class PuppetCommands:
-    """Commands on the chosen puppet; each tells whether there was one. The clipboard is theirs."""
+    """Commands on the chosen puppet, and a clipboard; each command returns whether a puppet was chosen."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor

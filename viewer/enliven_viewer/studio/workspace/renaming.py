@@ -1,4 +1,4 @@
-"""Giving a shape another name."""
+"""Renames a shape."""
 
 from __future__ import annotations
 

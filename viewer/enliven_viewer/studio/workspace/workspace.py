@@ -34,7 +34,7 @@ Rectangle = tuple[float, float, float, float]
 
 
 class Workspace:
-    """Everything that panels draw and change; it lives without a window as well.
+    """Everything that panels draw and change; it works without a window as well.
 
     Attributes:
         widgets: where each widget was drawn last, by name, so that a session can click on it.
@@ -123,7 +123,7 @@ class Workspace:
             self._go_on()
 
     def go_on(self, *, discard: bool) -> None:
-        """What was asked for goes on: without saving, or after saving."""
+        """Go on with the command that waited for unsaved work, with or without saving."""
         self.asking = ""
         if discard:
             self.store.forget()
@@ -139,7 +139,7 @@ class Workspace:
         self.asking, self._after, self._wanted = "", "", None
 
     def attempt(self, command: Callable[[], object]) -> bool:
-        """Do something that may fail; where it does, say so."""
+        """Call a function; show its EnlivenError as a message and return False where it raises one."""
         try:
             command()
         except EnlivenError as error:
@@ -148,7 +148,7 @@ class Workspace:
         return True
 
     def widget(self, name: str) -> Rectangle:
-        """Where a widget was drawn last.
+        """The rectangle where a widget was drawn last.
 
         Raises:
             InputError: where it has not been drawn.
@@ -191,7 +191,7 @@ class Workspace:
         self.asking = dialogue
 
     def _go_on(self) -> None:
-        """Do what waited for the work to be saved or given up."""
+        """Run the command that waited until the work was saved or given up."""
         after, self._after = self._after, ""
         wanted, self._wanted = self._wanted, None
         if after == "open" and wanted is not None:

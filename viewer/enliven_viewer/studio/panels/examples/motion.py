@@ -1,4 +1,4 @@
-"""What the chosen puppet plays: its layer's numbers, and what is held hard at single frames."""
+"""The layer of the chosen puppet: its numbers, and the hard constraints at single frames."""
 
 from __future__ import annotations
 

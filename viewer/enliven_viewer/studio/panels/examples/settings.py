@@ -1,4 +1,4 @@
-"""The numbers of the three solvers that an artist may want to change, with what they mean."""
+"""Sliders for the settings of the three solvers, each with its meaning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The strip of key poses: small pictures of the puppet, each with the performer that it answers to."""
+"""The strip of key poses: thumbnails of the puppet, each beside the performer at that moment."""
 
 from __future__ import annotations
 
