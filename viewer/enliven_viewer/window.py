@@ -53,7 +53,7 @@ Place = tuple[int, int, int, int]
 
 
 def error_text(text: str | bytes) -> str:
-    """What glfw says, which is bytes in some versions."""
+    """The text of a message of glfw, which is bytes in some versions."""
     return text.decode(errors="replace") if isinstance(text, bytes) else text
 
 

@@ -69,7 +69,7 @@ class FilmWriter:
         self.count += 1
 
     def close(self) -> None:
-        """Write what is held back, and the index."""
+        """Write the pictures that the encoder holds back, and the index."""
         if self.count:
             for packet in self._stream.encode():
                 self._file.mux(packet)

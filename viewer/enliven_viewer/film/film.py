@@ -34,7 +34,7 @@ ENDED = "ended"
 
 @dataclass(frozen=True)
 class FilmReport:
-    """What was made: pictures, seconds of film, the encoder, and the mean milliseconds a picture took."""
+    """A report of a film: its pictures, its seconds, the encoder, and the mean milliseconds of a picture."""
 
     pictures: int
     seconds: float

@@ -51,7 +51,7 @@ _SIZE = 1.75
 
 
 class Counts(NamedTuple):
-    """What the picture shows: how many, and the radius R in metres."""
+    """The numbers of a graph that its picture shows; ``radius`` is R in metres."""
 
     nodes: int
     edges: int

@@ -52,7 +52,7 @@ def write_puppet_sheet(
 
 
 def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:
-    """Who performs the lowest layer that is heard, at the frames that it plays."""
+    """The row of the performer of the lowest unmuted layer, at the frames that it plays."""
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
     layer, motion = puppet.layers[number], motion_of(project, puppet, number)
     clip = project.takes[layer.take]

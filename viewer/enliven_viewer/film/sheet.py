@@ -62,7 +62,7 @@ class Tiles:
         self._seen += 1
 
     def chosen(self) -> list[Tile]:
-        """At most the wanted number, the first and the last kept picture among them, as large as wanted."""
+        """The tiles of the sheet: at most the wanted number, the first and the last picture among them."""
         count = min(self._wanted, len(self._kept))
         last = len(self._kept) - 1
         numbers = [round(k * last / max(count - 1, 1)) for k in range(count)]

@@ -1,4 +1,4 @@
-"""How far an edge's wall clock is from this machine's, so that latencies hold across machines.
+"""Estimates the offset of an edge's wall clock from this machine's, to measure latency across machines.
 
 A request sent at s, answered at e by the edge's clock and back at r puts the offset between e - r and e - s,
 since nothing arrives before it was sent; every heartbeat adds a lower bound. The bounds of different messages

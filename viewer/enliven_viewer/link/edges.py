@@ -88,7 +88,7 @@ class EdgeClient:
 
     @property
     def characters(self) -> dict[str, Character]:
-        """By id, as the edges have them; an object is replaced when its edge publishes a new revision."""
+        """The characters by id; an object is replaced when its edge publishes a new revision."""
         return {name: held.character for edge in self.edges for name, held in edge.held.items()}
 
     @property
@@ -108,7 +108,7 @@ class EdgeClient:
 
     @property
     def health(self) -> dict[Endpoint, Health]:
-        """How each edge is."""
+        """The health of each edge, by endpoint."""
         return {edge.endpoint: edge.health() for edge in self.edges}
 
     @property
@@ -214,7 +214,7 @@ class EdgeClient:
             on_reply(refused)
 
     def _find_clashes(self) -> None:
-        """Edges of one name that are alive at once; a restart is none, for the old one falls silent first."""
+        """Mark edges of one name that are alive at once; after a restart the old one is silent, so no clash."""
         now = time.monotonic()
         for edge in self.edges:
             if edge.status is not None and now - edge.last_heard < _ALIVE:

@@ -1,4 +1,4 @@
-"""Where a viewer's document is filled from: a link to an edge, or a take on disk."""
+"""The protocol of sources that fill a viewer's document: an edge, or a take on disk."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ class EdgeConnection:
         return self.status.edge if self.status else str(self.endpoint)
 
     def health(self) -> Health:
-        """How the edge is."""
+        """The health of the edge."""
         now = time.monotonic()
         while self._arrivals and now - self._arrivals[0] > _RATE_OVER:
             self._arrivals.popleft()

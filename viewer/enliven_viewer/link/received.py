@@ -93,7 +93,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class Health:
-    """How an edge is, as far as it can be heard.
+    """The health of an edge, as the link hears it.
 
     Attributes:
         state: "waiting": never heard. "connected": its heart beats. "on rate": and poses come as fast as it

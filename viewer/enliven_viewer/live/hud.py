@@ -97,7 +97,7 @@ def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, fl
 
 
 def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -> float | None:
-    """Where on the timeline a pixel is, 0..1; None when it is not near the track."""
+    """The place of a pixel on the timeline, 0..1; None where it is not near the track."""
     left, top, width, height = timeline_area(size, scale)
     reach = 14 * scale
     if not (left - reach <= x <= left + width + reach and top - reach <= y <= top + height + reach):

@@ -50,7 +50,7 @@ class PossessionChoice:
         self.body = order[(at + 1) % len(order)]
 
     def smoother(self, step: int, present: Iterable[int]) -> dict[int, float]:
-        """Another amount of smoothing for the chosen performer, or for everybody in view: by id."""
+        """Choose the next amount of smoothing for the chosen performer, or for all in view; by id."""
         amounts = {}
         for body in [self.body] if self.body is not None else present:
             at = min(max(self._smoothing.get(body, _USUAL) + step, 0), len(SMOOTHING) - 1)

@@ -9,7 +9,7 @@ SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
 class Playhead:
-    """Where on the timeline the screen is.
+    """The place on a timeline that the screen shows.
 
     Live follows the newest moment. Every other mode keeps a time inside the timeline, which moves by
     ``speed`` seconds a second unless it is paused.
@@ -34,7 +34,7 @@ class Playhead:
 
     @property
     def fraction(self) -> float:
-        """Where the shown time is between the timeline's start (0) and end (1)."""
+        """The shown time as a share of the timeline, from its start (0) to its end (1)."""
         length = self.timeline.end_ns - self.timeline.start_ns
         return (self.time_ns - self.timeline.start_ns) / length if length else 1.0
 

@@ -36,7 +36,7 @@ _SETTLING = 12
 
 
 class SolvedSurfaces:
-    """The surfaces of everybody's puppets, from picture to picture.
+    """The surfaces of all puppets, from picture to picture.
 
     A mesh is prepared in a thread; until then, and where it cannot be, it is drawn as one rigid piece.
 
@@ -105,7 +105,7 @@ class _SolvedSurface:
         return self._world
 
     def _surface(self, wait: bool) -> PuppetSurface | None:
-        """What was prepared, once it is; why it could not be is said once."""
+        """The prepared surface; None before it is ready. An error is logged once."""
         if not wait and not self._prepared.done():
             return None
         try:
@@ -128,7 +128,7 @@ class _SolvedSurface:
         return self._alike < _SETTLING
 
     def _solve(self, surface: PuppetSurface, places: Float, wait: bool) -> None:
-        """The next frame: now, or beside the pictures where it takes longer than one may."""
+        """Solve the next frame: now, or in a thread where it takes longer than a picture may."""
         if wait or (self._seconds < _BUDGET and self._local is not None):
             self._local = self._solved(surface, places)
         else:
@@ -147,13 +147,13 @@ class _SolvedSurface:
         return made.astype(np.float32)
 
     def _take(self) -> None:
-        """What was solved beside the pictures, once it is there."""
+        """Take the surface that a thread has solved, once it is there."""
         if self._solving is not None and self._solving.done():
             self._local, self._solving = self._solving.result(), None
 
 
 def _beside(work: Callable[[], T]) -> Future[T]:
-    """What comes of some work that no picture waits for, nor the program's end."""
+    """The future of a function that runs in a daemon thread: the program's end does not wait for it."""
     future: Future[T] = Future()
 
     def run() -> None:

@@ -21,7 +21,7 @@ NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class CueFrame:
-    """Where the performer holds a character.
+    """The pivots of a character that performers hold at one moment.
 
     Attributes:
         character: the id of the character.

@@ -164,11 +164,11 @@ class OrbitCamera:
             self._now[:] = self._goal
 
     def advance(self, seconds: float) -> None:
-        """Ease towards the goal: what is left halves every 60 milliseconds."""
+        """Ease towards the goal: the distance to it halves every 60 milliseconds."""
         self._now += (self._goal - self._now) * (1 - 0.5 ** (seconds / 0.06))
 
     def view(self, aspect: float) -> CameraView:
-        """Where the camera is now."""
+        """The camera at this moment."""
         eye, target = self._eye_and_target(self._now)
         distance = math.exp(self._now[5])
         near = max(0.02, distance * 0.02)
@@ -235,5 +235,5 @@ class FilmCamera:
         self._orbit.advance(10.0)
 
     def view(self, aspect: float) -> CameraView:
-        """Where the camera is now."""
+        """The camera at this moment."""
         return self._orbit.view(aspect)

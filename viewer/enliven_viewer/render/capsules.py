@@ -128,7 +128,7 @@ class CapsulePass:
                 self._instances[number].write(np.ascontiguousarray(some))
 
     def render(self) -> None:
-        """Draw what was loaded."""
+        """Draw the loaded rows."""
         for array, count in zip(self._arrays, self._counts, strict=True):
             if count:
                 array.render(moderngl.TRIANGLES, instances=count)

@@ -49,7 +49,7 @@ def _summed(vertices: Float32, faces: Int32, groups: Int, angles: Float, sums: F
 
 @njit(cache=True, nogil=True)
 def _rows(vertices: Float32, source: Int, group: Int, rest: Float32, sums: Float, rows: Float32) -> None:
-    """Positions and normals: that at rest where faces have no area, the origin for what is no number."""
+    """Fill the rows: the normal at rest where faces have no area, the origin for vertices not finite."""
     for n in range(len(source)):
         for c in range(3):
             value = vertices[source[n], c]

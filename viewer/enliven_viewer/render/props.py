@@ -64,7 +64,7 @@ class PropPass:
             )
 
     def load(self, props: Props | None) -> None:
-        """Take what is loose, or nothing."""
+        """Load the props, or none."""
         for shape, buffer in self._rows.items():
             rows = prop_rows(props, shape)
             self._counts[shape] = len(rows)
@@ -73,7 +73,7 @@ class PropPass:
                 buffer.write(rows)
 
     def render(self) -> None:
-        """Draw what was loaded."""
+        """Draw the loaded rows."""
         for shape, array in self._arrays.items():
             if self._counts[shape]:
                 array.render(moderngl.TRIANGLES, instances=self._counts[shape])

@@ -80,7 +80,7 @@ def shaded_by(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
 
 
 def _filled_by_props(props: Props | None) -> Float:
-    """(N, 3) the corners around what is loose."""
+    """(N, 3) metres, the corners of boxes around the props."""
     if props is None:
         return np.zeros((0, 3))
     shown = np.isfinite(props.positions).all(1)

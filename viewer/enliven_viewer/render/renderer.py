@@ -201,13 +201,13 @@ class Renderer:
         return shaded_by(casters, TO_KEY, _SLANT * room)
 
     def _draw_props(self) -> None:
-        """What is loose; the depth test sorts it out with the rest."""
+        """Draw the props; the depth test orders them among the rest."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._prop, "casting", False)
         self._props.render()
 
     def _draw_bodies(self) -> None:
-        """Faint bodies cover a share of each pixel's samples, so that what is behind them needs no order."""
+        """Draw the bodies; faint ones cover a share of each pixel's samples, so that no order is needed."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._body, "casting", False)
         set_uniform(self._body, "hidden", False)
@@ -229,6 +229,6 @@ class Renderer:
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
 
     def _write_depth(self, on: bool) -> None:
-        """Whether what is drawn next hides what is behind it; moderngl takes the mask over with a bind."""
+        """Turn writing to the depth buffer on or off; moderngl applies the mask with a bind."""
         self.picture.drawn.depth_mask = on
         self.picture.drawn.use()

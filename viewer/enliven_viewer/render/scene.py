@@ -21,7 +21,7 @@ _SHADOW_REACH = 1.4
 
 @dataclass(frozen=True)
 class SceneStyle:
-    """How strongly each overlay is shown, 0 (not at all) to 1.
+    """The strength of each overlay in a scene, 0 (not shown) to 1.
 
     Attributes:
         body: the performer's skeleton.
@@ -80,7 +80,7 @@ class Scene:
 
     @property
     def lit_box(self) -> Box | None:
-        """Where shadows are drawn: a little more than :attr:`box`."""
+        """The box where shadows are drawn: a little more than :attr:`box`."""
         return self._around(None if self.props is None else self.props.positions, _SHADOW_REACH)
 
     def _around(self, loose: Float | None, reach: float) -> Box | None:

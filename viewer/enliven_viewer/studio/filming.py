@@ -91,7 +91,7 @@ def film(
     every: int = 1,
     tiles: int = 12,
 ) -> int:
-    """Play a session in the window and write what is seen, with a contact sheet beside it.
+    """Play a session in the window and write a film of it, with a contact sheet beside it.
 
     Args:
         every: only each so-many-th picture goes into the film (at 30 pictures a second).

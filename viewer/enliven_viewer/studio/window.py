@@ -140,7 +140,7 @@ class StudioWindow:
         return self.workspace.ended
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of what is on the screen, top row first; to be asked for after a picture."""
+        """(H, W, 3) sRGB of the screen, top row first; to be called after a picture."""
         assert self._viewport is not None
         width, height = self._framebuffer_size()
         raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
@@ -149,7 +149,7 @@ class StudioWindow:
 
     @property
     def places(self) -> Places:
-        """Where the panels are."""
+        """The layout of the panels at the window's size."""
         size = imgui.get_io().display_size
         return places_in(size.x, size.y, puppet=self._acts)
 

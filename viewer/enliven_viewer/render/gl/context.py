@@ -1,4 +1,4 @@
-"""An OpenGL 3.3 core context without a window, or a clear word about what is missing."""
+"""Makes OpenGL 3.3 core contexts, or raises an error that says what is missing."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ def whole(size: tuple[int, int]) -> Region:
 
 
 def beside(region: Region, size: tuple[int, int]) -> list[Region]:
-    """What of a picture is not in a region: at most four others."""
+    """The rest of a picture around a region, as at most four regions."""
     x, y, width, height = region
     right, top = x + width, y + height
     rest = [

@@ -71,7 +71,7 @@ class RenderTarget:
             self.resolved.use()  # else the next framebuffer would be cleared in this region only
 
     def behind(self) -> moderngl.Texture:
-        """What was drawn so far, to look through what is drawn next."""
+        """The picture so far as a texture, which a transparent mesh drawn next shows."""
         if self.drawn is not self.ground:
             self.resolve()
             self.drawn.use()
@@ -154,5 +154,5 @@ class SoftMap:
 
 
 def reach_of(widths: tuple[float, ...]) -> int:
-    """Texels by which :meth:`SoftMap.blur` spreads what was drawn."""
+    """Texels by which :meth:`SoftMap.blur` spreads a drawing."""
     return sum(math.ceil(_OUTERMOST * width) + 1 for width in widths)

@@ -63,7 +63,7 @@ def node_rows(actor: SceneCharacter, strength: float) -> Float32:
 
 
 class Marks:
-    """Draws the marks of a scene over what is already in the picture."""
+    """Draws the marks of a scene over its picture."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx

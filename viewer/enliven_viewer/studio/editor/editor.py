@@ -144,11 +144,11 @@ class Editor:
         return None
 
     def undo(self) -> None:
-        """Go back to what was before the last edit."""
+        """Undo the last edit."""
         self._step("Undone", self.history.undo_name, self.history.undo)
 
     def redo(self) -> None:
-        """Go forward again to what was undone."""
+        """Redo the edit that was undone last."""
         self._step("Done again", self.history.redo_name, self.history.redo)
 
     def select(self, **changes: object) -> None:

@@ -31,7 +31,7 @@ HardConstraint = Position | Velocity | Coupling
 
 
 def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
-    """A project in which control points without a joint follow the likeliest one of a take.
+    """A project where each control point without a joint follows the likeliest joint of a take.
 
     Points with an automatic name are named after their joint; those at the bottom are feet.
     """
@@ -175,7 +175,7 @@ def _others(
 
 
 def switches_of_layer(project: Project, puppet_id: str, layer: int) -> tuple[Switch, ...]:
-    """Where contact and flight begin in a layer, as edited or as found; none where it does not travel."""
+    """The switches of contact and flight in a layer, as edited or as found; none where it does not travel."""
     return motion_of(project, project.puppet(puppet_id), layer).switches
 
 

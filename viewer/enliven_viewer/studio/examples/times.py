@@ -28,7 +28,7 @@ def layer_end(project: Project, layer: PuppetLayer) -> float:
 
 
 def layer_of(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
-    """The number of the chosen layer, or of the first unmuted one; with ``take`` among the layers of that take."""
+    """The number of the chosen layer, or of the first unmuted one; with ``take`` of those of the take."""
     wanted = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
     if chosen in wanted:
         return chosen

@@ -76,7 +76,7 @@ def _files(workspace: Workspace) -> None:
 
 
 def _finish(workspace: Workspace, browser: FileBrowser) -> None:
-    """Do what the file dialogue was for; what is wrong with the choice is said in it."""
+    """Finish the file dialogue; it shows an error where the choice cannot be used."""
     try:
         path = browser.chosen()
     except EnlivenError as error:

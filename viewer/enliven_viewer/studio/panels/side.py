@@ -1,4 +1,4 @@
-"""The panel at the right: shapes, what is chosen, its motion, and takes."""
+"""The panel at the right: shapes, the selected shape and layer, and takes."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _THUMB = ImVec2(92, 92)
 
 
 def split_side(side: Area) -> tuple[Area, Area]:
-    """The right panel in two: what is left of it, and the view of sources below, which hides no shape."""
+    """Split the right panel: the list of shapes above, the view of sources below."""
     high = round(_SHARE * side.height)
     above = Area(side.x, side.y, side.width, side.height - high)
     return above, Area(side.x, side.y + side.height - high, side.width, high)
@@ -50,7 +50,7 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
 
 
 def _tell(text: str) -> None:
-    """What the last widget is for, once the pointer rests on it."""
+    """Show what the last widget is for, once the pointer rests on it."""
     if imgui.is_item_hovered():
         imgui.set_tooltip(text)
 

@@ -92,7 +92,7 @@ def _bar(
 
 
 def _poses(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
-    """How far each moment is from the examples, ticks for those that are missing, a diamond for each."""
+    """Draw the distance of each moment from the examples, a tick for each missing one, a diamond for each."""
     draw, top = imgui.get_window_draw_list(), origin.y + row.top
     coverage = lanes.coverage(lanes.layer(row).take)
     puppet = lanes.project.puppets[row.puppet]
@@ -163,7 +163,7 @@ def _held(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2
 
 
 def _tooltip(workspace: Workspace, lanes: PuppetLanes, origin: ImVec2) -> None:
-    """What is under the pointer, in words."""
+    """Show what is under the pointer, in words."""
     if not imgui.is_item_hovered() or workspace.timeline.busy:
         return
     at = imgui.get_mouse_pos()

@@ -54,7 +54,7 @@ def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
 
 
 def _hint(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
-    """What the tool is and what to do next, and beneath what is wrong with it."""
+    """Draw the tool's name and hint, and its warning beneath."""
     tool = workspace.input.tool
     shift = imgui.calc_text_size(f"{tool.label}   ").x
     room = max(area.width - shift - 54, 80.0)
@@ -77,7 +77,7 @@ def _warning(said: str, draw, x: float, y: float) -> None:  # type: ignore[no-un
 
 
 def _caption(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
-    """What a session says, in the middle above, with the key that it presses."""
+    """Draw the caption of a session in the middle above, with the key that it presses."""
     font, size = imgui.get_font(), 19.0
     grown = size / imgui.get_font_size()
     wide = imgui.calc_text_size(workspace.caption).x * grown

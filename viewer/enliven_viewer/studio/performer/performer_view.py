@@ -118,7 +118,7 @@ class PerformerView:
                 self.editor.select(puppet_layer=len(puppet.layers))
 
     def follow(self) -> None:
-        """Before a picture: turn with the stage, frame what is shown, and tell the moment."""
+        """Prepare a picture: turn with the stage, frame the performer, and tell the puppets the moment."""
         self.editor.puppets.moment = self.moment
         figure = self.figure()
         if figure is None:

@@ -48,7 +48,7 @@ class SelfCrossing:
             self._now = self._threads.submit(self._found, puppet, surface)
 
     def wait(self) -> None:
-        """Until what was asked for last is known: for sessions without a window."""
+        """Wait for the newest answer: for sessions without a window."""
         if self._now is not None:
             self.faces, self.said = self._now.result()
             self._now = None
@@ -68,7 +68,7 @@ class SelfCrossing:
 
 
 def sentence(puppet: Puppet, faces: Int) -> str:
-    """What passes through what: faces (K,) belong to the control point that is nearest at rest."""
+    """A sentence about the parts that cross; faces (K,) belong to the control point nearest at rest."""
     if not puppet.points:
         return "the surface passes through itself"
     middles = puppet.mesh.vertices[puppet.mesh.faces[faces]].mean(1)

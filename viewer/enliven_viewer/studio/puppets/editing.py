@@ -14,7 +14,7 @@ from enliven_viewer.studio.viewport import Selection
 
 
 class Editing(Protocol):
-    """An editor: the project with its past, the time that is shown, and what is chosen."""
+    """An editor: the project with its history, the time that is shown, and the selection."""
 
     time: float
     playing: bool

@@ -82,7 +82,7 @@ class KeyPoses(PuppetSelection):
         return None
 
     def edit_pose(self, number: int) -> bool:
-        """Edit a key pose that is there."""
+        """Edit an existing key pose."""
         puppet = self._wanted()
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False

@@ -149,7 +149,7 @@ class Manipulator:
         return pixels[0], pixels[1:]
 
     def _along(self, axis: int) -> float:
-        """How much of an arrow is seen, 0 along the line of sight to 1 across it."""
+        """The share of an arrow's length that is seen: 0 along the line of sight, 1 across it."""
         sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
         return float(np.sqrt(max(1.0 - sight[axis] ** 2, 0.0)))
 

@@ -12,7 +12,7 @@ from enliven_viewer.studio.puppets.editing import Editing
 
 
 def rest_state(puppet: Puppet) -> State:
-    """At rest, where it was put."""
+    """The state of a puppet at rest, where it was put."""
     return State(puppet.rest, 0.0, np.zeros(3))
 
 

@@ -90,7 +90,7 @@ class PuppetEditor(KeyPoses):
         self._dragged = places
 
     def drop(self, name: str = "") -> bool:
-        """Keep what was dragged: one edit. Where no key pose is edited, one begins at :attr:`moment`."""
+        """End a drag with one edit; where no key pose is edited, one begins at :attr:`moment`."""
         puppet, places, self._dragged = self.puppet, self._dragged, None
         if puppet is None or places is None:
             return False
@@ -137,7 +137,7 @@ class PuppetEditor(KeyPoses):
         return True
 
     def _start(self, puppet: Puppet) -> Float:
-        """(P, 3) what a drag starts from: the key pose of this moment, or what is shown."""
+        """(P, 3) metres, the places at the start of a drag: of the key pose of this moment, or as shown."""
         if self.places is not None:
             return self.places
         moment = self._moment(puppet)
@@ -150,7 +150,7 @@ class PuppetEditor(KeyPoses):
         return puppet.rest if standing is None else standing.state.places
 
     def _begin_here(self, puppet: Puppet, places: Float) -> bool:
-        """Make what was dragged the key pose of the moment that the performer's view shows."""
+        """Make the dragged places the key pose of the moment that the performer's view shows."""
         moment = self._moment(puppet)
         if moment is None:
             self.editor.toasts.say(

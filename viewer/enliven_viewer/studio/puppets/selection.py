@@ -1,4 +1,4 @@
-"""Which puppet and control point are chosen, and control points put on the mesh."""
+"""The selection of puppet and control point, and new control points on the mesh."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ class Solver:
         return self._surface if self._work is None else None
 
     def came(self) -> bool:
-        """Whether what was being prepared is there and was not looked at yet."""
+        """Whether the preparation has finished and was not taken yet."""
         return self._work is not None and self._work.done()
 
     def improve(self) -> bool:
@@ -117,7 +117,7 @@ class Solver:
             return self._shown
 
     def _refuse(self, error: Exception) -> None:
-        """It cannot be prepared with these control points. A fault of our own must not end the window."""
+        """Tell that these control points cannot be prepared; not even a fault of enliven ends the window."""
         if not isinstance(error, EnlivenError):
             log.error("a puppet could not be prepared", exc_info=error)
             error = EnlivenError(f"a fault of enliven itself: {type(error).__name__}: {error}")
@@ -156,7 +156,7 @@ class Solver:
 
 
 def held_by(puppet: Puppet) -> Held:
-    """What the surface depends on: the vertex and the weight of each control point."""
+    """The vertex and the weight of each control point, on which the surface depends."""
     return tuple((point.vertex, point.weight) for point in puppet.points)
 
 

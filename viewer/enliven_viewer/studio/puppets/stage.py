@@ -35,7 +35,7 @@ class StandingPuppet:
 
     @cached_property
     def pose(self) -> Pose:
-        """Of its character."""
+        """The pose of its character."""
         return pose_of_state(self.puppet, self.state)
 
     @cached_property
@@ -132,7 +132,7 @@ class PuppetStage:
         return next((s for s in self.standing if s.puppet.id == puppet_id), None)
 
     def improve(self) -> None:
-        """Let surfaces that were dragged come to rest, and look what is solved; called once a picture."""
+        """Bring dragged surfaces nearer to rest and take solved ones; to be called once a picture."""
         self.surfaces.improve()
         if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
             self._polls += 1

@@ -59,7 +59,7 @@ class PointSuggestions:
 
 
 def _ends(mesh: Mesh) -> tuple[int, ...]:
-    """The vertices that are ends of something: what is near them lies to one side. Else the most extreme."""
+    """The vertices at the ends of limbs, where near points lie to one side; else the most extreme."""
     found = extremities(mesh, _MOST)
     samples = scatter(mesh, _SAMPLES, np.random.default_rng(0)).positions
     tree, reach = cKDTree(samples), _NEAR * size_of(mesh)

@@ -40,7 +40,7 @@ class PuppetSurfaces:
         return self._solver(puppet).of(puppet, places, warm=warm)
 
     def aside(self, puppet: Puppet, places: Float) -> Future[Float] | None:
-        """(V, 3) the settled surface at other places (P, 3), what is dragged left as it is; None for none."""
+        """(V, 3) the settled surface at other places (P, 3), without a change to the drag; or None."""
         surface = self._solver(puppet).ready(puppet)
         if surface is None or not puppet.points:
             return None
@@ -55,7 +55,7 @@ class PuppetSurfaces:
             return None
 
     def improve(self) -> None:
-        """Bring what was dragged nearer to where it comes to rest, and see what was prepared."""
+        """Bring dragged surfaces nearer to rest, and take those that were prepared."""
         moved = [solver.improve() or solver.came() for solver in self._known.values()]
         self.version += any(moved)
 

@@ -174,7 +174,7 @@ def _drag(action: Drag, stage: SessionStage) -> Iterator[None]:
 
 
 def _name(name: str, stage: SessionStage) -> Iterator[None]:
-    """Type into the field of the name; without a window there is none, and the shape is renamed."""
+    """Type into the field of the name; without a window rename the shape."""
     if stage.rename(name):
         yield
         return

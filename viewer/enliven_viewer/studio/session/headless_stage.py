@@ -64,7 +64,7 @@ class HeadlessStage:
         self.workspace.input.key(key)
 
     def write(self, text: str) -> None:
-        """There is no field without a window."""
+        """Do nothing, since there is no field without a window."""
 
     def viewport(self) -> Point:
         return 0.0, 0.0
@@ -87,7 +87,7 @@ class HeadlessStage:
         return True
 
     def activate(self, name: str) -> bool:
-        """What a click on a widget does, for those that a session needs.
+        """Do what a click on a widget does, for the widgets that a session needs.
 
         Raises:
             InputError: for one that it does not know.

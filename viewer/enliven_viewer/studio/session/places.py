@@ -149,16 +149,16 @@ class SessionStage(Protocol):
         ...
 
     def viewport(self) -> Point:
-        """Where the viewport's top left is."""
+        """The pixel of the viewport's top left."""
 
     def source(self) -> Point:
-        """Where the view of sources' top left is."""
+        """The pixel of the top left of the view of sources."""
 
     def timeline(self) -> Point:
-        """Where the timeline's top left is."""
+        """The pixel of the timeline's top left."""
 
     def widget(self, name: str) -> Point:
-        """Where the middle of a widget is."""
+        """The pixel of the middle of a widget."""
 
 
 def where(place: Place, stage: SessionStage) -> Point:

@@ -57,7 +57,7 @@ def offers(
 
 
 def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop: bool) -> Project:
-    """The project in which every chain of an offer is driven."""
+    """The project with every chain of an offer driven."""
     for source, target in offer.pairs:
         project = bind_chain(
             project,

@@ -113,11 +113,11 @@ class SourceView:
 
     @property
     def selection(self) -> Selection:
-        """Which joint is chosen, for the picture."""
+        """The selection with the chosen joint, for the picture."""
         return Selection(SOURCE, self._start)
 
     def overlay(self) -> Overlay:
-        """What is lit."""
+        """The overlay of the chain and the joint under the pointer."""
         hovered = (SOURCE, self._hovered.joint) if self._hovered else None
         return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
 

@@ -23,7 +23,7 @@ class TimelineInput:
 
     @property
     def layout(self) -> TimelineLayout:
-        """Where things are now."""
+        """The layout at this moment."""
         editor = self.editor
         return TimelineLayout(editor.project, editor.length, self.width, self.scrolled)
 

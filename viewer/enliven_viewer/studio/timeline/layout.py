@@ -64,7 +64,7 @@ class Bar:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Of the layers."""
+        """The ids of the layers."""
         return tuple(layer.id for layer in self.layers)
 
     @property

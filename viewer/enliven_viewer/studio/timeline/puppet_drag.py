@@ -90,7 +90,7 @@ class PuppetTimelineInput:
             self.editor.sketch(self._change(x))
 
     def release(self, x: float) -> None:
-        """The button went up: what was dragged is one edit; a key pose that was not is opened."""
+        """The button went up: a drag becomes one edit; a click on a key pose opens it."""
         handle, self._handle = self._handle, None
         if handle is None:
             return

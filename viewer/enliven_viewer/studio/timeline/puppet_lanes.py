@@ -137,7 +137,7 @@ class PuppetLanes:
         )
 
     def held(self, row: LaneRow) -> tuple[tuple[int, HardConstraint, float], ...]:
-        """Number, constraint and pixel of what is held hard."""
+        """Number, constraint and pixel of each hard constraint."""
         step = self.project.takes[self.layer(row).take].step
         held = constraints_of(self.project, row.puppet, row.layer)
         return tuple((k, one, self.x(row, one.frame * step)) for k, one in enumerate(held))

@@ -14,7 +14,7 @@ _AS_NEAR = 3.0
 
 @dataclass(frozen=True)
 class Pointer:
-    """Where the pointer is, in the viewport's pixels, and which keys are held."""
+    """The pointer's place in the viewport's pixels, and the keys that are held."""
 
     at: Point
     shift: bool = False
@@ -48,7 +48,7 @@ class Tool:
 
     @property
     def warning(self) -> str:
-        """What is wrong with what is made just now, one line; empty where nothing is."""
+        """What is wrong with the work just now, one line; empty where nothing is."""
         return ""
 
     def hover(self, pointer: Pointer) -> None:
@@ -74,7 +74,7 @@ class Tool:
         self.editor.draft = None
 
     def overlay(self) -> Overlay:
-        """What is drawn over the viewport."""
+        """The marks that the tool draws over the viewport."""
         hovered = (self.hovered.shape, self.hovered.joint) if self.hovered else None
         return Overlay(chain=self._chosen_chain(), hovered=hovered)
 

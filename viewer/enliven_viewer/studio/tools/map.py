@@ -16,7 +16,7 @@ from enliven_viewer.studio.viewport import Overlay
 
 @dataclass(frozen=True)
 class MappedChain:
-    """What was mapped last, so that it can be flipped."""
+    """The chains that were mapped last, so that they can be flipped."""
 
     shape: str
     target: Chain

@@ -67,7 +67,7 @@ class PuppetTool(Tool):
 
     @property
     def warning(self) -> str:
-        """What passes through what, while a key pose is edited."""
+        """A line about parts that pass through one another while a key pose is edited; else empty."""
         return self.puppets.crossing.said if self.puppets.warn and self.puppets.shaping else ""
 
     @property
@@ -155,7 +155,7 @@ class PuppetTool(Tool):
         return Overlay(marks_of(self, standing, self.editor.lens))
 
     def manipulator(self) -> Manipulator | None:
-        """At the chosen control point; none while it plays, nor where a click has just put it.
+        """The manipulator at the chosen control point; None while the puppet plays, or just after a click.
 
         There it would be in the way of the next click on the mesh.
         """

@@ -90,7 +90,7 @@ class SketchTool(Tool):
         return bool(np.hypot(ax - bx, ay - by) < _CLOSED)
 
     def _in_plane(self, stroke: list[Point]) -> tuple[Plane, Float]:
-        """The plane parallel to the picture through what is looked at, and the stroke in it, metres."""
+        """The plane parallel to the picture through the camera's target, and the stroke in it, metres."""
         lens = self.editor.lens
         through = self.editor.camera.target
         right, up = lens.view.camera_from_world[0, :3], lens.up

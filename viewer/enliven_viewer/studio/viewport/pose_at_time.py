@@ -31,7 +31,7 @@ class PosedShape:
         return self.joints[parents], self.joints[1:]
 
     def pose(self) -> Pose:
-        """Of the character that :func:`enliven.document.rigged.character_of` makes of the shape."""
+        """The pose of the character that :func:`enliven.document.rigged.character_of` makes of the shape."""
         above = np.maximum(self.shape.skeleton.parents, 0)
         linear = to_matrix(self.turns).astype(np.float32)
         return Pose(self.shape.id, 0, linear, self.joints[above].astype(np.float32))

@@ -9,7 +9,7 @@ from enliven.document import Project
 
 @dataclass(frozen=True)
 class Selection:
-    """What the next command is about.
+    """The objects that the next command applies to.
 
     Attributes:
         shape: its id, or None.
@@ -33,7 +33,7 @@ class Selection:
 
 
 def valid_selection(chosen: Selection, project: Project) -> Selection:
-    """The selection without what is no longer in the project."""
+    """The selection without the objects that the project no longer has."""
     if chosen.layer is not None and chosen.layer not in project.layers:
         chosen = replace(chosen, layer=None)
     if chosen.graph is not None and chosen.graph not in project.graphs:

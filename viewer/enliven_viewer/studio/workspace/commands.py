@@ -91,7 +91,7 @@ class Commands:
             self.editor.edit(f"cut out {shape}", lambda project: project.without_shape(shape))
 
     def paste(self) -> None:
-        """Put a copy of the remembered shape beside what is there."""
+        """Paste a copy of the remembered shape beside the others."""
         if self.puppets.paste():
             return
         if self._shape is None:

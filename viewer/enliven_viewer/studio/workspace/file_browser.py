@@ -66,7 +66,7 @@ class FileBrowser:
         return path
 
     def _listed(self) -> list[Path]:
-        """What is in the folder, by name; nothing where it cannot be read."""
+        """The entries of the folder, by name; none where it cannot be read."""
         self.problem = ""
         try:
             found = [path for path in self.folder.iterdir() if not path.name.startswith(".")]

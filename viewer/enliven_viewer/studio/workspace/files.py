@@ -214,7 +214,7 @@ def _add_performance(editor: Editor, path: Path) -> None:
 
 
 def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
-    """What was opened, and what was odd about it, in one message."""
+    """Tell in one message what was opened and what was odd about it."""
     if notes:
         more = f" (and {len(notes) - 1} more)" if len(notes) > 1 else ""
         first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."

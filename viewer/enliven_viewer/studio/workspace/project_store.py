@@ -40,7 +40,7 @@ class ProjectStore:
 
     @property
     def name(self) -> str:
-        """What to call the project."""
+        """The name of the project: of its file, or "Untitled"."""
         return self.path.stem if self.path else _UNNAMED
 
     @property

@@ -54,11 +54,11 @@ class PuppetCommands:
         return True
 
     def forget(self) -> None:
-        """Something else was copied."""
+        """Clear the clipboard, since something else was copied."""
         self._source = None
 
     def paste(self) -> bool:
-        """Put a copy of what was remembered beside what is there."""
+        """Paste a copy of the remembered puppet beside the others."""
         if self._source is None:
             return False
         source, name = self._source

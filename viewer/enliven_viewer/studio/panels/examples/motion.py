@@ -86,7 +86,7 @@ def _slider(
 
 
 def draw_held(workspace: Workspace, puppet: Puppet) -> None:
-    """What is held hard at frames of the layer's take."""
+    """List the hard constraints of the layer's take."""
     number = layer_of(puppet, workspace.editor.selection.puppet_layer)
     found = constraints_of(workspace.editor.project, puppet.id, number) if number is not None else ()
     if number is None or not found:

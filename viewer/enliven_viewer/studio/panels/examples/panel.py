@@ -60,7 +60,7 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def draw_status(workspace: Workspace, puppet: Puppet) -> None:
-    """What is missing before it moves; else that it moves; else why it does not."""
+    """Show what the puppet lacks to move, or the error that keeps it from moving, or that it moves."""
     project, solving = workspace.editor.project, workspace.editor.solving
     lacking, problem = missing(project, puppet), solving.problem(puppet.id)
     if lacking:

@@ -31,7 +31,7 @@ def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> Non
 
 
 def _bar(workspace: Workspace, area: Area) -> None:
-    """Which take, whether the puppet plays it, and whether both views turn together."""
+    """Draw the choice of take, and the switches for playing it and for turning both views together."""
     view, puppet = workspace.performer, workspace.editor.puppets.puppet
     takes = workspace.editor.project.takes
     unused = puppet is not None and view.take is not None and layer_of(puppet, None, view.take) is None

@@ -87,7 +87,7 @@ def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint)
 
 
 def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
-    """What can be changed about the chosen point."""
+    """Draw the fields of the chosen point."""
     editor, name = workspace.editor, point.name
 
     def change(what: str, **changes: object) -> bool:
@@ -182,7 +182,7 @@ def suggest(workspace: Workspace, puppet: Puppet) -> bool:
 
 
 def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
-    """Whether examples count for their mirror images, in which plane, and whether both sides are edited."""
+    """Draw the switches of symmetry: mirrored examples, the plane, and editing both sides at once."""
     editor = workspace.editor
     toggled, on = imgui.checkbox("symmetric", puppet.symmetry is not None)
     workspace.remember("symmetric")

@@ -20,7 +20,7 @@ _PLUS = "\uf067"
 
 
 def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None:
-    """All key poses by time, what is suggested after them, and what can be done with the one in hand."""
+    """Draw all key poses by time, the suggested ones after them, and buttons for the edited one."""
     puppet = workspace.editor.puppets.puppet
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(12, 6))
@@ -51,7 +51,7 @@ def _wheel() -> None:
 
 
 def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
-    """How many there are, how many would be enough, and buttons for the one that is edited."""
+    """Draw the number of key poses, the number still needed, and buttons for the edited one."""
     puppets = workspace.editor.puppets
     imgui.align_text_to_frame_padding()
     with small(), tinted(QUIET, imgui.Col_.text):
@@ -110,7 +110,7 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
 
 
 def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: str) -> None:
-    """What a button or a line of the menu does with a key pose."""
+    """Run the command of a button or a line of the menu on a key pose."""
     editor, key, name = workspace.editor, puppet.poses[number], puppet.id
     if label == "Done":
         editor.puppets.accept()
@@ -206,7 +206,7 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
 
 
 def _menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
-    """What the right button offers."""
+    """Draw the menu of the right button."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
         if imgui.menu_item_simple(label):
             run_pose_command(workspace, puppet, number, label)
