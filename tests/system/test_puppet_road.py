@@ -131,14 +131,14 @@ def test_the_viewer_solves_what_performers_do(house: House) -> None:
 def test_a_second_performer_joins_with_parts_and_lets_go(house: House) -> None:
     house.app.possess()
     house.until(lambda: house.app._scene.actors[0].cues.state == "possessed")
-    house.app.grasp.body, house.app.grasp.parts = 2, "right arm"
+    house.app.possession.body, house.app.possession.parts = 2, "right arm"
     house.app.possess("join")
     house.until(lambda: set(house.app._scene.actors[0].cues.owners.tolist()) == {1, 2})
     house.sensor.right = 2.7
     house.until(lambda: house.hand(RIGHT) > 1.05 and house.hand(LEFT) < 0.5)
     house.app.release()
     house.until(lambda: [hold.body for hold in house.actor.holds] == [1])
-    house.app.grasp.parts = "left foot"
+    house.app.possession.parts = "left foot"
     house.app.possess()
     house.until(lambda: "no control point goes with" in house.document.edge.message)
 

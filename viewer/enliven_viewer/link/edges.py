@@ -214,7 +214,7 @@ class EdgeClient:
             on_reply(refused)
 
     def _find_clashes(self) -> None:
-        """Mark edges of one name that are alive at once; after a restart the old one is silent, so no clash."""
+        """Mark edges of one name that are alive at once; after a restart the old one is silent."""
         now = time.monotonic()
         for edge in self.edges:
             if edge.status is not None and now - edge.last_heard < _ALIVE:
