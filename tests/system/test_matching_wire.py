@@ -71,7 +71,7 @@ class House:
         self.edge._listen()
         self.feed.poll(self.document)
         self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.style)
-        self.app.tell_gaze()
+        self.app.report_view()
         time.sleep(0.002)
 
     def until(self, done) -> None:
