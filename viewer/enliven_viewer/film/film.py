@@ -178,7 +178,7 @@ def _moments(
 
 
 def _await_first(feed: Feed, document: Document, patience: float) -> None:
-    """Wait until there is a moment and every character that it names."""
+    """Wait for the first moment and for the characters in it."""
     deadline = time.monotonic() + patience
     while True:
         arrived = feed.poll(document)

@@ -33,7 +33,7 @@ _TALL = 1.75
 
 @dataclass(frozen=True)
 class MotionRow:
-    """A character in its poses, and the side that it is seen from.
+    """A row of a motion sheet: a character in several poses, all seen from one side.
 
     Attributes:
         azimuth: radians about +Y.

@@ -87,22 +87,22 @@ class TakeFeed:
     def possess(
         self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
     ) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def release(self, character_id: str, body: int | None = None) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def smooth(self, body: int, amount: float | None = None) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def lock(self, on: bool, then: Callable[[], None]) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def look(self, look: Look) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def browse(self, character_id: str, step: int = 1) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def close(self) -> None:
         """Nothing stays open between polls."""
@@ -137,7 +137,7 @@ class TakeFeed:
             document.set_cues(shown, cues.time_ns)
 
     def _introduce(self, document: Document, data: bytes) -> None:
-        """The character of a message into the document, where it is not shown already."""
+        """Put the character of a message into the document, unless it is there already."""
         made = msgspec.msgpack.decode(data, type=CharacterMessage)
         if self._revisions.get(made.id) != made.revision:
             character = message_to_character(made)

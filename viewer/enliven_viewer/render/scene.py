@@ -129,7 +129,7 @@ def scene_of(
 def _drawn_in(positions: Float, box: Box, reach: float) -> Float:
     """(N, 3) positions, pulled towards the box where they are farther from it than ``reach``.
 
-    So what rolls away lets go of the camera gently, and at twice the reach it is forgotten.
+    A thing that rolls away is followed less and less, and not at all beyond twice the reach.
     """
     inside = np.clip(positions, box[0], box[1])
     out = positions - inside

@@ -73,7 +73,7 @@ def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(
 
 
 def is_closed(vertices: Float32, faces: Int32) -> bool:
-    """Whether the mesh has an inside, and its faces turn outwards: then their backs are never seen."""
+    """Whether the mesh is closed with its faces outwards, so that the backs of faces are never seen."""
     if not bounds_something(np.array(faces, np.int32), len(vertices)):
         return False
     a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))

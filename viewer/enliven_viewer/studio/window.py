@@ -135,7 +135,7 @@ class StudioWindow:
         hello_imgui.get_runner_params().app_shall_exit = True
 
     def _may_close(self) -> bool:
-        """Whether the window's own button may close it; where work would be lost, it is asked for."""
+        """Whether the window's own button may close it; with unsaved work a dialogue opens instead."""
         self.workspace.ask("quit")
         return self.workspace.ended
 

@@ -78,7 +78,7 @@ class Marks:
         self._lines = ctx.vertex_array(self._line, [(self._points, "3f", "in_position")])
 
     def draw(self, scene: Scene) -> None:
-        """Graphs as far as the look shows them, then attachment points; hidden ones fainter."""
+        """Draw graphs as strongly as the scene's style says, then attachment points; hidden ones fainter."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         if scene.style.graph > 0:

@@ -29,7 +29,7 @@ def tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float
 
 
 class Tubes:
-    """Draws tubes over what a renderer drew last, seen from where it was drawn.
+    """Draws tubes over the last picture of a renderer, with the same camera.
 
     Args:
         ctx: the renderer's context.

@@ -113,7 +113,7 @@ def _unsaved(workspace: Workspace) -> None:
 
 
 def _recover(workspace: Workspace) -> None:
-    """Offer what a studio that ended badly had not saved."""
+    """Offer the unsaved work of a studio that crashed."""
     found = workspace.store.recoverable()
     if not found or not _begin("Unsaved work was found", 460):
         workspace.asking = workspace.asking if found else ""

@@ -50,10 +50,10 @@ class Thumbnails:
         self._shown: dict[tuple[str, int], _Key] = {}
 
     def texture(self, puppet: Puppet, places: Float, slot: int = 0) -> int | None:
-        """OpenGL's name of the picture, upper row first; None while it is not there yet.
+        """The OpenGL name of the picture, upper row first; None until it is drawn.
 
         Args:
-            slot: which picture of the puppet's it is: until it is there, the last of the slot is shown.
+            slot: the number of the picture; until it is drawn, the last picture of the slot is shown.
         """
         key = _key(puppet, places)
         known = self._done.get(key)

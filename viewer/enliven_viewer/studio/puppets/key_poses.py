@@ -99,7 +99,7 @@ class KeyPoses(PuppetSelection):
         """Forget what is dragged."""
 
     def cancel(self) -> None:
-        """Put the key pose back as it was before it was edited, or away where it is new."""
+        """Restore the key pose as it was before, or remove it where it is new."""
         puppet, number, before = self.puppet, self.number, self._before
         self.accept()
         if puppet is None or number is None:
@@ -117,7 +117,7 @@ class KeyPoses(PuppetSelection):
     def _edit(
         self, puppet: str, number: int, before: dict[int, Float] | None, standing: StandingPuppet | None
     ) -> None:
-        """Work on a key pose; ``before``: each vertex's place then, None where it is new."""
+        """Begin to edit a key pose; ``before`` has the place of each vertex, None for a new key pose."""
         self.start_state = (
             standing.state if standing is not None and self.start_state is None else self.start_state
         )
@@ -126,7 +126,7 @@ class KeyPoses(PuppetSelection):
         self.editor.playing, self._at = False, self.editor.time
 
     def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
-        """A key pose more, which is edited from now on; one edit."""
+        """Add a key pose, which is edited from now on; one edit."""
         if not puppet.points:
             self.editor.toasts.say("It has no control points yet", "Click the mesh where it is to be held.")
             return False

@@ -69,9 +69,9 @@ class Manipulator:
         return ""
 
     def dragged(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
-        """(3,) metres in the world: how far the place goes when a part is dragged between two pixels.
+        """(3,) metres in the world, the movement of the place when a part is dragged between two pixels.
 
-        None where a pixel sees nothing of the part's plane: beyond its horizon.
+        None where a pixel is beyond the horizon of the part's plane.
         """
         if part == "view":
             way = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)

@@ -1,4 +1,4 @@
-"""Symmetric control points: which vertex and which control point is the mirror image of another."""
+"""Symmetric control points: the mirror image of a vertex, of a control point, and of places."""
 
 from __future__ import annotations
 

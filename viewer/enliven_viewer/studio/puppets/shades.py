@@ -16,7 +16,7 @@ _JUMP = 0.06
 
 
 class PuppetOverlay:
-    """Draws over what a renderer drew last, from where it was seen.
+    """Draws over the last picture of a renderer, with the same camera.
 
     Args:
         ctx: the renderer's context.

@@ -32,8 +32,8 @@ class Solver:
     """The solver of one mesh.
 
     Args:
-        pool: where what takes long is done.
-        toasts: where it is told that something takes a moment, or cannot be.
+        pool: runs what takes long.
+        toasts: shows that something takes a moment, or is impossible.
     """
 
     def __init__(self, puppet: Puppet, pool: Executor, toasts: Toasts) -> None:

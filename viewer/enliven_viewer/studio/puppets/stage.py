@@ -94,7 +94,7 @@ class PuppetStage:
 
     @property
     def ghost(self) -> StandingPuppet | None:
-        """The key pose before the one that is edited, where the puppet stands; None while it is not there."""
+        """The puppet in the key pose before the edited one; None without one, or while it is being solved."""
         posing, puppet = self.posing, self.posing.puppet
         pose, now = posing.previous, self.standing_of(puppet.id) if puppet is not None else None
         if puppet is None or pose is None or now is None or not posing.silhouette:
@@ -112,7 +112,7 @@ class PuppetStage:
         return None
 
     def wait(self) -> None:
-        """Until the other pose is known: for sessions without a window."""
+        """Wait for the ghost: for sessions without a window."""
         if self.ghost is None and self._wanted is not None:
             self._wanted[1].result()
 

@@ -16,7 +16,7 @@ class PuppetSurfaces:
     """The solvers of all puppets, by id.
 
     Args:
-        toasts: where it is told that something takes a moment, or cannot be.
+        toasts: shows that something takes a moment, or is impossible.
 
     Attributes:
         version: another one whenever a surface moved by itself.
@@ -60,7 +60,7 @@ class PuppetSurfaces:
         self.version += any(moved)
 
     def prepared(self, puppet: Puppet) -> bool:
-        """Whether the surface can follow; asking begins to prepare it."""
+        """Whether the surface is prepared; asking begins the preparation."""
         return self._solver(puppet).ready(puppet) is not None
 
     def keep_only(self, ids: set[str]) -> None:

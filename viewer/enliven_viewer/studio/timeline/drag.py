@@ -76,7 +76,7 @@ class TimelineInput:
         return y >= RULER and self.puppets.double(x, y, self.layout)
 
     def type(self, key: str) -> bool:
-        """A key was pressed; whether it is for something that was clicked here."""
+        """A key was pressed; returns whether it applied to something on the timeline."""
         return self.puppets.type(key)
 
     def _change(self, x: float) -> Edit:

@@ -95,7 +95,7 @@ class MapTool(Tool):
         return plain
 
     def rank(self) -> None:
-        """Offer matches of the take as it stands on the chosen shape as it is seen."""
+        """Offer the matches of the take's pose now with the chosen shape, as both are seen."""
         clip, shape = self.source.clip, self.editor.selection.shape
         self.offered = []
         if clip is None or shape is None:

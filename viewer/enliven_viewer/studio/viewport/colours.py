@@ -12,7 +12,7 @@ from enliven_viewer.studio.viewport.theme import DEFAULT_COLOURS
 
 
 def default_colour(shape_id: str) -> tuple[int, int, int]:
-    """The sRGB of a mesh that brings no colours: always the same for a name."""
+    """The sRGB of a mesh without colours of its own, always the same for a name."""
     return DEFAULT_COLOURS[zlib.crc32(shape_id.encode()) % len(DEFAULT_COLOURS)]
 
 

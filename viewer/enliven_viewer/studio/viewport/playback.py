@@ -57,9 +57,9 @@ def used_layers(project: Project) -> tuple[Layer, ...]:
 
 
 def length_of(project: Project, shortest: float) -> float:
-    """Seconds that the project plays: until the last layer in use has been played once, and ``shortest``.
+    """Seconds that the project plays: until each layer in use was played once, at least ``shortest``.
 
-    Where layers loop it is a little more, if that is a time at which all of them begin again together.
+    With looping layers it is a little longer, where all of them then begin again together.
     """
     layers = used_layers(project)
     least = max([shortest, *(end_of(project, layer) for layer in layers)])

@@ -1,4 +1,4 @@
-"""The selection of an artist."""
+"""The selection of an artist: a shape, a mesh or a puppet, and parts of it."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class ProjectStore:
     """The file of an editor's project.
 
     A recovery file is written every few seconds while something is not saved, and removed when it is. A
-    studio that ends badly leaves it behind; the next one offers it.
+    studio that crashes leaves it behind, and the next one offers it.
 
     Args:
         folder: where recovery files are; None takes the user's own place.

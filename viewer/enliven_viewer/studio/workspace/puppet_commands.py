@@ -155,7 +155,7 @@ class PuppetCommands:
         return True
 
     def _add(self, name: str, change) -> bool:  # type: ignore[no-untyped-def]
-        """An edit that gives another puppet too, which is chosen then."""
+        """Do an edit that adds a puppet, and choose that puppet."""
         made: list[str] = []
 
         def alone(project: Project) -> Project:
