@@ -13,7 +13,7 @@ from PIL import Image
 from enliven.arrays import Float, UInt8
 from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.live.hud import clock
+from enliven_viewer.live.hud import time_text
 from enliven_viewer.render.camera import CameraView, OrbitCamera
 from enliven_viewer.render.gl.context import offscreen_context
 from enliven_viewer.render.overlay.canvas import Canvas
@@ -93,7 +93,9 @@ class Studio:
                     if writer.count % every == 0:
                         tiles.append(Tile(writer.count / RATE, _smaller(picture, _TILE_WIDTH)))
                     writer.add(picture)
-            write_sheet(path.with_suffix(".png"), tiles, 4, plays[0].act.title, clock(writer.count / RATE))
+            write_sheet(
+                path.with_suffix(".png"), tiles, 4, plays[0].act.title, time_text(writer.count / RATE)
+            )
         return writer.count
 
     def picture(self, play: Play, number: int, shot: Shot, strip: UInt8 | None) -> UInt8:
@@ -155,7 +157,7 @@ def half_of(play: Play) -> Float:
 def _pace(play: Play, shot: Shot) -> str:
     """The time of the take, and how fast it plays where it is not as fast as it was."""
     slow = "" if play.shown.speed == 1.0 else f"  ·  {play.shown.speed:g} of its speed"
-    return clock(shot.seconds) + slow
+    return time_text(shot.seconds) + slow
 
 
 def _smaller(picture: UInt8, width: int) -> UInt8:

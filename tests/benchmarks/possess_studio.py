@@ -13,7 +13,7 @@ from enliven.arrays import UInt8
 from enliven.person.body import Body
 from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.live.hud import clock
+from enliven_viewer.live.hud import time_text
 from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.camera import FilmCamera
 from enliven_viewer.render.gl.context import offscreen_context
@@ -75,7 +75,7 @@ class Studio:
         width, height = self.size
         second = (time_ns - take.shots[0].time_ns) * 1e-9
         word = "possessed" if _since(take, time_ns) >= 0 else "free"
-        places = ((28, 28, title, 0.0), (width - 28, height - 46, f"{clock(second)}  ·  {word}", 1.0))
+        places = ((28, 28, title, 0.0), (width - 28, height - 46, f"{time_text(second)}  ·  {word}", 1.0))
         for x, y, text, align in places:
             self._canvas.text(x + 1, y + 1, text, _TEXT, (0.0, 0.0, 0.0, 0.5), align=align)
             self._canvas.text(x, y, text, _TEXT, (0.95, 0.96, 0.98, 0.8), align=align)
@@ -126,4 +126,4 @@ def _smaller(picture: UInt8) -> UInt8:
 
 
 def _sheet(path: Path, tiles: list[Tile], title: str, count: int) -> None:
-    write_sheet(path.with_suffix(".png"), tiles, _COLUMNS, title, clock(count / RATE))
+    write_sheet(path.with_suffix(".png"), tiles, _COLUMNS, title, time_text(count / RATE))

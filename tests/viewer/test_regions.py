@@ -14,9 +14,9 @@ from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render import renderer as renderer_module
 from enliven_viewer.render.camera import CameraView, look_at, perspective
 from enliven_viewer.render.capsules import capsule_template
-from enliven_viewer.render.gl.region import beside, whole
+from enliven_viewer.render.gl.region import full_region, regions_around
 from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
-from enliven_viewer.render.region import seen_in
+from enliven_viewer.render.region import visible_region
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.surface import neighbours_in_turn
@@ -71,11 +71,13 @@ def test_the_picture_is_that_of_work_everywhere(gl, box, make_body, monkeypatch,
     narrow.draw(scene, view)
     region = narrow.picture.region
     assert region[2] * region[3] < 0.75 * SIZE[0] * SIZE[1], "there is something to leave out"
-    monkeypatch.setattr(renderer_module, "seen_in", lambda _p, _c, size, _r=0: whole(size))
-    monkeypatch.setattr(renderer_module, "shaded_by", lambda *_: (np.full(2, -np.inf), np.full(2, np.inf)))
+    monkeypatch.setattr(renderer_module, "visible_region", lambda _p, _c, size, _r=0: full_region(size))
+    monkeypatch.setattr(
+        renderer_module, "shadow_bounds", lambda *_: (np.full(2, -np.inf), np.full(2, np.inf))
+    )
     wide = Renderer(gl, SIZE, settings)
     wide.draw(scene, view)
-    assert wide.picture.region == whole(SIZE)
+    assert wide.picture.region == full_region(SIZE)
     apart = np.abs(narrow.pixels().astype(int) - wide.pixels())
     assert apart.max() <= ROUNDING
     assert gl.error == "GL_NO_ERROR"
@@ -94,7 +96,7 @@ def test_a_hull_holds_every_vertex(gl, make_character, make_box, nodes) -> None:
         (mesh,) = renderer._meshes.values()
         places, hull = mesh.positions().astype(float), mesh.hull()
         assert ((places @ ways).max(0) <= (hull @ ways).max(0) + 1e-5).all()
-        x, y, width, height = seen_in(hull, view.clip_from_world, SIZE)
+        x, y, width, height = visible_region(hull, view.clip_from_world, SIZE)
         pixels = (view.project(places) + 1) / 2 * SIZE
         assert (pixels >= [x, y]).all() and (pixels <= [x + width, y + height]).all()
 
@@ -102,10 +104,10 @@ def test_a_hull_holds_every_vertex(gl, make_character, make_box, nodes) -> None:
 def test_what_is_beside_the_eye_may_be_anywhere() -> None:
     view = side_view()
     before, behind = np.array([[0.0, 0.5, 0.0]]), view.eye[None] + [0.0, 0.0, 1.0]
-    assert seen_in(before, view.clip_from_world, SIZE)[2] < 20
-    assert seen_in(np.concatenate([before, behind]), view.clip_from_world, SIZE) == whole(SIZE)
-    assert seen_in(np.full((1, 3), np.nan), view.clip_from_world, SIZE) == whole(SIZE)
-    assert seen_in(np.zeros((0, 3)), view.clip_from_world, SIZE)[2:] == (0, 0)
+    assert visible_region(before, view.clip_from_world, SIZE)[2] < 20
+    assert visible_region(np.concatenate([before, behind]), view.clip_from_world, SIZE) == full_region(SIZE)
+    assert visible_region(np.full((1, 3), np.nan), view.clip_from_world, SIZE) == full_region(SIZE)
+    assert visible_region(np.zeros((0, 3)), view.clip_from_world, SIZE)[2:] == (0, 0)
 
 
 @pytest.mark.parametrize(
@@ -113,7 +115,7 @@ def test_what_is_beside_the_eye_may_be_anywhere() -> None:
 )
 def test_a_region_and_what_is_beside_it_are_the_picture(region) -> None:
     count = np.zeros((12, 20), int)
-    for x, y, width, height in [region, *beside(region, (20, 12))]:
+    for x, y, width, height in [region, *regions_around(region, (20, 12))]:
         count[y : y + height, x : x + width] += 1
     assert (count == 1).all()
 

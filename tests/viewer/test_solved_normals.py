@@ -10,7 +10,7 @@ from enliven.document.character import Character, Pose, SkinWeights
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.samples.chair import make_chair
 from enliven_viewer.render.camera import CameraView, OrbitCamera
-from enliven_viewer.render.normals import placed
+from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.surface import split_creases
@@ -59,20 +59,20 @@ def view() -> CameraView:
 
 
 def test_at_rest_they_are_as_a_skinned_mesh_has_them() -> None:
-    rows = placed(VERTICES, FACES, SURFACE)
+    rows = solved_rows(VERTICES, FACES, SURFACE)
     np.testing.assert_array_equal(rows[:, :3], VERTICES[SURFACE.source])
     np.testing.assert_allclose(rows[:, 3:], SURFACE.normals, atol=1e-5)
 
 
 def test_moved_they_are_what_the_slow_twin_says() -> None:
     moved = VERTICES + np.random.default_rng(0).normal(0, 0.004, VERTICES.shape).astype(np.float32)
-    np.testing.assert_allclose(placed(moved, FACES, SURFACE), slow(moved), atol=1e-5)
+    np.testing.assert_allclose(solved_rows(moved, FACES, SURFACE), slow(moved), atol=1e-5)
 
 
 def test_what_is_no_number_and_what_has_no_area_does_no_harm() -> None:
     broken = VERTICES.copy()
     broken[:40], broken[40], broken[41] = 0.0, np.nan, np.inf
-    rows = placed(broken, FACES, SURFACE)
+    rows = solved_rows(broken, FACES, SURFACE)
     assert np.isfinite(rows).all()
     np.testing.assert_allclose(np.linalg.norm(rows[:, 3:], axis=1), 1.0, atol=1e-5)
 

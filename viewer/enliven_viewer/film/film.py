@@ -18,7 +18,7 @@ from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.link import Feed
-from enliven_viewer.live import cards_of, clock, draw_cards
+from enliven_viewer.live import cards_of, draw_cards, time_text
 from enliven_viewer.playback import NS, Document, SolvedSurfaces, TimelineMoment
 from enliven_viewer.render import EMPTY_BOX, FilmCamera, Renderer, SceneStyle, scene_of
 from enliven_viewer.render.gl import offscreen_context
@@ -72,10 +72,10 @@ def make_film(
         task = progress.add_task("Waiting for the first pose", total=seconds, told="")
         for moment, second in _moments(feed, document, studio.settings, seconds):
             strip.add(second, studio.draw(moment, second))
-            told = f"{clock(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
+            told = f"{time_text(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
             progress.update(task, description="Filming", completed=second, told=told)
     if sheet:
-        subtitle = f"{clock(studio.count / studio.settings.film.rate)} of sensor time"
+        subtitle = f"{time_text(studio.count / studio.settings.film.rate)} of sensor time"
         write_sheet(sheet, studio.tiles.chosen(), studio.settings.film.columns, title, subtitle)
     length = studio.count / studio.settings.film.rate
     draw_ms = 1000 * studio.draw_seconds / max(studio.count, 1)
@@ -140,7 +140,7 @@ class _Studio:
         assert self._canvas is not None
         margin, line = 1.4 * self._text, self._text
         word = "possessed" if moment.possessed else "free"
-        text = f"{clock(second)}  ·  {word}"
+        text = f"{time_text(second)}  ·  {word}"
         if moment.props is not None and moment.props.note:
             text = f"{moment.props.note}  ·  {text}"
         right, top = self.size[0] - margin, self.size[1] - margin - line

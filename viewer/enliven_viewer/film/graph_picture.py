@@ -23,7 +23,7 @@ from enliven_viewer.render import (
     Scene,
     SceneCharacter,
     SceneStyle,
-    linear,
+    linear_from_srgb,
 )
 from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.render.overlay import Tubes, tube_rows
@@ -121,12 +121,12 @@ def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: flo
         pixel: metres that a pixel spans at the mesh.
     """
     thin = max(0.026 * spacing, 0.8 * pixel)
-    edge_tints = np.tile(linear(np.array(EDGE)), (len(graph.edges), 1))
-    edge_tints[graph.rigid] = linear(np.array(WEAK))
-    edge_tints[graph.bridges] = linear(np.array(BRIDGE))
+    edge_tints = np.tile(linear_from_srgb(np.array(EDGE)), (len(graph.edges), 1))
+    edge_tints[graph.rigid] = linear_from_srgb(np.array(WEAK))
+    edge_tints[graph.bridges] = linear_from_srgb(np.array(BRIDGE))
     edge_radii = np.where(graph.rigid, 1.9, 1.0) * thin
-    node_tints = np.tile(linear(np.array(NODE)), (len(nodes), 1))
-    node_tints[graph.cut_vertices] = linear(np.array(CUT))
+    node_tints = np.tile(linear_from_srgb(np.array(NODE)), (len(nodes), 1))
+    node_tints[graph.cut_vertices] = linear_from_srgb(np.array(CUT))
     node_radii = np.where(graph.cut_vertices, 3.4, 2.3) * thin
     starts, ends = nodes[graph.edges[:, 0]], nodes[graph.edges[:, 1]]
     return np.concatenate(

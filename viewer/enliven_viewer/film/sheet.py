@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from enliven.arrays import UInt8
 from enliven.errors import ResourceError
-from enliven_viewer.live import clock
+from enliven_viewer.live import time_text
 
 PAPER = (19, 21, 27)
 """sRGB of the background: as dark as the stage, so that the pictures are the brightest."""
@@ -96,7 +96,7 @@ def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitl
     for index, tile in enumerate(tiles):
         x, y = _GAP + index % columns * (width + _GAP), _TITLE + index // columns * (height + _GAP)
         sheet.paste(Image.fromarray(tile.picture), (x, y))
-        _stamp(draw, x + 8, y + height - 30, clock(tile.seconds))
+        _stamp(draw, x + 8, y + height - 30, time_text(tile.seconds))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         sheet.save(path, compress_level=_PACKED)

@@ -1,5 +1,5 @@
 from .app import App
-from .hud import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT, clock, wrapped
+from .hud import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT, time_text, wrapped
 from .keys import KeyBindings
 from .match_cards import cards_of, draw_cards
 
@@ -14,7 +14,7 @@ __all__ = [
     "App",
     "KeyBindings",
     "cards_of",
-    "clock",
     "draw_cards",
+    "time_text",
     "wrapped",
 ]

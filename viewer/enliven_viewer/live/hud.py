@@ -196,13 +196,13 @@ class Hud:
         canvas.rectangle(x, y, width * state.fraction, height, ACCENT, height / 2)
         canvas.disc(x + width * state.fraction, y + height / 2, 8 * s, INK)
         top = y + height / 2 - 0.62 * self._small
-        canvas.text(x - 18 * s, top, clock(state.shown_s), self._small, INK, align=1.0)
+        canvas.text(x - 18 * s, top, time_text(state.shown_s), self._small, INK, align=1.0)
         if state.live:
             canvas.disc(x + width + 22 * s, y + height / 2, 4 * s, GOOD)
             canvas.text(x + width + 32 * s, top, "live", self._small, INK)
         else:
             mode = "paused" if state.paused else f"{state.speed:g}x"
-            canvas.text(x + width + 20 * s, top, f"{mode} · {clock(state.length_s)}", self._small, INK)
+            canvas.text(x + width + 20 * s, top, f"{mode} · {time_text(state.length_s)}", self._small, INK)
 
     def _notice(self, size: tuple[int, int], notice: str) -> None:
         """The middle of the picture: one line."""
@@ -260,7 +260,7 @@ def _state_lines(state: HudState) -> list[str]:
     return lines
 
 
-def clock(seconds: float) -> str:
+def time_text(seconds: float) -> str:
     """Seconds as m:ss.t."""
     tenths = max(round(seconds * 10), 0)
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

@@ -1,7 +1,7 @@
 from .camera import DRAG_TURN, Box, CameraView, FilmCamera, OrbitCamera
 from .renderer import EMPTY_BOX, Renderer
 from .scene import PLAIN, Scene, SceneCharacter, SceneStyle, scene_of
-from .skinned import linear
+from .skinned import linear_from_srgb
 
 __all__ = [
     "DRAG_TURN",
@@ -15,6 +15,6 @@ __all__ = [
     "Scene",
     "SceneCharacter",
     "SceneStyle",
-    "linear",
+    "linear_from_srgb",
     "scene_of",
 ]

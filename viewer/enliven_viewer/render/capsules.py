@@ -7,13 +7,13 @@ import numpy as np
 
 from enliven.arrays import Float32, Int32
 from enliven.person import BONES, Body, Joint
-from enliven_viewer.render.skinned import linear
+from enliven_viewer.render.skinned import linear_from_srgb
 
 MAX_BONES = 64
 """Capsules that the mesh shader looks at; shaders/mesh.frag has the same number."""
 REVEAL_RADIUS = 0.04
 """Metres, the radius of a bone as KinEtre takes it (section 4.3)."""
-TINTS = linear(np.array([(96, 226, 222), (255, 196, 92), (196, 160, 255), (150, 235, 130)]))
+TINTS = linear_from_srgb(np.array([(96, 226, 222), (255, 196, 92), (196, 160, 255), (150, 235, 130)]))
 """(4, 3) linear light, by the order of the bodies."""
 
 _SLIM = 0.026

@@ -9,7 +9,7 @@ from enliven.kernels import njit
 from enliven_viewer.render.surface import DrawnSurface
 
 
-def placed(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float32:
+def solved_rows(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float32:
     """(N, 6) float32 position and unit normal of each drawn vertex.
 
     Faces count in a normal by their angle at rest, so that a mesh at rest looks as a skinned one does, and

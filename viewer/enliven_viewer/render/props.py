@@ -7,7 +7,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.document import BALL, BOX, Props
-from enliven_viewer.render.skinned import linear
+from enliven_viewer.render.skinned import linear_from_srgb
 
 _BEVEL = 0.07
 """Bevel of a box's edges as a share of its least half edge: enough to catch the light."""
@@ -30,7 +30,7 @@ def prop_rows(props: Props | None, shape: int) -> Float32:
     )
     rows[:, 4:8] = np.roll(props.turns[shown], -1, 1)
     rows[:, 8:11] = half
-    rows[:, 11:] = linear(props.colours[shown])
+    rows[:, 11:] = linear_from_srgb(props.colours[shown])
     return rows
 
 

@@ -25,7 +25,7 @@ from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_
 from enliven_viewer.render.mesh_pass import MeshPass
 from enliven_viewer.render.overlay import Marks, Tubes, match_rows
 from enliven_viewer.render.props import PropPass
-from enliven_viewer.render.region import casters_of, marks_of, seen_in, shaded_by
+from enliven_viewer.render.region import casters_of, marks_of, shadow_bounds, visible_region
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
 from enliven_viewer.settings import RenderSettings
@@ -106,7 +106,7 @@ class Renderer:
         self._contact.texture.use(UNITS["contact_map"])
         self._ground.draw(self.picture.ground, stage, self._shaded(casters))
         filled = np.concatenate([casters, marks_of(scene)])
-        self.picture.begin(seen_in(filled, view.clip_from_world, self.size))
+        self.picture.begin(visible_region(filled, view.clip_from_world, self.size))
         self._draw_props()
         self._draw_bodies()
         self._mesh_pass.draw(self.picture, meshes, scene)
@@ -189,7 +189,7 @@ class Renderer:
                 mesh.render(self._caster, coarse=contact)
             self._shadow_capsules.render()
             self._shadow_props.render()
-            target.blur(blur, seen_in(casters, clip, (target.size, target.size), reach_of(blur)))
+            target.blur(blur, visible_region(casters, clip, (target.size, target.size), reach_of(blur)))
 
     def _shaded(self, casters: Float) -> Patch:
         """The floor on which the casters' shadows may fall, blurred as they are."""
@@ -198,7 +198,7 @@ class Renderer:
             (self._below, self.settings.contact_size, _CONTACT_BLUR),
         )
         room = max(2 / float(np.linalg.norm(clip[0])) / size * reach_of(blur) for clip, size, blur in texels)
-        return shaded_by(casters, TO_KEY, _SLANT * room)
+        return shadow_bounds(casters, TO_KEY, _SLANT * room)
 
     def _draw_props(self) -> None:
         """Draw the props; the depth test orders them among the rest."""

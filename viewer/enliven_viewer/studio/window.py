@@ -151,10 +151,10 @@ class StudioWindow:
     def places(self) -> Places:
         """The layout of the panels at the window's size."""
         size = imgui.get_io().display_size
-        return places_in(size.x, size.y, puppet=self._acts)
+        return places_in(size.x, size.y, puppet=self._edits_puppet)
 
     @property
-    def _acts(self) -> bool:
+    def _edits_puppet(self) -> bool:
         """Whether a puppet is edited; its performer and its key poses are shown then."""
         return self.workspace.puppets.puppet is not None and not isinstance(
             self.workspace.input.tool, MapTool
@@ -211,7 +211,7 @@ class StudioWindow:
     def _draw_source(self) -> None:
         """The picture of the take, while motion is mapped; of the performer, while a puppet is worked on."""
         tool = self.workspace.input.tool
-        if self._acts:
+        if self._edits_puppet:
             self._draw_performer()
             return
         posed = tool.source.posed() if isinstance(tool, MapTool) else None

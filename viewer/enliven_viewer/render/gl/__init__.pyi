@@ -1,6 +1,6 @@
 from .context import offscreen_context, window_context
 from .program import BLOCKS, UNITS, load_program, set_uniform
-from .region import Region, whole
+from .region import Region, full_region
 from .targets import RenderTarget, Size, SoftMap, reach_of
 
 __all__ = [
@@ -10,10 +10,10 @@ __all__ = [
     "RenderTarget",
     "Size",
     "SoftMap",
+    "full_region",
     "load_program",
     "offscreen_context",
     "reach_of",
     "set_uniform",
-    "whole",
     "window_context",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import UInt8
 from enliven_viewer.render.gl.program import UNITS, load_program
-from enliven_viewer.render.gl.region import Region, beside, whole
+from enliven_viewer.render.gl.region import Region, full_region, regions_around
 
 Size = tuple[int, int]
 _OUTERMOST = 3.23
@@ -34,7 +34,7 @@ class RenderTarget:
         near = ctx.depth_renderbuffer(size)
         self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], near)
         self._own: list[object] = [self.texture, near, self.ground]
-        self.region = whole(size)
+        self.region = full_region(size)
         self._seen: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         if self.samples:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
@@ -51,9 +51,9 @@ class RenderTarget:
 
     def widen(self) -> None:
         """Draw over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
-        for rest in beside(self.region, self.size):
+        for rest in regions_around(self.region, self.size):
             self._take_over(rest)
-        self.region = self.drawn.scissor = whole(self.size)
+        self.region = self.drawn.scissor = full_region(self.size)
         self.drawn.use()
 
     def _take_over(self, region: Region) -> None:
@@ -130,7 +130,7 @@ class SoftMap:
     def begin(self, value: float) -> None:
         """Clear to (value, value) and draw here until :meth:`blur`."""
         for buffer in reversed(self._buffers):
-            buffer.scissor = whole((self.size, self.size))
+            buffer.scissor = full_region((self.size, self.size))
             buffer.use()
             self.ctx.clear(value, value, value, value, depth=1.0)
         self.ctx.enable_only(moderngl.DEPTH_TEST)

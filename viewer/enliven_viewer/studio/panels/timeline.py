@@ -6,7 +6,7 @@ import zlib
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import ACCENT, INK, QUIET, clock
+from enliven_viewer.live import ACCENT, INK, QUIET, time_text
 from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, quiet, small
 from enliven_viewer.studio.panels.timeline_puppets import draw_puppet_lanes
 from enliven_viewer.studio.places import Area
@@ -58,7 +58,7 @@ def _transport(workspace: Workspace) -> None:
         imgui.set_tooltip("Begin again at the end")
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
-    imgui.text(f"{clock(editor.time)}  /  {clock(editor.length)}")
+    imgui.text(f"{time_text(editor.time)}  /  {time_text(editor.length)}")
     imgui.same_line(0.0, 18.0)
     imgui.set_next_item_width(76)
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")

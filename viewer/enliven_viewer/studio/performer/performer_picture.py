@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render import PLAIN, Renderer, Scene, linear
+from enliven_viewer.render import PLAIN, Renderer, Scene, linear_from_srgb
 from enliven_viewer.render.overlay import Tubes, tube_rows
 from enliven_viewer.studio.performer.performer_view import PerformerFigure
 from enliven_viewer.studio.viewport import FADED, HOVERED, Lens, point_colour
@@ -45,7 +45,9 @@ def figure_rows(figure: PerformerFigure, paired: Mapping[int, int], lit: int | N
     parents, tall = figure.skeleton.parents, figure.height
     starts, ends = figure.joints[parents[1:]], figure.joints[1:]
     radii = np.full(len(starts), _LIMB * tall)
-    bones = tube_rows(starts, ends, radii, linear(np.tile(np.array(FADED, float), (len(starts), 1))))
+    bones = tube_rows(
+        starts, ends, radii, linear_from_srgb(np.tile(np.array(FADED, float), (len(starts), 1)))
+    )
     bones[:, 7] *= 0.72
     sizes = np.full(len(figure.joints), _JOINT * tall)
     tints = np.tile(np.array(FADED, float), (len(figure.joints), 1))
@@ -53,4 +55,4 @@ def figure_rows(figure: PerformerFigure, paired: Mapping[int, int], lit: int | N
         sizes[joint], tints[joint] = _PAIRED * tall, point_colour(point)
     if lit is not None:
         sizes[lit], tints[lit] = max(sizes[lit], 0.9 * _PAIRED * tall), HOVERED
-    return np.concatenate([bones, tube_rows(figure.joints, figure.joints, sizes, linear(tints))])
+    return np.concatenate([bones, tube_rows(figure.joints, figure.joints, sizes, linear_from_srgb(tints))])

@@ -152,7 +152,7 @@ class PerformerView:
         joints = joints_of(still_shape("performer", clip.skeleton), clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # As the mesh looks: without the performer's own yaw, and without where its rest pose looks.
-        back = -float(yaw_of(clip.turns[frame, 0])) - self._looks(clip)
+        back = -float(yaw_of(clip.turns[frame, 0])) - self._front_turn(clip)
         height = float(np.ptp(clip.skeleton.positions[:, 1]))
         return PerformerFigure(clip.skeleton, turned_about_y(joints, np.asarray(back)), max(height, 0.05))
 
@@ -221,7 +221,7 @@ class PerformerView:
             near, key=lambda k: (round(float(away[k]) / 3.0), round(float(depth[k]), 2), k), default=None
         )
 
-    def _looks(self, clip: Clip) -> float:
+    def _front_turn(self, clip: Clip) -> float:
         """Radians that the performer's front is turned at rest."""
         if self._facing is None or self._facing[0] is not clip.skeleton:
             self._facing = (clip.skeleton, facing_of(clip.skeleton))

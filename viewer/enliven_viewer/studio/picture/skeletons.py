@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven_viewer.render import linear
+from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.viewport import (
     BONE,
@@ -44,11 +44,13 @@ def skeleton_rows(posed: PosedShape, lens: Lens, selection: Selection, overlay: 
     if overlay.hovered is not None and overlay.hovered[0] == posed.shape.id:
         bones[overlay.hovered[1]] = joints[overlay.hovered[1]] = HOVERED
     starts, ends = posed.bones()
-    rows = tube_rows(starts, ends, _BONE * pixel[1:], linear(bones[1:]))
+    rows = tube_rows(starts, ends, _BONE * pixel[1:], linear_from_srgb(bones[1:]))
     rows[:, 7] *= 0.42
     radii = np.full(len(joints), _JOINT)
     radii[0] = _ROOT
-    return np.concatenate([rows, tube_rows(posed.joints, posed.joints, radii * pixel, linear(joints))])
+    return np.concatenate(
+        [rows, tube_rows(posed.joints, posed.joints, radii * pixel, linear_from_srgb(joints))]
+    )
 
 
 def _tint_chain(posed: PosedShape, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven_viewer.render import linear
+from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.viewport import AXES, HELD_AXIS, Colour, Disc, Fill, Lens, Line, Point
 
@@ -137,7 +137,7 @@ class Manipulator:
     def _arrow(self, axis: int, colour: tuple[int, int, int]) -> Float32:
         way, pixel = np.eye(3)[axis] * self.pixel, self.pixel
         ends = np.array([16.0, LENGTH * (1 - _CONE), LENGTH])[:, None] * way + self.place
-        tints = linear(np.array([colour, colour], float))
+        tints = linear_from_srgb(np.array([colour, colour], float))
         made = tube_rows(ends[:2], ends[1:], np.array([1.7, 5.6]) * pixel, tints)
         made[1, 7] = 0.15 * pixel
         return made

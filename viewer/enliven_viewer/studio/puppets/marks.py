@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render import linear
+from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.puppets.stage import StandingPuppet
 from enliven_viewer.studio.viewport import Lens, Point, point_colour
@@ -46,4 +46,4 @@ def point_rows(standing: StandingPuppet, lens: Lens, chosen: int | None, hovered
     for number, grown in ((hovered, 1.25), (chosen, 1.35)):
         if number is not None and number < len(points):
             radii[number] = POINT_RADIUS * grown
-    return tube_rows(points, points, radii * pixel, linear(tints))
+    return tube_rows(points, points, radii * pixel, linear_from_srgb(tints))

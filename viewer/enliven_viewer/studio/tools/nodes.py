@@ -71,7 +71,7 @@ class RemoveTool(Tool):
         hit = self.handle_at(pointer)
         if hit is None:
             return False
-        remove(self.editor, hit.shape, hit.joint)
+        remove_joint(self.editor, hit.shape, hit.joint)
         self.hovered = None
         return True
 
@@ -86,7 +86,7 @@ class RemoveTool(Tool):
         return Overlay((Disc((float(pixel[0]), float(pixel[1])), 10.0, CUT, 2.5),), plain.chain, None)
 
 
-def remove(editor: Editor, shape: str, joint: int) -> None:
+def remove_joint(editor: Editor, shape: str, joint: int) -> None:
     """Take a joint out of a shape."""
     if editor.edit("remove node", lambda project: remove_node(project, shape, joint)):
         editor.select(shape=shape)

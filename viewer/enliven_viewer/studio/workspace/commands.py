@@ -22,7 +22,7 @@ from enliven.motion.layers import clear_chain, copy_motion
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import matching_view
-from enliven_viewer.studio.tools import remove
+from enliven_viewer.studio.tools import remove_joint
 from enliven_viewer.studio.workspace.puppet_commands import ASIDE, PuppetCommands
 
 
@@ -64,7 +64,7 @@ class Commands:
         elif chosen.shape is None:
             self.editor.toasts.say("Nothing is chosen", "Click a node or a shape first.")
         elif chosen.joint:
-            remove(self.editor, chosen.shape, chosen.joint)
+            remove_joint(self.editor, chosen.shape, chosen.joint)
         else:
             self.editor.edit(
                 f"delete {chosen.shape}", lambda project: project.without_shape(str(chosen.shape))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import ACCENT, GLASS, INK, QUIET, clock
+from enliven_viewer.live import ACCENT, GLASS, INK, QUIET, time_text
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
@@ -106,7 +106,7 @@ def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
             draw.add_text(at, packed(INK if row == 0 else QUIET), line)
         return
     with small():
-        said = f"the performer at {clock(moment[1])}"
+        said = f"the performer at {time_text(moment[1])}"
         wide = imgui.calc_text_size(said).x + 18
         low = origin.y + area.height - 32
         left = origin.x + area.width - wide - 12

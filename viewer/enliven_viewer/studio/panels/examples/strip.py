@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven.modeling.puppet import remove_key_pose
-from enliven_viewer.live import ACCENT, GLASS, GOOD, INK, QUIET, clock
+from enliven_viewer.live import ACCENT, GLASS, GOOD, INK, QUIET, time_text
 from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
@@ -201,7 +201,7 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
     with small():
         if len({one.take for one in puppet.poses}) > 1:
             draw.add_text(ImVec2(origin.x + 6, origin.y + 4), packed(QUIET), _short(pose.take))
-        imgui.text_unformatted(f"{place}   {clock(pose.time)}")
+        imgui.text_unformatted(f"{place}   {time_text(pose.time)}")
     imgui.end_group()
 
 
@@ -234,7 +234,7 @@ def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None)
             room = Area(origin.x + 10, origin.y + 6, TILE.x - 20, TILE.y - 12)
             stick(draw, figure, room, packed(CHAIN, 0.95 if hovered else 0.6))
         with small(), tinted((*CHAIN[:3], 0.85), imgui.Col_.text):
-            imgui.text_unformatted(f"suggested  {clock(seconds)}")
+            imgui.text_unformatted(f"suggested  {time_text(seconds)}")
         imgui.end_group()
         if hovered:
             imgui.set_tooltip("Pose the puppet for this moment: no example is like it")
