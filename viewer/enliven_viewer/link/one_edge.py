@@ -168,7 +168,7 @@ class EdgeConnection:
         self._stream.close(linger=0)
 
     def _state(self, now: float, rate: float) -> tuple[Any, str]:
-        """The word and the sentence of :class:`Health`."""
+        """The state and the text of :class:`Health`."""
         if self._other_version is not None:
             return "version mismatch", (
                 f"the edge at {self.endpoint} speaks version {self._other_version} of the wire and this "
@@ -203,7 +203,7 @@ class EdgeConnection:
         self._requests.forget()
 
     def _reject(self, error: Malformed) -> None:
-        """Count what cannot be read; another version is something the user must know."""
+        """Count a message that cannot be read; tell the user where it is of another version."""
         if isinstance(error, OtherVersion) and self._other_version != error.version:
             self._other_version = error.version
             self._notify(Notice("error", self._state(0.0, 0.0)[1]))

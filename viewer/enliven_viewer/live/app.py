@@ -29,7 +29,7 @@ _ROOM = 1.14
 
 
 class App:
-    """One window on one feed.
+    """A window that shows what one feed brings.
 
     Args:
         feed: where the document is filled from.
@@ -155,7 +155,7 @@ class App:
         return self._size[0] / max(self._size[1], 1)
 
     def _step(self, window: Any, renderer: Renderer, hud: Hud, elapsed: float) -> None:
-        """One turn of the loop."""
+        """Do one turn of the loop: poll, move the playhead, draw, show."""
         glfw.poll_events()
         self.feed.poll(self.document)
         self.playhead.advance(elapsed)

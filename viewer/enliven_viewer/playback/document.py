@@ -71,11 +71,11 @@ class Document:
         self.timeline.add_board(board)
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
-        """Say what of a character is held, from a time on or from the newest moment; no nodes: nothing."""
+        """Set the cues of a character from a time on, or from the newest moment; no nodes: none held."""
         self.timeline.set_cues(cues, time_ns)
 
     def forget_cues(self, character_id: str) -> None:
-        """Nothing of a character is held from the newest moment on."""
+        """Remove the cues of a character from the newest moment on."""
         self.timeline.forget_cues(character_id)
 
 

@@ -109,7 +109,7 @@ class Timeline:
         self._put(replace(old, boards={**old.boards, board.character: board}))
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
-        """Say what of a character is held from a time on (the newest moment's where None) until said anew."""
+        """Set the cues of a character from a time on (None: the newest moment's) until they are set again."""
         self._cues = {**self._cues, cues.character: cues}
         first = len(self._times) - 1 if time_ns is None else bisect.bisect_left(self._times, time_ns)
         for i in range(max(first, 0), len(self._moments)):
@@ -117,11 +117,11 @@ class Timeline:
             self._moments[i] = replace(moment, cues={**moment.cues, cues.character: cues})
 
     def forget_cues(self, character_id: str) -> None:
-        """Say that nothing of a character is held in the newest moment and all that follow."""
+        """Remove the cues of a character from the newest moment and all that follow."""
         self._hold({name: cues for name, cues in self._cues.items() if name != character_id})
 
     def clear(self) -> None:
-        """Forget everything, and tell the playhead by a new generation."""
+        """Remove all moments; a new generation tells the playhead."""
         self._times.clear()
         self._moments.clear()
         self.generation += 1
@@ -154,7 +154,7 @@ class Timeline:
         return self._times[min(max(index, 0), len(self._times) - 1)]
 
     def drop_before(self, time_ns: int) -> None:
-        """Forget the moments that no time from ``time_ns`` on needs."""
+        """Remove the moments that no time from ``time_ns`` on needs."""
         count = max(bisect.bisect_right(self._times, time_ns) - 1, 0)
         del self._times[:count], self._moments[:count]
 
@@ -176,7 +176,7 @@ class Timeline:
         return TimelineMoment(time_ns, poses, bodies, before.cues, props, boards)
 
     def _hold(self, cues: dict[str, CueFrame]) -> None:
-        """Cues of the newest moment and all that follow."""
+        """Set the cues of the newest moment and all that follow."""
         self._cues = cues
         if self._moments:
             self._moments[-1] = replace(self._moments[-1], cues=cues)

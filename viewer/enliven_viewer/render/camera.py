@@ -126,7 +126,7 @@ class OrbitCamera:
 
     @property
     def target(self) -> Float:
-        """(3,) metres, what the camera looks at now."""
+        """(3,) metres, the point that the camera looks at now."""
         return self._now[:3].copy()
 
     def face(self, azimuth: float, elevation: float) -> None:

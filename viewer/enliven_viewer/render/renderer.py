@@ -1,4 +1,4 @@
-"""One picture of a scene: skin, shadows, floor, body, mesh, marks, in this order."""
+"""Draws a picture of a scene: skin, shadows, floor, body, mesh, marks, in this order."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class Renderer:
         self._draw_matches(scene)
 
     def _draw_matches(self, scene: Scene) -> None:
-        """The chains that a pose means, or that are driven, over everything."""
+        """Draw the matched or driven chains over everything."""
         rows, deepest = match_rows(scene.boards if scene.style.cues > 0 else {})
         if len(rows):
             self._tubes = self._tubes or Tubes(self.ctx)
@@ -155,7 +155,7 @@ class Renderer:
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
     def _write_frame(self, box: Box, view: CameraView) -> Float:
-        """Fill the uniform block that every shader shares; (3,) where the pool of light is.
+        """Fill the uniform block that every shader shares; returns (3,) the middle of the pool of light.
 
         It follows the scene slowly.
         """
@@ -173,7 +173,7 @@ class Renderer:
         return self._stage
 
     def _draw_shadows(self, meshes: list[SkinnedMesh], casters: Float) -> None:
-        """The key light's map and the floor's contact map, blurred."""
+        """Draw and blur the key light's map and the floor's contact map."""
         passes = (
             (self._shadow, self._light, _SHADOW_BLUR, 1.0),
             (self._contact, self._below, _CONTACT_BLUR, 0.0),
@@ -192,7 +192,7 @@ class Renderer:
             target.blur(blur, visible_region(casters, clip, (target.size, target.size), reach_of(blur)))
 
     def _shaded(self, casters: Float) -> Patch:
-        """The floor on which the casters' shadows may fall, blurred as they are."""
+        """The part of the floor that blurred shadows of the casters may reach."""
         texels = (
             (self._light, self.settings.shadow_size, _SHADOW_BLUR),
             (self._below, self.settings.contact_size, _CONTACT_BLUR),
@@ -216,7 +216,7 @@ class Renderer:
         self.ctx.disable_direct(_ALPHA_TO_COVERAGE)
 
     def _draw_hidden_bodies(self, scene: Scene) -> None:
-        """The body faintly through whatever covers it; the brighter of the two stays, so nothing adds up."""
+        """Draw the bodies faintly through what covers them; the brighter value stays, so nothing adds up."""
         if scene.style.body <= 0:
             return
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)

@@ -177,7 +177,7 @@ class StudioWindow:
         return round(io.display_size.x * scale.x), round(io.display_size.y * scale.y)
 
     def _picture(self) -> None:
-        """The 3-D picture, in the middle of the window."""
+        """Draw the 3-D picture in the middle of the window."""
         assert self._viewport is not None
         now = time.monotonic()
         elapsed = min(now - self._last, _LONGEST_STEP) if self.step is None else self.step
@@ -209,7 +209,7 @@ class StudioWindow:
         self._screen.viewport = (0, 0, *self._framebuffer_size())
 
     def _draw_source(self) -> None:
-        """The picture of the take, while motion is mapped; of the performer, while a puppet is worked on."""
+        """Draw the take while motion is mapped, or the performer while a puppet is edited."""
         tool = self.workspace.input.tool
         if self._edits_puppet:
             self._draw_performer()

@@ -1,4 +1,4 @@
-"""Dialogues: files, questions before work is lost, and the keys."""
+"""Dialogues: files, unsaved work, recovery, and the list of keys."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TITLES = {
 
 
 def draw_dialogs(workspace: Workspace) -> None:
-    """The dialogue that is asked for, over everything."""
+    """Draw the open dialogue over everything."""
     if workspace.asking in _TITLES:
         _files(workspace)
     elif workspace.asking == "help":

@@ -1,4 +1,4 @@
-"""The menu bar: every command by its menu, with its keys."""
+"""The menu bar: every command in its menu, with its keys."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SAID = {
 
 
 def draw_menu(workspace: Workspace) -> None:
-    """The bar along the top."""
+    """Draw the bar along the top."""
     if not imgui.begin_main_menu_bar():
         return
     for menu in dict.fromkeys(command.menu for command in MENU_COMMANDS):

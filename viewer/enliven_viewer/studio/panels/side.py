@@ -24,7 +24,7 @@ _MEANT = {
 
 
 def draw_side(workspace: Workspace, area: Area) -> None:
-    """Everything in the right panel."""
+    """Draw the right panel."""
     with panel("side", area):
         _shapes(workspace)
         if workspace.editor.selection.shape is not None:
@@ -140,7 +140,7 @@ def _mover(workspace: Workspace, layer: str) -> Shape | None:
 def _slider(
     workspace: Workspace, layer: Layer, name: str, value: float, low: float, high: float, said: str
 ) -> None:
-    """A number of a layer: shown while it is dragged, remembered as one edit when it is let go."""
+    """Draw a slider of a layer's number: a draft while it is dragged, one edit when it is let go."""
     imgui.set_next_item_width(-1)
     changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said)
     workspace.remember(f"layer {name}")

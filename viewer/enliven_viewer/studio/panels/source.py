@@ -99,7 +99,7 @@ def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
 
 
 def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
-    """Thumbnails along the top of the viewport, the best first; the pointer lights one, a click takes it."""
+    """Draw thumbnails of the matches along the top, the best first; a click accepts the one that is lit."""
     wide = len(tool.offered) * (_THUMB.x + 8) + 24
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
     imgui.set_next_window_size(ImVec2(wide, _THUMB.y + 46))
@@ -124,7 +124,7 @@ def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
 
 
 def _thumbnail(workspace: Workspace, offer: Offer, at: ImVec2, lit: bool) -> None:
-    """The shape's bones as seen now, fitted into a square, what would move in colour."""
+    """Draw the shape's bones as seen now in a square, the driven ones in colour."""
     draw = imgui.get_window_draw_list()
     corner = ImVec2(at.x + _THUMB.x, at.y + _THUMB.y)
     draw.add_rect_filled(at, corner, packed(DARK), 6.0)

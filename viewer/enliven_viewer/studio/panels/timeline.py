@@ -21,7 +21,7 @@ _NO_TAKE = "The puppet plays no take yet. Choose one in the performer's view."
 
 
 def draw_timeline(workspace: Workspace, area: Area) -> None:
-    """Everything in the bottom panel."""
+    """Draw the bottom panel."""
     with panel("timeline", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
         _transport(workspace)
         origin = imgui.get_cursor_screen_pos()

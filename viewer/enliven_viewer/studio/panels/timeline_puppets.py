@@ -124,7 +124,7 @@ def _poses(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec
 
 
 def _bands(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
-    """Contact and flight, with a handle where one becomes the other."""
+    """Draw contact and flight, with a handle at each switch."""
     draw, top = imgui.get_window_draw_list(), origin.y + row.top
     handle = workspace.timeline.puppets.chosen
     for number, (switch, left, right) in enumerate(lanes.bands(row)):
@@ -146,7 +146,7 @@ def _bands(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec
 
 
 def _held(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
-    """A mark for every hard constraint: a pin, a bar for standing still, two dots for level."""
+    """Draw a mark for every hard constraint: a pin, a bar for standing still, two dots for level."""
     draw, middle = imgui.get_window_draw_list(), origin.y + row.top + row.height / 2
     puppet = lanes.project.puppets[row.puppet]
     for _, held, x in lanes.held(row):

@@ -17,7 +17,7 @@ _WIDE = 380.0
 
 
 def draw_overlay(workspace: Workspace, area: Area) -> None:
-    """Marks, then the hint, then messages; under every panel."""
+    """Draw marks, then the hint, then messages, below every panel."""
     draw = imgui.get_background_draw_list()
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
     for mark in workspace.input.tool.overlay().marks:

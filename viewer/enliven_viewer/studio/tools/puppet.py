@@ -186,7 +186,7 @@ class PuppetTool(Tool):
         return float(np.hypot(*np.subtract(pointer.at, start.at))) > _STILL
 
     def _clicked(self, pointer: Pointer) -> None:
-        """A click on the mesh puts a control point; on another puppet it chooses that; beside all, none."""
+        """Take a click: it adds a control point, chooses another puppet, or clears the choice of point."""
         standing = self._standing()
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:

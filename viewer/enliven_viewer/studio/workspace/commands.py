@@ -42,15 +42,15 @@ class Commands:
         self.puppets = PuppetCommands(editor)
 
     def play(self) -> None:
-        """Play, or stop."""
+        """Start or stop playing."""
         self.editor.playing = not self.editor.playing
 
     def step(self, count: int) -> None:
-        """Some frames on, or back."""
+        """Move the playhead by some frames."""
         self.editor.scrub(self.editor.time + count * self.editor.settings.frame_step)
 
     def bones(self) -> None:
-        """Show the bones, or not."""
+        """Show or hide the bones."""
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
@@ -110,7 +110,7 @@ class Commands:
             self.editor.select(shape=made[-1])
 
     def duplicate(self) -> None:
-        """A copy of the chosen shape beside it, the clipboard untouched."""
+        """Put a copy of the chosen shape beside it; the clipboard stays."""
         if self.puppets.duplicate():
             return
         graph = self.editor.selection.graph
@@ -170,7 +170,7 @@ class Commands:
         self.editor.toasts.say("Copied the chain's motion", "Choose another chain and press Ctrl+Shift+V.")
 
     def paste_motion(self) -> None:
-        """Give the chosen chain the remembered motion, on top of what moves it."""
+        """Add the remembered motion to the chosen chain, on top of its own."""
         chosen = self.editor.selection
         if self._motion is None:
             self.editor.toasts.say("No motion was copied", "Choose a chain and press Ctrl+Shift+C first.")
@@ -216,7 +216,7 @@ class Commands:
             self.editor.toasts.say(f"{name} stays where it stands", "P lets it go again.")
 
     def best_view(self) -> None:
-        """Look from where most of the chosen shape's bones are seen, no further round than needed."""
+        """Turn the camera to the direction from which most of the chosen shape's bones are seen."""
         shape = self._chosen()
         if shape is None:
             return
@@ -261,12 +261,12 @@ class Commands:
         self.editor.toasts.say("No chain is chosen", "Click the joint where it begins, Shift-click its end.")
 
     def _outwards(self, shape: str, chain: tuple[int, ...]) -> tuple[int, ...]:
-        """The chain from the root's side; one that goes up is turned round."""
+        """The chain in the order from the root to the end."""
         parents = self.editor.project.shapes[shape].skeleton.parents
         return chain[::-1] if len(chain) > 1 and parents[chain[0]] == chain[1] else chain
 
     def _aside(self, source: Project, name: str) -> np.ndarray:
-        """(3,) metres, to the right as it is seen, by about the shape's width."""
+        """(3,) metres, an offset to the right of the view by about the shape's width."""
         lens, points = self.editor.lens, source.shapes[name].skeleton.positions
         right = lens.view.camera_from_world[0, :3]
         wide = float(np.ptp(points @ right))

@@ -67,7 +67,7 @@ class PuppetCommands:
         return self._add(f"paste {name}", lambda p: paste_puppet(p, source, name, offset=offset))
 
     def duplicate(self) -> bool:
-        """A copy beside it, the clipboard untouched."""
+        """Put a copy of the puppet beside it; the clipboard stays."""
         name = self._name()
         if name is None:
             return False
@@ -168,7 +168,7 @@ class PuppetCommands:
         return True
 
     def _aside(self, mesh: Mesh) -> Float:
-        """(3,) metres to the right, as it is seen, by about the mesh's width."""
+        """(3,) metres, an offset to the right of the view by about the mesh's width."""
         right = self.editor.lens.view.camera_from_world[0, :3]
         way = np.asarray(right * (float(np.ptp(mesh.vertices @ right)) + ASIDE))
         way[1] = 0.0

@@ -32,7 +32,7 @@ _WORDS = {"travel": "travels", "level_feet": "level feet"}
 
 
 def draw_layer(workspace: Workspace, puppet: Puppet) -> None:
-    """The numbers of the layer that is chosen, or of the first."""
+    """Draw the numbers of the chosen layer, or of the first."""
     editor = workspace.editor
     number = layer_of(puppet, editor.selection.puppet_layer)
     assert number is not None
@@ -74,7 +74,7 @@ def _slider(
     high: float,
     said: str,
 ) -> None:
-    """A number of a layer: shown while it is dragged, remembered as one edit when it is let go."""
+    """Draw a slider of a layer's number: a draft while it is dragged, one edit when it is let go."""
     imgui.set_next_item_width(-1)
     changed, wanted = imgui.slider_float(f"##puppet {name}", getattr(layer, name), low, high, said)
     workspace.remember(f"layer {name}")
@@ -97,7 +97,7 @@ def draw_held(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
-    """Buttons that hold the chosen control point hard at the playhead."""
+    """Draw the buttons that add hard constraints of the chosen control point at the playhead."""
     editor, chosen = workspace.editor, workspace.editor.puppets.point
     number = layer_of(puppet, editor.selection.puppet_layer)
     if chosen is None or number is None:
@@ -135,7 +135,7 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
-    """One of them: a click goes there, the cross takes it away."""
+    """Draw one constraint: a click goes to its frame, the cross removes it."""
     editor = workspace.editor
     take = editor.project.takes[puppet.layers[number].take]
     wide = imgui.get_content_region_avail().x

@@ -22,7 +22,7 @@ _PAD = 10.0
 
 
 def draw_examples(workspace: Workspace, area: Area) -> None:
-    """Everything about the chosen puppet, at the right."""
+    """Draw the panel of the chosen puppet at the right."""
     puppet = workspace.editor.puppets.puppet
     with panel("side", area):
         if puppet is None:
@@ -39,7 +39,7 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
 
 
 def _head(workspace: Workspace, puppet: Puppet) -> None:
-    """Back to everything, and the puppet's name."""
+    """Draw the button back to the side panel, and the puppet's name."""
     if imgui.button(_BACK, ImVec2(30, 0)):
         workspace.editor.puppets.accept()
         workspace.editor.puppets.choose(None)

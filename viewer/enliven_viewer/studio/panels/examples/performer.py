@@ -16,7 +16,7 @@ _LINKED = "\uf0c1"
 
 
 def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> None:
-    """The picture of the performer, which take it is of, and what lies under the pointer."""
+    """Draw the performer, the choice of take, and the name of the joint under the pointer."""
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     with panel("performer", area, flags):
@@ -92,7 +92,7 @@ def _picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | No
 
 
 def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
-    """The moment, at the lower left; the joint under the pointer beside it; what to do where nothing is."""
+    """Write the moment at the lower left and the joint beside it, or what to do where there is none."""
     view, moment = workspace.performer, workspace.performer.moment
     draw = imgui.get_window_draw_list()
     if moment is not None:

@@ -1,4 +1,4 @@
-"""The list of control points: choose, name, pair with a joint, foot, how hard it pulls, remove; symmetry."""
+"""The list of control points: to choose, name, pair, weigh and remove them, and to set the symmetry."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _AXES = ("left to right", "above to below", "front to back")
 
 
 def draw_points(workspace: Workspace, puppet: Puppet) -> None:
-    """The heading, a row a point, what concerns the chosen one, and the buttons."""
+    """Draw the heading, a row per point, the fields of the chosen one, and the buttons."""
     heading(f"Control points   {len(puppet.points) or ''}")
     if not puppet.points:
         _standing(workspace, puppet)
@@ -40,7 +40,7 @@ def draw_points(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _standing(workspace: Workspace, puppet: Puppet) -> None:
-    """Buttons for a mesh that lies on its back, or looks aside."""
+    """Draw the buttons that turn a mesh that lies on its back or looks aside."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, said in (
         ("Stand it up", "x", "For a mesh that lies on its back"),
@@ -61,7 +61,7 @@ def _stand(workspace: Workspace, puppet: str, label: str, axis: str) -> None:
 
 
 def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint) -> None:
-    """One point: its mark as in 3-D, its name, and what it follows."""
+    """Draw one point: its mark as in 3-D, its name, and its joint."""
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     puppets = workspace.editor.puppets
     if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW - 4)):
@@ -134,7 +134,7 @@ def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
 
 
 def _joint(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
-    """The joint that it follows: from the list, the likeliest first; or clicked in the performer's view."""
+    """Draw the list of joints that the point may follow, the likeliest first."""
     editor, take = workspace.editor, workspace.performer.take
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##joint", point.joint or "click a joint of the performer, or choose"):
@@ -206,7 +206,7 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def set_mirrored(workspace: Workspace, puppet: Puppet, on: bool) -> None:
-    """Take the mesh's plane of symmetry for the examples, or none; and edit both sides while they are few."""
+    """Set or clear the plane of symmetry of the examples, and editing of both sides while there are few."""
     editor = workspace.editor
     plane = plane_for(puppet) if on else None
     editor.puppets.set_symmetric(on and not puppet.poses)

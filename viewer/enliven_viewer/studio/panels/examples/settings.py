@@ -25,7 +25,7 @@ _NUMBERS = (
 
 
 def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
-    """The sliders, folded away at first."""
+    """Draw the sliders, folded away at first."""
     imgui.dummy(ImVec2(0, 4))
     with tinted(RAISED, imgui.Col_.header), tinted(PRESSED, imgui.Col_.header_hovered):
         opened = imgui.collapsing_header("Settings")
@@ -49,7 +49,7 @@ def _number(
     high: float,
     said: str,
 ) -> None:
-    """One setting: shown while it is dragged, remembered as one edit when it is let go."""
+    """Draw a slider of a setting: a draft while it is dragged, one edit when it is let go."""
     editor, value = workspace.editor, getattr(getattr(puppet, group), name)
     changed, wanted = False, value
     if isinstance(value, bool):

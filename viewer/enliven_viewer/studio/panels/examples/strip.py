@@ -45,7 +45,7 @@ def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None
 
 
 def _wheel() -> None:
-    """The wheel moves the strip sideways."""
+    """Scroll the strip sideways by the wheel."""
     if imgui.is_window_hovered() and imgui.get_io().mouse_wheel:
         imgui.set_scroll_x(imgui.get_scroll_x() - 60 * imgui.get_io().mouse_wheel)
 
@@ -84,7 +84,7 @@ def _said(coverage: TakeCoverage, count: int) -> str:
 
 
 def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
-    """Buttons for the key pose that is edited."""
+    """Draw the buttons for the edited key pose."""
     labels = ("Done", "Cancel", "Duplicate", "Mirror", "Here", "Remove")
     told = {
         "Done": "Keep it, and let the puppet play (Enter)",
@@ -132,7 +132,7 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
 
 
 def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
-    """Seconds of the key pose's take, half a second after it or before, where no key pose is."""
+    """Seconds of the take without a key pose, half a second after or before this one."""
     key = puppet.poses[number]
     clip = workspace.editor.project.takes[key.take]
     taken = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
@@ -143,7 +143,7 @@ def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
 
 
 def _plus(workspace: Workspace, puppet: Puppet) -> None:
-    """A key pose for the moment that the performer shows."""
+    """Draw the button for a key pose of the moment that the performer shows."""
     moment = workspace.performer.moment
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_disabled(moment is None or not puppet.points)
@@ -168,7 +168,7 @@ def _plus(workspace: Workspace, puppet: Puppet) -> None:
 
 
 def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
-    """One key pose; a click edits it."""
+    """Draw one key pose; a click edits it."""
     pose, chosen = puppet.poses[number], workspace.editor.puppets.number == number
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
@@ -213,7 +213,7 @@ def _menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
 
 
 def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
-    """Moments that are suggested: the performer there; a click begins a key pose."""
+    """Draw the performer at the suggested moments; a click begins a key pose."""
     if coverage is None or not puppet.points:
         return
     wanted = coverage.frames[: max(coverage.needed, 1)]
