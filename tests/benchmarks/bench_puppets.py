@@ -29,8 +29,8 @@ from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation
-from enliven_viewer.playback.solved_surfaces import Surfaces
-from enliven_viewer.render.normals import placed
+from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
+from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.surface import split_creases
 
 FRAMES, RATE = 600, 30.0
@@ -117,12 +117,12 @@ def _surface(actor: PuppetActor, poses: list[Pose]) -> float:
     character, runs = actor.character, []
     drawn = split_creases(character.vertices, character.faces)
     for _ in range(REPEATS):
-        surfaces, took = Surfaces(wait=True), []
+        surfaces, took = SolvedSurfaces(wait=True), []
         for pose in poses[40:160]:
             started = time.perf_counter()
             vertices = surfaces.vertices(character, pose)
             assert vertices is not None
-            placed(vertices, character.faces, drawn)
+            solved_rows(vertices, character.faces, drawn)
             took.append(time.perf_counter() - started)
         runs.append(took)
     return float(np.median(np.min(runs, axis=0)[5:]))

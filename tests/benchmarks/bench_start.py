@@ -21,7 +21,7 @@ from figure import Figure
 from enliven.wire.ports import free_ports
 from enliven.wire.sockets import Endpoint
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import Timeline
 
@@ -84,7 +84,7 @@ def _first_pose() -> float:
     """Seconds from the start of an edge that takes hold at once to the first pose that a viewer receives."""
     port, control = free_ports()[:2]
     document = Document(Timeline(bounded=False))
-    feed = EdgeFeed(Link([str(Endpoint("127.0.0.1", port, control))]))
+    feed = EdgeFeed(EdgeClient([str(Endpoint("127.0.0.1", port, control))]))
     words = ["edge", "--possess-at", "0", "--port", str(port), "--control-port", str(control)]
     began = time.perf_counter()
     edge = subprocess.Popen([*ENLIVEN, *words, "--name", f"bench-{port}"], stderr=subprocess.DEVNULL)

@@ -92,11 +92,11 @@ def without_processes(monkeypatch):
         return cli.run([*edge, *BOUNDS["edge"]])
 
     class Closed:
-        def __init__(self, desk) -> None:
-            self.desk = desk
+        def __init__(self, workspace) -> None:
+            self.workspace = workspace
 
         def run(self, seconds: float | None = None) -> None:
-            assert self.desk.editor is not None
+            assert self.workspace.editor is not None
 
     monkeypatch.setattr(run_command, "run_together", here)
     monkeypatch.setattr(studio_command, "has_display", lambda: True)

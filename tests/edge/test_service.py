@@ -24,7 +24,7 @@ from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings
 from enliven_edge.tracking.settings import OutputSettings, SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 
 STEP = 33_333_333
 
@@ -148,7 +148,7 @@ def test_a_viewer_may_turn_a_performer_s_smoothing_off(outlet, tmp_path):
         for i in range(40)
     ]
     answers = []
-    with contextlib.closing(Link([outlet.publisher.endpoint])) as link:
+    with contextlib.closing(EdgeClient([outlet.publisher.endpoint])) as link:
         deadline = time.monotonic() + PATIENCE
         while link.status is None and time.monotonic() < deadline:
             link.poll()

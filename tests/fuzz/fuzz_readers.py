@@ -32,7 +32,7 @@ from enliven.wire.envelope import Malformed
 from enliven.wire.matches import message_to_board
 from enliven.wire.posecode import PoseCodec
 from enliven_edge.importing.bags.reader import BagReader
-from enliven_viewer.link.take_feed import Take
+from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
 
 
@@ -98,7 +98,7 @@ def _depth_frame(data: bytes, folder: Path) -> None:
 
 def _take(data: bytes, folder: Path) -> None:
     path = _file(folder, "a.mcap", data)
-    take, document = Take(path), Document()
+    take, document = TakeFeed(path), Document()
     while take.poll(document):
         pass
     read_possessed(path)

@@ -9,9 +9,9 @@ import pytest
 from enliven.examples.puppet_motion import missing, state_of
 from enliven.modeling.puppet.edits import change_key_pose
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.edits import guessed, stood, with_points
+from enliven_viewer.studio.examples.edits import turned_a_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.workspace.go_to import begin_pose
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 CACTUS = DATA / "meshes" / "cinolib" / "cactus.off"
@@ -28,39 +28,39 @@ ENDS = ((0.0, 1.0, 0.0), (-0.27, 0.95, 0.0), (0.27, 0.95, 0.0), (0.0, 0.0, 0.05)
 
 
 def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path):
-    desk = Desk.new(Editor(), tmp_path / "recovery")
-    desk.open(CACTUS)
-    desk.open(TRAFFIC)
-    editor, name, take = desk.editor, "cactus", TRAFFIC.stem
+    workspace = Workspace.new(Editor(), tmp_path / "recovery")
+    workspace.open(CACTUS)
+    workspace.open(TRAFFIC)
+    editor, name, take = workspace.editor, "cactus", TRAFFIC.stem
     for axis in ("x", "y"):
-        assert editor.edit("stand", lambda project, axis=axis: stood(project, name, axis))
+        assert editor.edit("stand", lambda project, axis=axis: turned_a_quarter(project, name, axis))
     mesh = editor.project.puppets[name].mesh
     wide, tall, deep = np.ptp(mesh.vertices, axis=0)
     assert tall > wide > deep, "it stands, and its arms are at its sides"
     ends = [int(np.linalg.norm(mesh.vertices - tall * np.array(at), axis=1).argmin()) for at in ENDS]
-    desk.performer.show(take)
+    workspace.performer.show(take)
     assert editor.edit("points", lambda project: with_points(project, name, ends))
-    assert editor.edit("guess", lambda project: guessed(project, name, take))
+    assert editor.edit("guess", lambda project: with_guessed_joints(project, name, take))
     points = editor.project.puppets[name].points
     assert [point.name for point in points[:3]] in (
         ["head", "right hand", "left hand"],
         ["head", "left hand", "right hand"],
     )
     assert points[3].foot
-    coverage = desk.coverages.of(editor.project, editor.project.puppets[name], take)
+    coverage = workspace.coverages.of(editor.project, editor.project.puppets[name], take)
     assert coverage is not None and 2 <= coverage.needed <= 12
     for number, second in enumerate(coverage.times[:3]):
-        begin_pose(desk, take, second)
+        begin_pose(workspace, take, second)
         places = np.array(editor.project.puppets[name].rest)
         places[1:3] += 0.1 * tall * np.array([[0, number - 1, 0], [0, 1 - number, 0]])
         change = {"places": places}
         assert editor.edit("pose", lambda project, n=number, c=change: change_key_pose(project, name, n, **c))
-    desk.puppets.accept()
+    workspace.puppets.accept()
     project, puppet = editor.solving.settle(editor.project, name)
     assert not missing(project, puppet) and editor.solving.problem(name) is None
     assert puppet is editor.project.puppets[name]
     for pose, second in zip(puppet.poses, coverage.times[:3], strict=True):
         found = state_of(project, puppet, second).places
         assert np.abs(found - pose.places).max() < 0.05 * tall, "close to its examples, and smooth"
-    after = desk.coverages.of(project, puppet, take)
+    after = workspace.coverages.of(project, puppet, take)
     assert after is not None and after.left < coverage.left

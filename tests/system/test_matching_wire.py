@@ -21,7 +21,7 @@ from enliven_edge.stage.rig.settings import MatchingSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.live.app import App
 from enliven_viewer.live.match_cards import cards_of
 from enliven_viewer.playback.document import Document
@@ -59,7 +59,7 @@ class House:
         self.sensor = Pointing()
         self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet)
         self.document = Document()
-        self.feed = EdgeFeed(Link([outlet.publisher.endpoint]))
+        self.feed = EdgeFeed(EdgeClient([outlet.publisher.endpoint]))
         self.app = App(self.feed, self.document)
         self.app.camera.face(0.0, 0.2)
         self.app.camera.advance(10.0)
@@ -70,8 +70,8 @@ class House:
         self.edge.step(frame)
         self.edge._listen()
         self.feed.poll(self.document)
-        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.look)
-        self.app.tell_gaze()
+        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.style)
+        self.app.report_view()
         time.sleep(0.002)
 
     def until(self, done) -> None:

@@ -24,7 +24,7 @@ from enliven_edge.network.publisher import Publisher
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 
 pytestmark = pytest.mark.system
 FRAMES = 42
@@ -107,7 +107,7 @@ def test_a_late_joiner_sees_what_lies_about():
     )
     with Publisher(name=f"props-{time.monotonic_ns()}", pose_port=0, control_port=0) as publisher:
         publisher.publish(props_to_message(props))
-        late = Link([publisher.endpoint])
+        late = EdgeClient([publisher.endpoint])
         found: list[Props] = []
 
         def came() -> bool:

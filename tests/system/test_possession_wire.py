@@ -24,7 +24,7 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.live.app import App
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.scene import scene_of
@@ -62,7 +62,7 @@ class House:
         outlet.introduce(self.actor.character)
         self.edge = Edge(TwoPeople(), Tracker(), Stage([self.actor]), outlet)
         self.document = Document()
-        self.feed = EdgeFeed(Link([outlet.publisher.endpoint]))
+        self.feed = EdgeFeed(EdgeClient([outlet.publisher.endpoint]))
         self.app = App(self.feed, self.document)
 
     def step(self) -> None:
@@ -71,7 +71,7 @@ class House:
         self.edge.step(frame)
         self.edge._listen()
         self.feed.poll(self.document)
-        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.look)
+        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.style)
         time.sleep(0.002)
 
     def until(self, done) -> None:
@@ -115,7 +115,7 @@ def test_two_performers_take_hold_with_their_parts_from_the_keys(house: House) -
     house.until(lambda: len(house.app._scene.bodies) == 2)
     house.app.choose_performer()
     house.app.choose_performer()
-    assert house.app.grasp.words == "P takes hold: legs of performer 2"
+    assert house.app.possession.words == "P takes hold: legs of performer 2"
     house.app.choose_parts(1)
     house.app.possess("join")
     house.until(lambda: set(house.cues.owners[house.cues.firm].tolist()) == {1, 2})
@@ -125,7 +125,7 @@ def test_two_performers_take_hold_with_their_parts_from_the_keys(house: House) -
     house.until(lambda: len(house.holders[2]) == 2 or house.holders[2] == ["head"])
     house.app.release()
     house.until(lambda: house.holders == {1: ["legs"]})
-    house.app.grasp.body = None
+    house.app.possession.body = None
     house.app.release()
     house.until(lambda: house.holders == {})
 
@@ -137,7 +137,7 @@ def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house
     assert house.edge.tracker.output.amount(2) == 1.0
     house.app.toggle_lock()
     house.until(lambda: "only the performers of one depth sensor" in house.document.edge.message)
-    assert not house.app.grasp.locked
+    assert not house.app.possession.locked
 
 
 def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House) -> None:
@@ -147,12 +147,12 @@ def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House)
     for wanted, ids in ((True, frozenset()), (False, None)):
         house.app.toggle_lock()
         deadline = time.monotonic() + PATIENCE
-        while house.app.grasp.locked != wanted and time.monotonic() < deadline:
+        while house.app.possession.locked != wanted and time.monotonic() < deadline:
             silent()
-        assert house.app.grasp.locked == wanted and tracker._crowd.lock.ids == ids
+        assert house.app.possession.locked == wanted and tracker._crowd.lock.ids == ids
 
 
 def test_what_is_refused_is_said(house: House) -> None:
-    house.app.grasp.body = 9
+    house.app.possession.body = 9
     house.app.possess()
     house.until(lambda: "performer 9 is not in view" in house.document.edge.message)

@@ -31,11 +31,11 @@ from enliven_edge.stage.puppet.settings import PuppetSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import Link
-from enliven_viewer.link.take_feed import Take
+from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.live.app import App
 from enliven_viewer.playback.document import Document
-from enliven_viewer.playback.solved_surfaces import Surfaces
+from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.playback.timeline import Timeline
 from enliven_viewer.render.scene import scene_of
 
@@ -75,8 +75,8 @@ class House:
         self.sensor = Waving()
         self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet)
         self.document, self.outlet = Document(), outlet
-        self.feed = EdgeFeed(Link([outlet.publisher.endpoint]))
-        self.app, self.surfaces = App(self.feed, self.document), Surfaces()
+        self.feed = EdgeFeed(EdgeClient([outlet.publisher.endpoint]))
+        self.app, self.surfaces = App(self.feed, self.document), SolvedSurfaces()
 
     def step(self) -> None:
         frame = self.sensor.read()
@@ -84,8 +84,8 @@ class House:
         self.edge.step(frame)
         self.edge._listen()
         self.feed.poll(self.document)
-        moment, look = self.app.playhead.moment(), self.app.look
-        self.app._scene = scene_of(self.document, moment, look, self.surfaces)
+        moment, style = self.app.playhead.moment(), self.app.style
+        self.app._scene = scene_of(self.document, moment, style, self.surfaces)
         time.sleep(0.002)
 
     def until(self, done) -> None:
@@ -131,14 +131,14 @@ def test_the_viewer_solves_what_performers_do(house: House) -> None:
 def test_a_second_performer_joins_with_parts_and_lets_go(house: House) -> None:
     house.app.possess()
     house.until(lambda: house.app._scene.actors[0].cues.state == "possessed")
-    house.app.grasp.body, house.app.grasp.parts = 2, "right arm"
+    house.app.possession.body, house.app.possession.parts = 2, "right arm"
     house.app.possess("join")
     house.until(lambda: set(house.app._scene.actors[0].cues.owners.tolist()) == {1, 2})
     house.sensor.right = 2.7
     house.until(lambda: house.hand(RIGHT) > 1.05 and house.hand(LEFT) < 0.5)
     house.app.release()
     house.until(lambda: [hold.body for hold in house.actor.holds] == [1])
-    house.app.grasp.parts = "left foot"
+    house.app.possession.parts = "left foot"
     house.app.possess()
     house.until(lambda: "no control point goes with" in house.document.edge.message)
 
@@ -147,15 +147,15 @@ def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
     house.app.possess()
     house.sensor.left = 2.7
     house.until(lambda: house.hand(LEFT) > 1.05)
-    late, surfaces = Document(), Surfaces(wait=True)
-    feed = EdgeFeed(Link([house.outlet.publisher.endpoint]))
+    late, surfaces = Document(), SolvedSurfaces(wait=True)
+    feed = EdgeFeed(EdgeClient([house.outlet.publisher.endpoint]))
 
     def hand() -> float:
         """Metres of the left hand's height as the late viewer sees it."""
         feed.poll(late)
         if not (late.characters and len(late.timeline)):
             return 0.0
-        (actor,) = scene_of(late, late.timeline.at(late.timeline.end_ns), house.app.look, surfaces).actors
+        (actor,) = scene_of(late, late.timeline.at(late.timeline.end_ns), house.app.style, surfaces).actors
         return 0.0 if actor.vertices is None else float(actor.vertices[PUPPET.points[LEFT - 1].vertex, 1])
 
     house.until(lambda: hand() > 1.05)
@@ -210,14 +210,14 @@ def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
 @pytest.mark.system
 def test_the_take_plays_back_as_it_was_and_opens_in_the_studio(road: Path) -> None:
     character, poses, _ = taken(road / "take.mcap")
-    document, surfaces = Document(Timeline(bounded=False)), Surfaces(wait=True)
-    feed = Take(road / "take.mcap")
+    document, surfaces = Document(Timeline(bounded=False)), SolvedSurfaces(wait=True)
+    feed = TakeFeed(road / "take.mcap")
     while feed.poll(document):
         pass
     held = np.asarray(character.held)
     for pose in poses[40::12]:
         (actor,) = scene_of(
-            document, document.timeline.at(pose.time_ns), App(feed, document).look, surfaces
+            document, document.timeline.at(pose.time_ns), App(feed, document).style, surfaces
         ).actors
         assert actor.vertices is not None
         np.testing.assert_allclose(actor.vertices[held], pose.positions[1:], atol=2e-3)

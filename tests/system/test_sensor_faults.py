@@ -14,7 +14,7 @@ from patience import until
 from enliven.recording import Recording
 from enliven.wire.ports import free_ports
 from enliven_edge.sensors.attached_cameras import attached
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "edge" / "sensors"))
 from troubled import picture
@@ -136,7 +136,7 @@ def test_a_kiosk_that_starts_before_its_camera_waits_and_tells_its_viewers(no_ca
         asked = command("edge", "--sensor", "oak", "--wait-for-sensor", *ports)
         running = subprocess.Popen(asked, stderr=log, text=True)
         try:
-            with contextlib.closing(Link([f"127.0.0.1:{port}:{control}"])) as link:
+            with contextlib.closing(EdgeClient([f"127.0.0.1:{port}:{control}"])) as link:
 
                 def told() -> bool:
                     link.poll()

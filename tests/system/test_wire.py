@@ -24,7 +24,7 @@ from enliven.wire.sockets import Endpoint
 from enliven_edge.network.control_socket import Command
 from enliven_edge.network.publisher import Publisher
 from enliven_viewer.link.clock import ClockEstimate
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 
 
 def unique() -> str:
@@ -37,7 +37,7 @@ def character(name: str = "chair", count: int = 8) -> Character:
     return Character(name, pivots, np.array([[0, 1, 2]], np.int32), skin, pivots, np.zeros((0, 2), np.int32))
 
 
-def until(link: Link, done: Callable[[], Any], *publishers: Publisher) -> list[Command]:
+def until(link: EdgeClient, done: Callable[[], Any], *publishers: Publisher) -> list[Command]:
     """Both sides' loops, until something is so; the commands that came."""
     commands: list[Command] = []
     deadline = time.monotonic() + PATIENCE
@@ -59,25 +59,25 @@ def publisher() -> Iterator[Publisher]:
 
 
 @pytest.fixture
-def link(publisher: Publisher) -> Iterator[Link]:
-    made = Link([publisher.endpoint])
+def link(publisher: Publisher) -> Iterator[EdgeClient]:
+    made = EdgeClient([publisher.endpoint])
     yield made
     made.close()
 
 
-def pivots_of(link: Link) -> int:
+def pivots_of(link: EdgeClient) -> int:
     """How many pivots the chair has in the viewer, 0 where there is none."""
     chair = link.characters.get("chair")
     return len(chair.pivots) if chair else 0
 
 
-def joined(link: Link, publisher: Publisher) -> None:
+def joined(link: EdgeClient, publisher: Publisher) -> None:
     """Until nothing is missed any more."""
     until(link, lambda: "chair" in link.characters and publisher.viewers == 1, publisher)
     link.take_poses()
 
 
-def test_every_pose_comes_once_in_order_with_its_times(link: Link, publisher: Publisher) -> None:
+def test_every_pose_comes_once_in_order_with_its_times(link: EdgeClient, publisher: Publisher) -> None:
     joined(link, publisher)
     got: list[Any] = []
     for i in range(300):
@@ -97,7 +97,7 @@ def test_a_late_joiner_gets_what_it_missed(publisher: Publisher) -> None:
     publisher.publish(cues_to_message("lamp", "possessed", np.array([1, 2]), np.array([0.5, 1]), 3))
     for i in range(10):
         publisher.publish_pose(character("lamp", 5).rest_pose(i))
-    late = Link([str(publisher.endpoint)])
+    late = EdgeClient([str(publisher.endpoint)])
     poses: list[Any] = []
     until(late, lambda: (poses.extend(late.take_poses()), len(late.characters) == 2 and poses)[1], publisher)
     assert np.array_equal(late.characters["lamp"].vertices, character("lamp", 5).vertices)
@@ -111,7 +111,7 @@ def test_a_late_joiner_gets_what_it_missed(publisher: Publisher) -> None:
     late.close()
 
 
-def test_bodies_cues_and_status_arrive(link: Link, publisher: Publisher) -> None:
+def test_bodies_cues_and_status_arrive(link: EdgeClient, publisher: Publisher) -> None:
     joined(link, publisher)
     body = Body(4, np.full((20, 3), 1.25), np.ones(20))
     for i in range(5):
@@ -127,7 +127,7 @@ def test_bodies_cues_and_status_arrive(link: Link, publisher: Publisher) -> None
     assert link.cues["chair"].state == "preview" and link.status.performers == 1
 
 
-def test_a_new_revision_is_fetched_and_no_pose_of_it_is_lost(link: Link, publisher: Publisher) -> None:
+def test_a_new_revision_is_fetched_and_no_pose_of_it_is_lost(link: EdgeClient, publisher: Publisher) -> None:
     joined(link, publisher)
     before = link.characters["chair"]
     publisher.publish_pose(character().rest_pose(0))
@@ -142,7 +142,7 @@ def test_a_new_revision_is_fetched_and_no_pose_of_it_is_lost(link: Link, publish
     until(link, lambda: not link.characters, publisher)
 
 
-def test_commands_and_their_replies(link: Link, publisher: Publisher) -> None:
+def test_commands_and_their_replies(link: EdgeClient, publisher: Publisher) -> None:
     joined(link, publisher)
     replies: list[Any] = []
     link.possess("chair", 3, "legs", on_reply=replies.append)
@@ -164,7 +164,7 @@ def test_commands_and_their_replies(link: Link, publisher: Publisher) -> None:
 
 
 def test_a_command_that_nobody_answers_ends_with_a_notice(
-    link: Link, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
+    link: EdgeClient, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)
     monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_WITHIN", 0.1)
@@ -177,7 +177,7 @@ def test_a_command_that_nobody_answers_ends_with_a_notice(
 def test_a_viewer_that_is_first_waits_and_a_restarted_edge_is_picked_up() -> None:
     pose_port, control_port = free_ports()
     name = unique()
-    link = Link([f"127.0.0.1:{pose_port}:{control_port}"])
+    link = EdgeClient([f"127.0.0.1:{pose_port}:{control_port}"])
     endpoint = Endpoint("127.0.0.1", pose_port, control_port)
     for _ in range(20):
         link.poll()
@@ -201,7 +201,7 @@ def test_a_viewer_that_is_first_waits_and_a_restarted_edge_is_picked_up() -> Non
 
 
 def test_silence_and_the_end_are_told(
-    link: Link, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
+    link: EdgeClient, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)
     assert link.health[publisher.endpoint].state == "connected"
@@ -243,7 +243,7 @@ def fake() -> Iterator[FakeEdge]:
 
 
 def test_noise_from_an_edge_is_counted_and_dropped(fake: FakeEdge) -> None:
-    link, rng = Link([fake.endpoint]), np.random.default_rng(0)
+    link, rng = EdgeClient([fake.endpoint]), np.random.default_rng(0)
     status = pack_stream(messages.StatusMessage("fake", 1, 0, time.time_ns()))
 
     def beat() -> bool:
@@ -267,7 +267,7 @@ def test_noise_from_an_edge_is_counted_and_dropped(fake: FakeEdge) -> None:
 
 
 def test_a_character_or_pose_that_contradicts_itself_is_dropped(fake: FakeEdge) -> None:
-    link = Link([fake.endpoint])
+    link = EdgeClient([fake.endpoint])
     status = messages.StatusMessage("fake", 1, 1, time.time_ns())
     bad = messages.CharacterMessage(
         "chair", 1, "graph", 1, 1, 1, 0, bytes(12), b"\7\0\0\0" * 3, bytes(8), bytes(16), bytes(12), b""
@@ -287,7 +287,7 @@ def test_a_character_or_pose_that_contradicts_itself_is_dropped(fake: FakeEdge) 
 
 @pytest.mark.parametrize("way", ["stream", "reply"])
 def test_another_version_is_said_once_and_clearly(fake: FakeEdge, way: str) -> None:
-    link = Link([fake.endpoint])
+    link = EdgeClient([fake.endpoint])
     status = messages.StatusMessage("fake", 1, 0, time.time_ns())
     theirs = pack_stream(status).replace(b"status\0\1", b"status\0\7")
 
@@ -313,7 +313,7 @@ def test_another_version_is_said_once_and_clearly(fake: FakeEdge, way: str) -> N
 
 def test_two_edges_of_one_name_are_told(fake: FakeEdge) -> None:
     other = FakeEdge()
-    link = Link([fake.endpoint, other.endpoint])
+    link = EdgeClient([fake.endpoint, other.endpoint])
 
     def tick() -> bool:
         for instance, edge in enumerate((fake, other)):
@@ -334,7 +334,7 @@ def test_two_edges_keep_their_characters_apart() -> None:
     ):
         a.set_character(character(count=5))
         b.set_character(character(count=6))
-        link = Link([a.endpoint, b.endpoint])
+        link = EdgeClient([a.endpoint, b.endpoint])
         until(link, lambda: len(link.characters) == 2 and a.viewers == b.viewers == 1, a, b)
         assert {n: len(c.pivots) for n, c in link.characters.items()} == {
             f"{a.name}/chair": 5,
@@ -352,7 +352,7 @@ def test_two_edges_keep_their_characters_apart() -> None:
 
 
 def test_lost_poses_are_counted(fake: FakeEdge) -> None:
-    link = Link([fake.endpoint])
+    link = EdgeClient([fake.endpoint])
     until(
         link,
         lambda: (
@@ -369,9 +369,9 @@ def test_lost_poses_are_counted(fake: FakeEdge) -> None:
 
 def test_no_address_is_refused() -> None:
     with pytest.raises(InputError):
-        Link([])
+        EdgeClient([])
     with pytest.raises(InputError):
-        Link(["not an address"])
+        EdgeClient(["not an address"])
 
 
 SECOND = 1_000_000_000

@@ -14,9 +14,9 @@ from enliven.modeling.puppet.edits import add_point, make_puppet, play_take
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import DeskStage
+from enliven_viewer.studio.session import HeadlessStage
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 TIPS = {
     "head": (0.0, 0.9),
@@ -63,11 +63,11 @@ def project_with(*names: str, take: str = "") -> Project:
     return play_take(project, "star", take) if take else project
 
 
-def studio(folder: Path, *names: str, take: str = "") -> tuple[Desk, DeskStage]:
-    """A desk on such a project, its puppet chosen and its tool in hand, and a stage without a window."""
+def studio(folder: Path, *names: str, take: str = "") -> tuple[Workspace, HeadlessStage]:
+    """A workspace on such a project, its puppet chosen and its tool active, and a stage without a window."""
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    desk = Desk.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
-    desk.cabinet.new(project_with(*names, take=take))
-    desk.puppets.choose("star")
-    desk.hand.take("puppet")
-    return desk, DeskStage(desk)
+    workspace = Workspace.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
+    workspace.store.new(project_with(*names, take=take))
+    workspace.puppets.choose("star")
+    workspace.input.take("puppet")
+    return workspace, HeadlessStage(workspace)

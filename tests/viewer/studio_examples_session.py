@@ -29,21 +29,21 @@ from enliven_viewer.studio.session import (
 from enliven_viewer.studio.session import actions as pace
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 said: dict[str, object] = {}
 STEP = pace.STEP = 0.12
 """Seconds a picture: a third of the pictures of a film."""
 
 
-def work(desk: Desk) -> Iterator[Action]:
+def work(workspace: Workspace) -> Iterator[Action]:
     """Choose a take, pair by hand and by guessing, pose twice, retime, change a setting, play."""
 
     def star():  # type: ignore[no-untyped-def]
-        return desk.editor.project.puppets["star"]
+        return workspace.editor.project.puppets["star"]
 
     yield Wait(0.2)
-    said["chosen"] = desk.puppets.puppet is star()
+    said["chosen"] = workspace.puppets.puppet is star()
     yield Click(Widget("takes"))
     yield Click(Widget("pick sway"))
     said["plays"] = [layer.take for layer in star().layers]
@@ -61,11 +61,11 @@ def work(desk: Desk) -> Iterator[Action]:
         yield Wait(0.3)
         hand = OnPuppet("star", point=number)
         yield Drag((hand, Near(hand, 24, -30 * number)), 0.2)
-    said["editing"] = desk.puppets.number
+    said["editing"] = workspace.puppets.number
     yield Click(Widget("pose Done"))
     yield Wait(1.0)
-    desk.editor.solving.settle(desk.editor.project, "star")
-    said["problem"] = str(desk.editor.solving.problem("star"))
+    workspace.editor.solving.settle(workspace.editor.project, "star")
+    said["problem"] = str(workspace.editor.solving.problem("star"))
     said["poses"] = len(star().poses)
     first = min(star().poses, key=lambda pose: pose.time).time
     yield Drag((OnLane("poses", first), OnLane("poses", first + 0.2)), 0.2)
@@ -78,28 +78,30 @@ def work(desk: Desk) -> Iterator[Action]:
     yield Key("space")
     yield Wait(0.4)
     yield Key("space")
-    said["time"] = desk.editor.time
+    said["time"] = workspace.editor.time
     yield Click(Widget("point left"))
     yield Click(Widget("hold still"))
     said["held"] = len(star().layers[0].velocities)
     yield Click(Widget("all shapes"))
-    said["left"] = desk.puppets.puppet is None
+    said["left"] = workspace.puppets.puppet is None
     yield Click(Widget("puppet star"))
-    said["again"] = desk.puppets.puppet is star()
-    yield Do(lambda desk: said.update(bad=[t.text for t in desk.editor.toasts.shown if t.bad]))
+    said["again"] = workspace.puppets.puppet is star()
+    yield Do(lambda workspace: said.update(bad=[t.text for t in workspace.editor.toasts.shown if t.bad]))
     said["done"] = True
 
 
 def main() -> None:
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    desk = Desk.new(Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1]))
+    workspace = Workspace.new(
+        Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1])
+    )
     project = project_with("head", "left", "right", "foot")
     puppet = project.puppets["star"]
     bare = tuple(type(point)(point.name, point.vertex) for point in puppet.points)
-    desk.cabinet.new(project.with_puppets(puppet.with_changes(points=bare)))
-    desk.puppets.choose("star")
-    desk.hand.take("puppet")
-    window = StudioWindow(desk, STEP)
+    workspace.store.new(project.with_puppets(puppet.with_changes(points=bare)))
+    workspace.puppets.choose("star")
+    workspace.input.take("puppet")
+    window = StudioWindow(workspace, STEP)
     playing: list[tuple[WindowStage, Iterator[None]]] = []
 
     def before(window: StudioWindow) -> None:
@@ -108,7 +110,7 @@ def main() -> None:
         if not playing:
             stage = WindowStage(window)
             stage.pace = 0.05
-            playing.append((stage, steps(work(desk), stage)))
+            playing.append((stage, steps(work(workspace), stage)))
         stage, going = playing[0]
         stage.settle()
         if next(going, StopIteration) is StopIteration:

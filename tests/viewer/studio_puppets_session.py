@@ -29,7 +29,7 @@ from enliven_viewer.studio.session import (
 )
 from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 said: dict[str, object] = {"done": False}
 pictures: dict[str, np.ndarray] = {}
@@ -37,23 +37,26 @@ pictures: dict[str, np.ndarray] = {}
 
 def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     """Points by clicks, a key pose by its arrow, the warning, undo, the end."""
-    desk = window.desk
+    workspace = window.workspace
     snap = lambda name: Do(lambda _: wanted.append(name))  # noqa: E731
     yield Wait(0.1)
-    yield Do(lambda d: d.hand.tool.suggested.wait())
+    yield Do(lambda d: d.input.tool.suggested.wait())
     for name in ("left", "right", "head", "foot"):
         yield Click(OnPuppet("star", vertex(name)))
-    said["points"] = len(desk.puppets.puppet.points)
+    said["points"] = len(workspace.puppets.puppet.points)
     yield Do(lambda d: d.editor.scrub(1.0))
     yield Click(OnPuppet("star", point=0))
     yield snap("chosen")
-    tool = desk.hand.tool
+    tool = workspace.input.tool
     assert isinstance(tool, PuppetTool)
     manipulator = tool.manipulator()
     assert manipulator is not None
     tip = Spot(*(manipulator.place + np.array([0.0, 60.0, 0.0]) * manipulator.pixel))
     yield Drag((tip, Near(tip, 0, -50)), seconds=0.3)
-    said["pose"] = [desk.puppets.number, (desk.puppets.places - desk.puppets.puppet.rest)[0].tolist()]
+    said["pose"] = [
+        workspace.puppets.number,
+        (workspace.puppets.places - workspace.puppets.puppet.rest)[0].tolist(),
+    ]
     yield snap("posed")
     yield Do(lambda d: (d.puppets.drag(0, np.array([0.3, 0.45, 0.0])), d.puppets.drop()))
     yield Wait(0.5)
@@ -63,18 +66,18 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     said["warning"] = tool.warning
     yield Key("ctrl+z")
     yield Key("enter")
-    said["left"] = desk.puppets.posing
+    said["left"] = workspace.puppets.posing
     yield Key("space")
     yield Wait(0.2)
-    said["playing"] = desk.editor.playing
+    said["playing"] = workspace.editor.playing
     yield Wait(0.1)
-    said["bad"] = [toast.text for toast in desk.editor.toasts.shown if toast.bad]
+    said["bad"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
     said["done"] = True
 
 
 def main() -> None:
-    desk: Desk = studio(Path(sys.argv[1]), take="sway")[0]
-    window = StudioWindow(desk, STEP)
+    workspace: Workspace = studio(Path(sys.argv[1]), take="sway")[0]
+    window = StudioWindow(workspace, STEP)
     wanted: list[str] = []
     stages: list[WindowStage] = []
     going: list[Iterator[None]] = []
@@ -88,7 +91,7 @@ def main() -> None:
             going.append(steps(work(window, wanted), stages[0]))
         stages[0].settle()
         if next(going[0], StopIteration) is StopIteration:
-            desk.cabinet.forget()
+            workspace.store.forget()
             window.close()
 
     def after(window: StudioWindow) -> None:

@@ -13,10 +13,10 @@ from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.modeling.sketching.strokes import limb
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import Joint, Place, where
+from enliven_viewer.studio.session import JointPlace, Place, where
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 said: dict[str, object] = {"done": False, "errors": []}
 
@@ -29,8 +29,8 @@ def settle(ctx: imgui.test_engine.TestContext, frames: int = 4) -> None:
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """What an artist does: tools, a menu, a drag in the viewport, keys, the dialogue at the end."""
-    desk = window.desk
-    editor = desk.editor
+    workspace = window.workspace
+    editor = workspace.editor
 
     def at(place: Place) -> ImVec2:
         from enliven_viewer.studio.filming import WindowStage
@@ -41,12 +41,12 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     settle(ctx)
     said["size"] = list(window.places.viewport)
     ctx.item_click("tools/##carry")
-    said["tool"] = desk.hand.tool.name
-    ctx.mouse_move_to_pos(at(Joint("one", 0)))
+    said["tool"] = workspace.input.tool.name
+    ctx.mouse_move_to_pos(at(JointPlace("one", 0)))
     settle(ctx)
     ctx.mouse_down(0)
     settle(ctx)
-    ctx.mouse_move_to_pos(at(Joint("two", 1)))
+    ctx.mouse_move_to_pos(at(JointPlace("two", 1)))
     settle(ctx)
     ctx.mouse_up(0)
     settle(ctx)
@@ -63,18 +63,18 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))  # Python 3.11.2 cannot join the keys themselves
     said["after ctrl z"] = sorted(editor.project.shapes)
     ctx.item_click("side/wave   2.0 s##take wave")
-    said["source"] = [desk.hand.tool.name, desk.hand.tool.source.take]
+    said["source"] = [workspace.input.tool.name, workspace.input.tool.source.take]
     ctx.key_press(imgui.Key.space)
     said["playing"] = editor.playing
     ctx.key_press(imgui.Key.f1)
     ctx.yield_()
-    said["help"] = desk.asking
+    said["help"] = workspace.asking
     ctx.item_click("Keys/Close")
     ctx.menu_click("##MainMenuBar/File/Quit")
     ctx.yield_()
-    said["asks"] = desk.asking
+    said["asks"] = workspace.asking
     ctx.item_click("Save your work?/Cancel")
-    said["stays"] = not desk.over
+    said["stays"] = not workspace.ended
     said["done"] = True
     ctx.menu_click("##MainMenuBar/File/Quit")
     ctx.yield_()
@@ -83,11 +83,13 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 def main() -> None:
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    desk = Desk.new(Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1]))
+    workspace = Workspace.new(
+        Editor(StudioSettings(render=render, width=1000, height=660)), Path(sys.argv[1])
+    )
     pill = limb(np.array([[0.0, 0.0], [0.0, 0.6]]), np.array([0.08, 0.05]))
     shapes = [shape_from_stroke(np.add(pill, [x, 0.7]), id=name) for x, name in ((-0.4, "one"), (0.4, "two"))]
-    desk.cabinet.new(desk.editor.project.with_shapes(*shapes))
-    window = StudioWindow(desk)
+    workspace.store.new(workspace.editor.project.with_shapes(*shapes))
+    window = StudioWindow(workspace)
 
     def register() -> None:
         engine = hello_imgui.get_imgui_test_engine()
@@ -101,7 +103,7 @@ def main() -> None:
             said["spread"] = float(window.pixels().std())
 
     window.run(seconds=60, after=after, register_tests=register)
-    said["over"] = desk.over
+    said["over"] = workspace.ended
     said["left"] = [path.name for path in Path(sys.argv[1]).iterdir()]
     print(json.dumps(said))
 

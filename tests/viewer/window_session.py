@@ -11,7 +11,7 @@ import numpy as np
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.person.body import Body
 from enliven_viewer.live.app import App
-from enliven_viewer.live.keys import Controls
+from enliven_viewer.live.keys import KeyBindings
 from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import NS
 from enliven_viewer.settings import RenderSettings, ViewerSettings
@@ -87,9 +87,9 @@ def main() -> None:
         elif number == len(PRESSED) + 10:
             glfw.set_window_should_close(window, True)
 
-    app.run(60, on_frame, Controls)
+    app.run(60, on_frame, KeyBindings)
     head = app.playhead
-    said |= {"asked": feed.asked, "help": app.help, "look": vars(app.look), "live": head.live}
+    said |= {"asked": feed.asked, "help": app.help, "look": vars(app.style), "live": head.live}
     said |= {"paused": head.paused, "speed": head.speed}
     print(json.dumps(said))
 

@@ -1,3 +1,3 @@
-"""The program on the screen: it receives, skins and draws characters, plays takes, and edits in
-the studio.
+"""The program on the screen: it receives, skins and draws characters, plays takes, and holds the
+studio's editor.
 """

@@ -1,4 +1,4 @@
-"""What the viewer needs of a machine: OpenGL, a display, a film encoder."""
+"""Checks what the viewer needs of a machine: OpenGL, a display, a film encoder."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ MEND = "Use --film out.mp4 to render without a window, or start where there is a
 
 @contextmanager
 def open_window(width: int, height: int, title: str) -> Iterator[Any]:
-    """A visible window whose context is current in this thread; closed on the way out.
+    """A visible window with its OpenGL context current in this thread; closed on the way out.
 
     Raises:
         ResourceError: without a display, or without OpenGL 3.3.
@@ -53,7 +53,7 @@ Place = tuple[int, int, int, int]
 
 
 def error_text(text: str | bytes) -> str:
-    """What glfw says, which is bytes in some versions."""
+    """The text of a message of glfw, which is bytes in some versions."""
     return text.decode(errors="replace") if isinstance(text, bytes) else text
 
 

@@ -13,12 +13,12 @@ from PIL import Image
 from enliven.arrays import Float, UInt8
 from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.live.hud import clock
-from enliven_viewer.render.camera import OrbitCamera, View
+from enliven_viewer.live.hud import time_text
+from enliven_viewer.render.camera import CameraView, OrbitCamera
 from enliven_viewer.render.gl.context import offscreen_context
 from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 
 SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 6.0
 _TILES, _TILE_WIDTH = 24, 480
@@ -40,7 +40,7 @@ class Panel:
         """Pixels."""
         return self.renderer.size
 
-    def view(self, middle: Float, half: Float, azimuth: float) -> View:
+    def view(self, middle: Float, half: Float, azimuth: float) -> CameraView:
         """A camera that has a box around a place on the floor in its picture."""
         aspect = self.size[0] / self.size[1]
         camera = OrbitCamera()
@@ -49,7 +49,9 @@ class Panel:
         camera.frame((low, low + 2 * half), aspect, at_once=True)
         return camera.view(aspect)
 
-    def draw(self, scene: Scene, view: View, texts: list[tuple[float, float, str, int, float]]) -> UInt8:
+    def draw(
+        self, scene: Scene, view: CameraView, texts: list[tuple[float, float, str, int, float]]
+    ) -> UInt8:
         """(H, W, 3): a scene, and lines of text (x, y, text, size, align)."""
         self.renderer.draw(scene, view)
         for x, y, text, size, align in texts:
@@ -91,7 +93,9 @@ class Studio:
                     if writer.count % every == 0:
                         tiles.append(Tile(writer.count / RATE, _smaller(picture, _TILE_WIDTH)))
                     writer.add(picture)
-            write_sheet(path.with_suffix(".png"), tiles, 4, plays[0].act.title, clock(writer.count / RATE))
+            write_sheet(
+                path.with_suffix(".png"), tiles, 4, plays[0].act.title, time_text(writer.count / RATE)
+            )
         return writer.count
 
     def picture(self, play: Play, number: int, shot: Shot, strip: UInt8 | None) -> UInt8:
@@ -101,7 +105,7 @@ class Studio:
         margin, line = 1.1 * self._text, 1.35 * self._text
         width, height = self._left.size
         left = self._left.draw(
-            Scene((), (shot.body,), Look(body=1.0, reveal=0.0, cues=0.0)),
+            Scene((), (shot.body,), SceneStyle(body=1.0, reveal=0.0, cues=0.0)),
             self._left.view(performer, np.array([0.95, 0.95, 0.4]), azimuth),
             [
                 (margin, margin, "Performer", self._text, 0.0),
@@ -112,9 +116,9 @@ class Studio:
         act, points = play.act, len(play.puppet.points)
         told = f"{Path(act.mesh).name}, {len(play.puppet.mesh.vertices):,} vertices"
         shown = f"{points} control points, {len(play.puppet.poses)} example poses"
-        actor = Actor(play.character, shot.pose, vertices=shot.vertices)
+        actor = SceneCharacter(play.character, shot.pose, vertices=shot.vertices)
         right = self._right.draw(
-            Scene((actor,), (), Look(body=0.0, reveal=0.0, cues=0.0, graph=0.55)),
+            Scene((actor,), (), SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.55)),
             self._right.view(puppet, half_of(play), azimuth),
             [
                 (margin, margin, act.title, self._text, 0.0),
@@ -132,9 +136,9 @@ class Studio:
         size = self._thumb.size
         for key, pose in zip(play.act.keys, play.puppet.poses, strict=False):
             vertices = surface.settle(pose.places).astype(np.float32)
-            actor = Actor(play.character, play.character.rest_pose(), vertices=vertices)
+            actor = SceneCharacter(play.character, play.character.rest_pose(), vertices=vertices)
             texts = [(size[0] / 2, size[1] - 1.7 * self._small, key.sees, self._small, 0.5)]
-            scene = Scene((actor,), (), Look(body=0.0, reveal=0.0, cues=0.0))
+            scene = Scene((actor,), (), SceneStyle(body=0.0, reveal=0.0, cues=0.0))
             picture = self._thumb.draw(scene, self._thumb.view(np.zeros(3), half, azimuth), texts)
             picture[[0, -1]] = picture[:, [0, -1]] = (90, 96, 110)
             pictures.append(picture)
@@ -153,7 +157,7 @@ def half_of(play: Play) -> Float:
 def _pace(play: Play, shot: Shot) -> str:
     """The time of the take, and how fast it plays where it is not as fast as it was."""
     slow = "" if play.shown.speed == 1.0 else f"  ·  {play.shown.speed:g} of its speed"
-    return clock(shot.seconds) + slow
+    return time_text(shot.seconds) + slow
 
 
 def _smaller(picture: UInt8, width: int) -> UInt8:

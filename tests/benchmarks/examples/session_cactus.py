@@ -34,7 +34,7 @@ from enliven_viewer.studio.session import (
     Wait,
     Widget,
 )
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
 Way = tuple[float, float, float]
@@ -133,7 +133,7 @@ def _joints(second: float) -> Float:
     return joints
 
 
-def cactus(desk: Desk, folder: Path) -> Actions:
+def cactus(workspace: Workspace, folder: Path) -> Actions:
     """Open, put points, pair, pose four examples, adjust, export."""
     folder = folder / "my models"
     folder.mkdir()
@@ -152,7 +152,7 @@ def cactus(desk: Desk, folder: Path) -> Actions:
     yield Wait(0.5)
     yield Say("Click where you would hold it. Rings are suggestions")
     yield Click(Widget("symmetric"))
-    yield from _points(desk)
+    yield from _points(workspace)
     yield Say("Which joint does it follow? Click it")
     yield Click(OnPuppet(CACTUS, point=0))
     yield Click(PerformerJoint("head"))
@@ -165,9 +165,9 @@ def cactus(desk: Desk, folder: Path) -> Actions:
     yield Key("escape")
     yield Click(Widget("both sides"))
     yield Say("A suggested moment: drag what that pose means")
-    yield from _posed(desk)
+    yield from _posed(workspace)
     yield Say("One more example")
-    yield from _posed(desk)
+    yield from _posed(workspace)
     yield Click(Widget("pose Done"))
     yield Key("escape")
     yield Say("Two examples, and it acts")
@@ -177,24 +177,24 @@ def cactus(desk: Desk, folder: Path) -> Actions:
     yield Key("space")
     yield Say("The line shows where an example is missing")
     yield Wait(1.2)
-    yield from _posed(desk)
+    yield from _posed(workspace)
     yield Say("The outline is the key pose before")
-    yield from _posed(desk)
+    yield from _posed(workspace)
     yield Click(Widget("pose Done"))
     yield Key("escape")
     yield Say("Four examples: any such motion follows")
     yield Key("home")
     yield Key("f")
-    yield Do(lambda desk: desk.editor.camera.zoom(1.45))
+    yield Do(lambda workspace: workspace.editor.camera.zoom(1.45))
     yield Key("space")
     yield Drag((Pixel(0.3, 0.6), Pixel(0.12, 0.58)), 2.2, button=1)
     yield Wait(5.5)
     yield Key("space")
     yield Key("1")
     yield Say("It jumps when the performer does; or earlier")
-    yield from _switch(desk)
+    yield from _switch(workspace)
     yield Say("The whole, as a GLB for any program")
-    yield from _exported(desk, folder)
+    yield from _exported(workspace, folder)
     yield Key("q")
     yield Key("home")
     yield Key("f")
@@ -208,7 +208,7 @@ def cactus(desk: Desk, folder: Path) -> Actions:
 def _opened(name: str, folder: Path) -> Actions:
     """Open a file in the dialogue."""
     yield Key("ctrl+o")
-    yield Do(lambda desk: desk.browser.enter(folder))
+    yield Do(lambda workspace: workspace.browser.enter(folder))
     yield Wait(0.4)
     yield Click(Widget(f"file {name}"))
     yield Wait(0.2)
@@ -216,9 +216,9 @@ def _opened(name: str, folder: Path) -> Actions:
     yield Wait(0.8)
 
 
-def _points(desk: Desk) -> Actions:
+def _points(workspace: Workspace) -> Actions:
     """Head, hands and elbows where they are suggested; the foot of the pot. Each also at the other side."""
-    mesh = desk.editor.project.puppets[CACTUS].mesh
+    mesh = workspace.editor.project.puppets[CACTUS].mesh
     for at in ((0.0, 1.33, 0.06), (0.44, 1.07, 0.0), (0.40, 0.66, 0.06), (0.15, 0.02, 0.17)):
         vertex = int(np.linalg.norm(mesh.vertices - at, axis=1).argmin())
         yield Click(OnPuppet(CACTUS, vertex=vertex))
@@ -226,19 +226,19 @@ def _points(desk: Desk) -> Actions:
     yield Key("escape")
 
 
-def _posed(desk: Desk) -> Actions:
+def _posed(workspace: Workspace) -> Actions:
     """The moment that is suggested first, posed as the performer stands: arms, then the head."""
     yield Click(Widget("suggested 1"))
     yield Wait(0.9)
-    puppet, key = desk.puppets.puppet, desk.puppets.key
+    puppet, key = workspace.puppets.puppet, workspace.puppets.key
     assert puppet is not None and key is not None
-    take = desk.editor.project.takes[key.take]
-    meant = _meant(desk, key.time)
+    take = workspace.editor.project.takes[key.take]
+    meant = _meant(workspace, key.time)
     for number, point in enumerate(puppet.points):
         wanted = meant.get(_role(point.joint))
         if wanted is None or np.linalg.norm((key.places[number] - wanted)[:2]) < 0.03:
             continue
-        standing = desk.puppets.stage.standing_of(CACTUS)
+        standing = workspace.puppets.stage.standing_of(CACTUS)
         assert standing is not None
         yield Drag((OnPuppet(CACTUS, point=number), _spot(standing.out(wanted[None])[0])), 0.8)
     assert isinstance(take, Clip)
@@ -254,10 +254,10 @@ def _role(joint: str) -> str:
     return ""
 
 
-def _meant(desk: Desk, second: float) -> dict[str, Float]:
+def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
     """Where an artist would drag head, elbows and hands for a performer's pose, (3,) metres each."""
-    joints = desk.performer.figure((TAKE, second)).joints  # type: ignore[union-attr]
-    names = desk.editor.project.takes[TAKE].skeleton.names
+    joints = workspace.performer.figure((TAKE, second)).joints  # type: ignore[union-attr]
+    names = workspace.editor.project.takes[TAKE].skeleton.names
     at = {name: joints[k] for k, name in enumerate(names)}
     found: dict[str, Float] = {}
     tall = at["head"][1] - at["hip center"][1] + 0.35 * at["knee left"][1]
@@ -284,28 +284,28 @@ def _spot(place: Float) -> Place:
     return Spot(float(place[0]), float(place[1]), float(place[2]))
 
 
-def _switch(desk: Desk) -> Actions:
+def _switch(workspace: Workspace) -> Actions:
     """Make the jump begin earlier, and watch it."""
-    hand = desk.timeline.puppets
-    lanes = hand.lanes(desk.timeline.layout)
+    puppet_timeline = workspace.timeline.puppets
+    lanes = puppet_timeline.lanes(workspace.timeline.layout)
     row = next(row for row in lanes.rows() if row.kind == "band")
-    step = desk.editor.project.takes[TAKE].step
+    step = workspace.editor.project.takes[TAKE].step
     flights = [one.frame * step for one, _, _ in lanes.bands(row) if one.kind == "flight"]
     if flights:
         start = flights[-1]
         yield Drag((OnLane("band", start), OnLane("band", start - 0.15)), 1.0)
         yield Wait(0.5)
-        yield Do(lambda desk: desk.editor.scrub(start - 0.8))
+        yield Do(lambda workspace: workspace.editor.scrub(start - 0.8))
         yield Key("space")
         yield Wait(2.0)
         yield Key("space")
 
 
-def _exported(desk: Desk, folder: Path) -> Actions:
+def _exported(workspace: Workspace, folder: Path) -> Actions:
     yield Key("ctrl+e")
-    yield Do(lambda desk: desk.browser.enter(folder))
+    yield Do(lambda workspace: workspace.browser.enter(folder))
     yield Wait(0.6)
     yield Click(Widget("dialog Save"))
     yield Wait(1.5)
-    yield Do(lambda desk: desk.exporting.finish())  # nobody wants to watch that
+    yield Do(lambda workspace: workspace.exporting.finish())  # nobody wants to watch that
     yield Wait(2.5)

@@ -26,10 +26,10 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.session import (
     Action,
     Click,
-    DeskStage,
     Do,
     Drag,
-    Joint,
+    HeadlessStage,
+    JointPlace,
     Key,
     Name,
     Near,
@@ -45,7 +45,7 @@ from enliven_viewer.studio.session import (
     play,
 )
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 OUT = Path(__file__).parents[3] / "out" / "sessions"
 Actions = Iterator[Action]
@@ -79,7 +79,7 @@ def mapped(take: str, joints: tuple[int, int], shape: str, ends: tuple[int, int]
     yield Click(Widget(f"pick {take}"))
     yield Wait(0.3)
     yield from (Click(SourceJoint(joint)) for joint in joints)
-    yield from (Click(Joint(shape, joint)) for joint in ends)
+    yield from (Click(JointPlace(shape, joint)) for joint in ends)
     yield Wait(0.4)
     yield Key("q")
 
@@ -92,10 +92,10 @@ def watch(seconds: float) -> Actions:
     yield Key("home")
 
 
-def merged(shape: str, place: Joint | OnBone) -> Actions:
+def merged(shape: str, place: JointPlace | OnBone) -> Actions:
     """Drag a shape's root onto a node, or a place on a bone, of another."""
     yield Key("g")
-    yield Drag((Joint(shape, 0), place), 1.1)
+    yield Drag((JointPlace(shape, 0), place), 1.1)
     yield Wait(0.3)
 
 
@@ -118,15 +118,15 @@ def figure_6() -> Actions:
     yield from watch(1.3)
     yield Say("(c)  A copy, turned by half")
     yield Key("q")
-    yield Click(Joint("chain", 1))
+    yield Click(JointPlace("chain", 1))
     yield Key("ctrl+d")
     yield Key("ctrl+up")
     yield Wait(0.4)
     yield Say("(d)  Merged: both motions are kept")
-    yield from merged("chain 2", Joint("chain", 0))
+    yield from merged("chain 2", JointPlace("chain", 0))
     yield from watch(1.5)
     yield Say("(e)  Cut at another time")
-    yield Do(lambda desk: desk.editor.scrub(0.7))
+    yield Do(lambda workspace: workspace.editor.scrub(0.7))
     yield Key("c")
     middle = OnBone("chain", 5, 0.5)
     yield Drag((Near(middle, -70, 45), Near(middle, 70, -45)), 0.8)
@@ -134,9 +134,9 @@ def figure_6() -> Actions:
     yield Key("g")
     yield from watch(1.5)
     yield Say("(g)  The part goes to another node...")
-    yield Do(lambda desk: desk.editor.scrub(0.7))
+    yield Do(lambda workspace: workspace.editor.scrub(0.7))
     yield from (Key("ctrl+left") for _ in range(5))
-    yield from merged("chain 2", Joint("chain", 2))
+    yield from merged("chain 2", JointPlace("chain", 2))
     yield Say("(h)  ...as it is posed at this time")
     yield Wait(1.2)
     yield Say("(i)  and all motions are kept")
@@ -162,7 +162,7 @@ def squid() -> Actions:
     yield from watch(2.0)
     yield Say("Lean it outwards")
     yield Key("q")
-    yield Click(Joint("tentacle", 0))
+    yield Click(JointPlace("tentacle", 0))
     yield Key("ctrl+left")
     yield Key("ctrl+left")
     yield Say("Sketch a mantle")
@@ -172,11 +172,11 @@ def squid() -> Actions:
     yield Say("Copy the tentacle with its motion, turn it, merge it to the mantle")
     for number in range(1, 6):
         yield Key("q")
-        yield Click(Joint("tentacle", 3))
+        yield Click(JointPlace("tentacle", 3))
         yield Key("ctrl+d")
         yield from turned("tentacle 2", 60 * number)
-        yield from merged("tentacle 2", Joint("mantle", 0))
-    yield from merged("tentacle", Joint("mantle", 0))
+        yield from merged("tentacle 2", JointPlace("mantle", 0))
+    yield from merged("tentacle", JointPlace("mantle", 0))
     yield Say("Each a little later: its bar is shifted")
     for lane in (1, 2, 3):
         yield Drag((OnTimeline(0.4, lane), OnTimeline(0.4 + 0.25 * lane, lane)), 0.7)
@@ -205,7 +205,7 @@ def mantis() -> Actions:
     yield from mapped("reach", (0, 3), "arm", (0, -1))
     yield from watch(1.8)
     yield Say("Copy it with its motion, turn the two apart, merge them")
-    yield from pair("arm", OnBone("mantis", "a1", 0.3), Joint("mantis", "a1 node"), 25)
+    yield from pair("arm", OnBone("mantis", "a1", 0.3), JointPlace("mantis", "a1 node"), 25)
     yield from watch(1.8)
     yield Say("Sketch a leg, and map a walk onto it")
     leg = np.array([[0.72, 0.86], [0.94, 1.10], [1.16, 0.22], [1.27, 0.13]])
@@ -213,10 +213,10 @@ def mantis() -> Actions:
     yield from mapped("walk", (0, 3), "leg", (0, -1))
     yield from watch(1.2)
     yield Key("q")
-    yield Click(Joint("leg", 0))
+    yield Click(JointPlace("leg", 0))
     yield Key("ctrl+c")
     yield Say("Two of them are the middle legs")
-    yield from pair("leg", Joint("mantis", "a1"), Joint("mantis", "a1"), 60)
+    yield from pair("leg", JointPlace("mantis", "a1"), JointPlace("mantis", "a1"), 60)
     yield Say("Cut a copy: what is cut off makes the back legs")
     yield Key("ctrl+v")
     yield from framed()
@@ -224,11 +224,11 @@ def mantis() -> Actions:
     middle = OnBone("leg", "a2", 0.25)
     yield Drag((Near(middle, -13, -2), Near(middle, 22, 3)), 0.8)
     yield Key("q")
-    yield Click(Joint("leg", 0))
+    yield Click(JointPlace("leg", 0))
     yield Key("delete")
-    yield Click(Joint("leg 2", 1))
+    yield Click(JointPlace("leg 2", 1))
     yield Name("hind")
-    yield from pair("hind", OnBone("mantis", "a2", 0.55), Joint("mantis", "a2 node"), 60)
+    yield from pair("hind", OnBone("mantis", "a2", 0.55), JointPlace("mantis", "a2 node"), 60)
     yield Say("Legs that step in turn: their bars are shifted")
     for lane in (3, 5):
         yield Drag((OnTimeline(0.3, lane), OnTimeline(0.9, lane)), 0.7)
@@ -253,14 +253,14 @@ def framed() -> Actions:
 def turned(part: str, degrees: float) -> Actions:
     """Turn a part about the upright: Shift-drag its root."""
     yield Key("r")
-    root = Joint(part, 0)
+    root = JointPlace(part, 0)
     yield Drag((root, Near(root, math.radians(degrees) / 0.01, 0)), 0.7, shift=True)
 
 
-def pair(part: str, place: OnBone | Joint, node: Joint, degrees: float) -> Actions:
+def pair(part: str, place: OnBone | JointPlace, node: JointPlace, degrees: float) -> Actions:
     """Copy a part, turn the two apart about the upright, merge the copy at a place and it at a node."""
     yield Key("q")
-    yield Click(Joint(part, 0))
+    yield Click(JointPlace(part, 0))
     yield Key("ctrl+d")
     yield from framed()
     yield from turned(f"{part} 2", degrees)
@@ -269,15 +269,15 @@ def pair(part: str, place: OnBone | Joint, node: Joint, degrees: float) -> Actio
     yield from merged(part, node)
 
 
-def cactus(desk: Desk, folder: Path) -> Actions:
+def cactus(workspace: Workspace, folder: Path) -> Actions:
     """A mesh without a skeleton, made to act by four example poses."""
     from session_cactus import cactus as made
 
-    yield from made(desk, folder)
+    yield from made(workspace, folder)
 
 
 SESSIONS: dict[str, Callable[[], Actions]] = {"figure6": figure_6, "squid": squid, "mantis": mantis}
-FILMED: dict[str, Callable[[Desk, Path], Actions]] = {"cactus": cactus}
+FILMED: dict[str, Callable[[Workspace, Path], Actions]] = {"cactus": cactus}
 """Sessions that need the window: they look at what is on the screen."""
 
 
@@ -294,17 +294,17 @@ def main(arguments: list[str]) -> int:
         return _under_xvfb(arguments)
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
-            desk = Desk.new(Editor(SIZE if name in SESSIONS else LARGE), Path(folder) / "recovery")
-            made = SESSIONS[name]() if name in SESSIONS else FILMED[name](desk, Path(folder))
+            workspace = Workspace.new(Editor(SIZE if name in SESSIONS else LARGE), Path(folder) / "recovery")
+            made = SESSIONS[name]() if name in SESSIONS else FILMED[name](workspace, Path(folder))
             actions = list(made) if name in SESSIONS else made
             if check:
-                play(actions, DeskStage(desk))
-                said = f"{len(desk.editor.history.names)} edits"
+                play(actions, HeadlessStage(workspace))
+                said = f"{len(workspace.editor.history.names)} edits"
             else:
                 from enliven_viewer.studio.filming import film
 
-                said = f"{film(actions, desk, OUT / f'{name}.mp4', title=name)} pictures"
-            project = desk.editor.project
+                said = f"{film(actions, workspace, OUT / f'{name}.mp4', title=name)} pictures"
+            project = workspace.editor.project
             print(f"{name}: {said}, {len(project.shapes) + len(project.puppets)} shapes", flush=True)
     return 0
 

@@ -13,13 +13,13 @@ from enliven.arrays import UInt8
 from enliven.person.body import Body
 from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.live.hud import clock
-from enliven_viewer.playback.timeline import Cues
+from enliven_viewer.live.hud import time_text
+from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.camera import FilmCamera
 from enliven_viewer.render.gl.context import offscreen_context
 from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 
 SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 5.0
 _TEXT = 18
@@ -75,7 +75,7 @@ class Studio:
         width, height = self.size
         second = (time_ns - take.shots[0].time_ns) * 1e-9
         word = "possessed" if _since(take, time_ns) >= 0 else "free"
-        places = ((28, 28, title, 0.0), (width - 28, height - 46, f"{clock(second)}  ·  {word}", 1.0))
+        places = ((28, 28, title, 0.0), (width - 28, height - 46, f"{time_text(second)}  ·  {word}", 1.0))
         for x, y, text, align in places:
             self._canvas.text(x + 1, y + 1, text, _TEXT, (0.0, 0.0, 0.0, 0.5), align=align)
             self._canvas.text(x, y, text, _TEXT, (0.95, 0.96, 0.98, 0.8), align=align)
@@ -89,12 +89,12 @@ class Studio:
         share = min(max((since - _STEP_OUT) / _STEPPING, 0.0), 1.0)
         share = share * share * (3 - 2 * share)
         bodies = tuple(_aside(body, share) for body in shot.bodies)
-        cues = Cues(
+        cues = CueFrame(
             take.character.id, shot.cues.nodes.astype(np.int32), shot.cues.strengths.astype(np.float32)
         )
-        actor = Actor(take.character, shot.pose, cues)
+        actor = SceneCharacter(take.character, shot.pose, cues)
         # Beside it, the performer makes nothing transparent, and what is held need glow no more.
-        return Scene((actor,), bodies, Look(body=1.0, reveal=1.0 - share, cues=1.0 - share))
+        return Scene((actor,), bodies, SceneStyle(body=1.0, reveal=1.0 - share, cues=1.0 - share))
 
 
 def _aside(body: Body, share: float) -> Body:
@@ -126,4 +126,4 @@ def _smaller(picture: UInt8) -> UInt8:
 
 
 def _sheet(path: Path, tiles: list[Tile], title: str, count: int) -> None:
-    write_sheet(path.with_suffix(".png"), tiles, _COLUMNS, title, clock(count / RATE))
+    write_sheet(path.with_suffix(".png"), tiles, _COLUMNS, title, time_text(count / RATE))

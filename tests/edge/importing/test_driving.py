@@ -20,7 +20,7 @@ from enliven_edge.settings import WireSettings
 from enliven_edge.stage.casting import cast, parts_for
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
-from enliven_viewer.link.take_feed import Take
+from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import Timeline
 
@@ -39,7 +39,7 @@ def performed(tmp_path_factory) -> Document:
     assert made.exit_code == 0, made.output
     play(folder / "arms.mcap", folder / "performance.mcap")
     document = Document(Timeline(bounded=False))
-    take = Take(folder / "performance.mcap")
+    take = TakeFeed(folder / "performance.mcap")
     while take.poll(document):
         pass
     assert take.unreadable == 0

@@ -25,7 +25,7 @@ from enliven_edge.stage.rig.casting import cast_rig
 from enliven_edge.stage.rig.settings import MatchingSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
-from enliven_viewer.link.take_feed import Take
+from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
@@ -141,7 +141,7 @@ def test_the_edge_plays_a_recording_and_records_what_came_of_it(tmp_path):
         message_to_board(msgspec.msgpack.decode(data, type=MatchesMessage))
         for _, data in recording.messages("matches")
     ]
-    document, take = Document(), Take(tmp_path / "made.mcap")
+    document, take = Document(), TakeFeed(tmp_path / "made.mcap")
     while take.poll(document):
         pass
     assert take.unreadable == 0

@@ -20,7 +20,7 @@ from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.film import make_film
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.playback.document import Document, EdgeState
-from enliven_viewer.playback.timeline import NS, Cues, Timeline
+from enliven_viewer.playback.timeline import NS, CueFrame, Timeline
 from enliven_viewer.settings import Encoder, FilmSettings, RenderSettings, ViewerSettings
 
 PROFILES = Path(__file__).parents[3] / "firmware_configs"
@@ -49,7 +49,9 @@ class Walk:
             shift = np.array([2.0 * self.sent * self.step / NS, 0, 0], np.float32)
             document.add_pose(Pose(rest.character, rest.time_ns, rest.linear, rest.positions + shift))
             if self.sent == 10:
-                document.set_cues(Cues(self.character.id, np.array([0], np.int32), np.ones(1, np.float32)))
+                document.set_cues(
+                    CueFrame(self.character.id, np.array([0], np.int32), np.ones(1, np.float32))
+                )
             self.sent += 1
         return burst
 

@@ -12,7 +12,7 @@ from enliven.meshes.files import save_mesh
 from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh
 from enliven_viewer.film.graph_picture import BRIDGE, HEADER, SIDES, fitted, graph_rows, view_of
-from enliven_viewer.render.skinned import linear
+from enliven_viewer.render.skinned import linear_from_srgb
 
 SIZE = 320
 
@@ -60,7 +60,9 @@ def test_rows_mark_what_is_weak(balls):
     graph = DeformationGraph.build(balls, 40)
     rows = graph_rows(graph, graph.positions, 0.2, 0.001)
     edges = rows[: len(graph.edges)]
-    np.testing.assert_array_equal((edges[:, 8:11] == linear(np.array(BRIDGE))).all(1), graph.bridges)
+    np.testing.assert_array_equal(
+        (edges[:, 8:11] == linear_from_srgb(np.array(BRIDGE))).all(1), graph.bridges
+    )
     balls_of_nodes = rows[len(graph.edges) :]
     assert balls_of_nodes[graph.cut_vertices, 3].min() > balls_of_nodes[~graph.cut_vertices, 3].max()
     # However many nodes, nothing is thinner than a pixel.

@@ -14,7 +14,7 @@ from enliven.wire.convert import bodies_to_message, cues_to_message
 from enliven.wire.sockets import Endpoint
 from enliven_edge.network.publisher import Publisher
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import NS
 
@@ -37,7 +37,7 @@ def until(condition, *steps, seconds: float = PATIENCE) -> None:
 
 def test_what_is_published_is_on_the_timeline(publisher, box) -> None:
     publisher.set_character(box)
-    feed, document = EdgeFeed(Link([publisher.endpoint])), Document()
+    feed, document = EdgeFeed(EdgeClient([publisher.endpoint])), Document()
 
     def turn() -> None:
         list(publisher.poll())
@@ -64,7 +64,7 @@ def test_what_is_published_is_on_the_timeline(publisher, box) -> None:
 
 
 def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
-    feed, document = EdgeFeed(Link([Endpoint("127.0.0.1", 9, 10)])), Document()
+    feed, document = EdgeFeed(EdgeClient([Endpoint("127.0.0.1", 9, 10)])), Document()
     try:
         assert feed.poll(document) == 0
         assert not document.edge.connected and document.edge.address == "tcp://127.0.0.1:9"

@@ -15,7 +15,7 @@ from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
 from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message, pose_to_message
 from enliven.wire.posecode import PoseCodec
-from enliven_viewer.link.take_feed import Take
+from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import NS, Timeline
 
@@ -59,8 +59,8 @@ def write(path: Path, character: Character, *, broken: int | None = None, poses:
             )
 
 
-def read(path: Path) -> tuple[Document, Take]:
-    document, take = Document(Timeline(bounded=False)), Take(path)
+def read(path: Path) -> tuple[Document, TakeFeed]:
+    document, take = Document(Timeline(bounded=False)), TakeFeed(path)
     for _ in range(1000):
         if not take.poll(document):
             return document, take
@@ -90,14 +90,14 @@ def test_a_broken_message_costs_itself_only(tmp_path, box, caplog) -> None:
 def test_a_recording_without_a_performance_is_said(tmp_path, box) -> None:
     write(tmp_path / "take.mcap", box, poses=False)
     with pytest.raises(InputError, match=r"no performance.*enliven run"):
-        Take(tmp_path / "take.mcap")
+        TakeFeed(tmp_path / "take.mcap")
 
 
 def test_a_file_that_is_no_recording_is_said(tmp_path) -> None:
     (tmp_path / "foreign.mcap").write_bytes(b"not at all")
     for name in ("foreign.mcap", "missing.mcap"):
         with pytest.raises(InputError):
-            Take(tmp_path / name)
+            TakeFeed(tmp_path / name)
 
 
 def with_copies(path: Path, character: Character) -> None:

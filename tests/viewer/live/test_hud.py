@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image, ImageDraw, ImageFont
 
 from enliven.health import HealthState, Severity
-from enliven_viewer.live.hud import Hud, HudState, clock, timeline_area, timeline_fraction, wrapped
+from enliven_viewer.live.hud import Hud, HudState, time_text, timeline_area, timeline_fraction, wrapped
 from enliven_viewer.playback.document import EdgeState
 from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.overlay.font import CHARACTERS, make_atlas
@@ -136,4 +136,4 @@ def test_wrapping_keeps_every_word_and_no_line_is_too_wide(text: str, width: int
 
 
 def test_clocks() -> None:
-    assert [clock(s) for s in (0, 9.96, 61.24, -1)] == ["0:00.0", "0:10.0", "1:01.2", "0:00.0"]
+    assert [time_text(s) for s in (0, 9.96, 61.24, -1)] == ["0:00.0", "0:10.0", "1:01.2", "0:00.0"]

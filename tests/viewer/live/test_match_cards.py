@@ -10,13 +10,13 @@ import pytest
 from enliven.document.character import Character, SkinWeights
 from enliven.matching.board import Board, Row
 from enliven_viewer.live.match_cards import cards_of, draw_cards
-from enliven_viewer.live.view_report import Gaze, hidden, look_of, turn_to_bones
+from enliven_viewer.live.view_report import ViewReporter, hidden, look_of, turn_to_bones
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.overlay.match_lines import TINTS, match_rows
 from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene, scene_of
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle, scene_of
 
 PIVOTS = np.array([[0, 0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0], [0, 1.2, 0]], np.float32)
 CHARACTER = Character(
@@ -34,7 +34,9 @@ BOARD = Board("cross", "choosing", 1, 5, 0, ROWS, 3, 0.5)
 
 
 def scene(board: Board = BOARD) -> Scene:
-    return Scene((Actor(CHARACTER, CHARACTER.rest_pose()),), (), Look(body=0.0), boards={"cross": board})
+    return Scene(
+        (SceneCharacter(CHARACTER, CHARACTER.rest_pose()),), (), SceneStyle(body=0.0), boards={"cross": board}
+    )
 
 
 def front() -> OrbitCamera:
@@ -127,13 +129,13 @@ def test_boards_come_to_the_scene_at_their_time_and_stay_while_the_next_is_under
     document.add_bodies(5, ())
     document.add_board(BOARD)
     document.add_bodies(6, ())
-    assert scene_of(document, document.timeline.at(6), Look()).boards == {"cross": BOARD}
+    assert scene_of(document, document.timeline.at(6), SceneStyle()).boards == {"cross": BOARD}
     later = replace(BOARD, time_ns=6, state="playing")
     document.add_board(later)
     assert document.timeline.at(6).boards == {"cross": later}
     assert document.timeline.at(5).boards == {"cross": BOARD}
     document.remove_character("cross")
-    assert scene_of(document, document.timeline.at(6), Look()).boards == {}
+    assert scene_of(document, document.timeline.at(6), SceneStyle()).boards == {}
 
 
 def test_between_two_moments_the_lines_are_between() -> None:
@@ -148,15 +150,15 @@ def test_between_two_moments_the_lines_are_between() -> None:
 
 
 def test_the_edge_is_told_when_the_camera_moves_and_not_otherwise() -> None:
-    gaze, camera = Gaze(), front()
-    first = gaze.changed(camera.view(1.5), 0.0)
+    reporter, camera = ViewReporter(), front()
+    first = reporter.changed(camera.view(1.5), 0.0)
     assert first is not None and first.eye is not None
     np.testing.assert_allclose(np.linalg.norm(first.direction), 1.0)
-    assert gaze.changed(camera.view(1.5), 1.0) is None
+    assert reporter.changed(camera.view(1.5), 1.0) is None
     camera.orbit(0.3, 0.0)
     camera.advance(10.0)
-    assert gaze.changed(camera.view(1.5), 0.05) is None, "not more often than ten times a second"
-    assert gaze.changed(camera.view(1.5), 1.1) == look_of(camera.view(1.5))
+    assert reporter.changed(camera.view(1.5), 0.05) is None, "not more often than ten times a second"
+    assert reporter.changed(camera.view(1.5), 1.1) == look_of(camera.view(1.5))
 
 
 def test_chains_that_point_at_the_eye_are_told() -> None:

@@ -20,10 +20,10 @@ from enliven.meshes.mesh import Mesh, refine
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.samples.chair import make_chair
 from enliven_viewer.playback.document import Document
-from enliven_viewer.playback.solved_surfaces import Surfaces
+from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.playback.timeline import Timeline
 from enliven_viewer.render.overlay.marks import node_rows
-from enliven_viewer.render.scene import Actor, Look, scene_of
+from enliven_viewer.render.scene import SceneCharacter, SceneStyle, scene_of
 
 CHAIR = refine(make_chair(), 0.08)
 TOP = int(CHAIR.vertices[:, 1].argmax())
@@ -54,7 +54,7 @@ def bent(by: float = 0.2) -> Float:
     return places
 
 
-def shown(surfaces: Surfaces, made: Pose, character: Character = CHARACTER) -> Float:
+def shown(surfaces: SolvedSurfaces, made: Pose, character: Character = CHARACTER) -> Float:
     """The vertices once they are there."""
     until(lambda: surfaces.vertices(character, made) is not None, "the surface")
     vertices = surfaces.vertices(character, made)
@@ -64,7 +64,7 @@ def shown(surfaces: Surfaces, made: Pose, character: Character = CHARACTER) -> F
 
 def test_a_film_shows_what_the_solver_makes_of_each_pose() -> None:
     solver = PuppetSurface(Mesh(CHARACTER.vertices.astype(np.float64), CHAIR.faces), HELD)
-    surfaces = Surfaces(wait=True)
+    surfaces = SolvedSurfaces(wait=True)
     for k, by in enumerate((0.1, 0.2, 0.15, -0.1)):
         places = bent(by).astype(np.float32).astype(np.float64)
         own = solver.settle(places) if k == 0 else solver.solve(places)
@@ -74,13 +74,13 @@ def test_a_film_shows_what_the_solver_makes_of_each_pose() -> None:
 
 def test_control_points_are_on_the_surface_wherever_the_puppet_stands() -> None:
     made = pose(bent(), turn=2.0, at=(3.0, 0.1, -2.0))
-    seen = Surfaces(wait=True).vertices(CHARACTER, made)
+    seen = SolvedSurfaces(wait=True).vertices(CHARACTER, made)
     assert seen is not None
     np.testing.assert_allclose(seen[list(HELD)], made.positions[1:], atol=1e-4)
 
 
 def test_a_puppet_that_is_carried_about_keeps_its_shape() -> None:
-    surfaces = Surfaces(wait=True)
+    surfaces = SolvedSurfaces(wait=True)
     first = surfaces.vertices(CHARACTER, pose(bent()))
     for _ in range(20):
         first = surfaces.vertices(CHARACTER, pose(bent()))
@@ -91,7 +91,7 @@ def test_a_puppet_that_is_carried_about_keeps_its_shape() -> None:
 
 
 def test_no_picture_waits_and_the_surface_comes() -> None:
-    surfaces = Surfaces()
+    surfaces = SolvedSurfaces()
     assert surfaces.vertices(CHARACTER, pose(bent())) is None
     seen = shown(surfaces, pose(bent()))
     np.testing.assert_allclose(seen[list(HELD)], bent(), atol=1e-4)
@@ -107,7 +107,7 @@ def test_a_still_puppet_is_solved_until_it_rests_and_then_no_more(monkeypatch) -
         return solve(self, places)
 
     monkeypatch.setattr(PuppetSurface, "solve", counted)
-    surfaces = Surfaces(wait=True)
+    surfaces = SolvedSurfaces(wait=True)
     for _ in range(60):
         surfaces.vertices(CHARACTER, pose(bent()))
     assert 3 < count < 30
@@ -115,7 +115,7 @@ def test_a_still_puppet_is_solved_until_it_rests_and_then_no_more(monkeypatch) -
 
 @pytest.mark.parametrize("what", [np.nan, np.inf, 1e9])
 def test_places_that_cannot_be_leave_the_last_good_shape(what: float) -> None:
-    surfaces = Surfaces(wait=True)
+    surfaces = SolvedSurfaces(wait=True)
     before = surfaces.vertices(CHARACTER, pose(bent()))
     wild = bent()
     wild[0, 1] = what
@@ -126,14 +126,14 @@ def test_places_that_cannot_be_leave_the_last_good_shape(what: float) -> None:
 def test_a_frame_that_is_no_frame_is_drawn_rigidly() -> None:
     broken = pose(bent())
     broken.linear[0] = 0.0
-    assert Surfaces(wait=True).vertices(CHARACTER, broken) is None
+    assert SolvedSurfaces(wait=True).vertices(CHARACTER, broken) is None
 
 
 def test_a_mesh_that_cannot_be_deformed_is_one_rigid_piece_and_said_once(caplog) -> None:
     loose = Mesh(np.vstack([CHAIR.vertices, [[0.0, 3.0, 0.0]]]), CHAIR.faces)
     points = (ControlPoint("nowhere", len(CHAIR.vertices)),)
     lost = character_of_puppet(Puppet("chair", loose, points))
-    surfaces, made = Surfaces(wait=True), pose(np.array([[0.0, 3.0, 0.0]]))
+    surfaces, made = SolvedSurfaces(wait=True), pose(np.array([[0.0, 3.0, 0.0]]))
     for _ in range(3):
         assert surfaces.vertices(lost, made) is None
     told = [record.getMessage() for record in caplog.records]
@@ -146,7 +146,7 @@ def test_the_solver_has_the_puppets_own_settings() -> None:
     plain = character_of_puppet(puppet(settings=ArapSettings(squash_and_stretch=False)))
     long = bent(0.0)
     long[0, 1] += 0.5
-    made = [Surfaces(wait=True).vertices(c, pose(long)) for c in (CHARACTER, plain)]
+    made = [SolvedSurfaces(wait=True).vertices(c, pose(long)) for c in (CHARACTER, plain)]
     assert made[0] is not None
     assert made[1] is not None
     assert np.abs(made[0] - made[1]).max() > 0.01
@@ -155,7 +155,7 @@ def test_the_solver_has_the_puppets_own_settings() -> None:
 def test_soft_points_do_not_get_where_they_pull() -> None:
     pulls = np.array([0.05, 0, 0, 0], np.float32)
     made = pose(bent())
-    seen = Surfaces(wait=True).vertices(replace(CHARACTER, pulls=pulls), made)
+    seen = SolvedSurfaces(wait=True).vertices(replace(CHARACTER, pulls=pulls), made)
     assert seen is not None
     away = np.linalg.norm(seen[list(HELD)] - made.positions[1:], axis=1)
     assert away[0] > 0.02
@@ -163,35 +163,35 @@ def test_soft_points_do_not_get_where_they_pull() -> None:
 
 
 def test_another_revision_of_a_character_is_another_surface() -> None:
-    surfaces = Surfaces(wait=True)
+    surfaces = SolvedSurfaces(wait=True)
     surfaces.vertices(CHARACTER, pose(bent()))
     other = replace(CHARACTER, surface=ArapSettings(squash_and_stretch=False))
-    seen, fresh = (s.vertices(other, pose(bent())) for s in (surfaces, Surfaces(wait=True)))
+    seen, fresh = (s.vertices(other, pose(bent())) for s in (surfaces, SolvedSurfaces(wait=True)))
     assert_alike(seen, fresh, SOLVED)
 
 
 def test_a_scene_has_the_solved_surface_and_lets_go_of_who_is_gone() -> None:
-    document, surfaces = Document(Timeline(bounded=False)), Surfaces(wait=True)
+    document, surfaces = Document(Timeline(bounded=False)), SolvedSurfaces(wait=True)
     document.add_character(CHARACTER)
     document.add_pose(pose(bent()))
-    scene = scene_of(document, document.timeline.at(0), Look(), surfaces)
+    scene = scene_of(document, document.timeline.at(0), SceneStyle(), surfaces)
     solved = scene.actors[0].vertices
     assert solved is not None
     np.testing.assert_allclose(solved[TOP], bent()[0], atol=1e-4)
-    assert scene_of(document, document.timeline.at(0), Look()).actors[0].vertices is None
+    assert scene_of(document, document.timeline.at(0), SceneStyle()).actors[0].vertices is None
     document.remove_character("chair")
-    scene_of(document, document.timeline.at(0), Look(), surfaces)
+    scene_of(document, document.timeline.at(0), SceneStyle(), surfaces)
     assert not surfaces._known
 
 
 def test_only_control_points_are_marked() -> None:
     made = pose(bent(), at=(1.0, 0.0, 0.0))
-    rows = node_rows(Actor(CHARACTER, made), 1.0)
+    rows = node_rows(SceneCharacter(CHARACTER, made), 1.0)
     np.testing.assert_array_equal(rows[:, :3], made.positions[1:])
 
 
 def test_a_picture_of_what_does_not_move_costs_nothing() -> None:
-    surfaces = Surfaces(wait=True)
+    surfaces = SolvedSurfaces(wait=True)
     shown_last = [surfaces.vertices(CHARACTER, pose(bent(), turn=0.4)) for _ in range(40)]
     assert shown_last[-1] is shown_last[-2]
     assert surfaces.vertices(CHARACTER, pose(bent(), turn=0.5)) is not shown_last[-1]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from enliven.document.character import Pose
 from enliven.person.body import Body
 from enliven_viewer.playback.playhead import SPEEDS, Playhead
-from enliven_viewer.playback.timeline import NS, Cues, Timeline
+from enliven_viewer.playback.timeline import NS, CueFrame, Timeline
 from enliven_viewer.settings import PlaybackSettings
 
 FRAME = NS // 30
@@ -159,7 +159,7 @@ def test_cues_hold_from_their_moment_on() -> None:
     timeline = Timeline()
     timeline.add_pose(pose(0))
     timeline.add_pose(pose(FRAME))
-    timeline.set_cues(Cues("chair", np.array([0], np.int32), np.ones(1, np.float32)))
+    timeline.set_cues(CueFrame("chair", np.array([0], np.int32), np.ones(1, np.float32)))
     timeline.add_pose(pose(2 * FRAME))
     assert [timeline.at(k * FRAME).possessed for k in range(3)] == [False, True, True]
     timeline.forget_cues("chair")
@@ -213,8 +213,8 @@ def test_cues_belong_to_their_own_time() -> None:
     for i in range(4):
         timeline.add_bodies(i * NS, [])
     nodes, strengths = np.array([0], np.int32), np.ones(1, np.float32)
-    timeline.set_cues(Cues("a", nodes, strengths, "preview"), 0)
-    timeline.set_cues(Cues("a", nodes, strengths, "possessed"), 2 * NS)
+    timeline.set_cues(CueFrame("a", nodes, strengths, "preview"), 0)
+    timeline.set_cues(CueFrame("a", nodes, strengths, "possessed"), 2 * NS)
     assert [timeline.at(i * NS).possessed for i in range(4)] == [False, False, True, True]
     timeline.add_bodies(4 * NS, [])
     assert timeline.at(4 * NS).possessed

@@ -12,7 +12,7 @@ from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector
 from enliven.wire.convert import character_to_message, pose_to_message, props_to_message
 from enliven.wire.posecode import PoseCodec
-from enliven_viewer.link.take_feed import Take
+from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.live.hud import HudState, _state_lines
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.interpolation import blend_props
@@ -20,7 +20,7 @@ from enliven_viewer.playback.timeline import NS, Timeline
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.props import block_template, prop_rows
 from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Look, Scene, scene_of
+from enliven_viewer.render.scene import Scene, SceneStyle, scene_of
 
 
 def loose(time_ns: int = 0, shift: float = 0.0, ids: tuple[int, ...] = (0, 1), turn: float = 0.0) -> Props:
@@ -77,7 +77,7 @@ def test_a_take_brings_them_back(tmp_path, box: Character) -> None:
         for k in range(5):
             put("pose", pose_to_message(box.rest_pose(k * NS), codec, revision=1), k * NS)
             put("props", props_to_message(loose(k * NS, 0.1 * k)), k * NS)
-    document, take = Document(Timeline(bounded=False)), Take(tmp_path / "take.mcap")
+    document, take = Document(Timeline(bounded=False)), TakeFeed(tmp_path / "take.mcap")
     while take.poll(document):
         pass
     assert take.unreadable == 0 and len(document.timeline) == 5
@@ -112,15 +112,15 @@ def test_the_camera_looks_at_what_is_near_and_not_at_what_rolled_away(box: Chara
     document = Document()
     document.add_character(box)
     document.add_pose(box.rest_pose(0))
-    alone = scene_of(document, document.timeline.at(0), Look()).box
+    alone = scene_of(document, document.timeline.at(0), SceneStyle()).box
     document.add_props(loose())
-    both = scene_of(document, document.timeline.at(0), Look())
+    both = scene_of(document, document.timeline.at(0), SceneStyle())
     assert both.box[0][0] < alone[0][0] and both.lit_box[0][0] < alone[0][0], "the box, at the left"
     assert both.box[1][0] == alone[1][0] < both.lit_box[1][0], "a ball has a shadow, but moves no camera"
     far = loose()
     far.positions[:] += [30.0, 0, 0]
     document.add_props(far)
-    np.testing.assert_allclose(scene_of(document, document.timeline.at(0), Look()).box, alone)
+    np.testing.assert_allclose(scene_of(document, document.timeline.at(0), SceneStyle()).box, alone)
 
 
 def test_boxes_and_balls_are_drawn_and_cast_shadows(gl) -> None:
@@ -156,7 +156,7 @@ def test_what_rolls_away_lets_go_of_the_camera_without_a_jerk(box: Character) ->
     for k in range(120):
         rolled.positions[:] = [[0.3 + 0.02 * k, 0.2, 0.0]]
         document.add_props(rolled)
-        low, high = scene_of(document, document.timeline.at(0), Look()).box
+        low, high = scene_of(document, document.timeline.at(0), SceneStyle()).box
         widths.append(high[0] - low[0])
     assert max(np.abs(np.diff(widths))) < 0.021, "the box jumps"
     assert max(widths) > widths[0] + 0.5 and widths[-1] == pytest.approx(min(widths))

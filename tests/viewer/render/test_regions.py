@@ -10,15 +10,15 @@ import pytest
 
 from enliven.document.character import Pose
 from enliven.document.props import BALL, BOX, Props
-from enliven_viewer.playback.timeline import Cues
+from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render import renderer as renderer_module
-from enliven_viewer.render.camera import View, look_at, perspective
+from enliven_viewer.render.camera import CameraView, look_at, perspective
 from enliven_viewer.render.capsules import capsule_template
-from enliven_viewer.render.gl.region import beside, whole
+from enliven_viewer.render.gl.region import full_region, regions_around
 from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
-from enliven_viewer.render.region import seen_in
+from enliven_viewer.render.region import visible_region
 from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.surface import neighbours_in_turn
 from enliven_viewer.settings import RenderSettings
 
@@ -28,10 +28,10 @@ ROUNDING = 2
 """Levels of 255: where a dither or a sample's weight falls the other way."""
 
 
-def side_view(distance: float = 4.0) -> View:
+def side_view(distance: float = 4.0) -> CameraView:
     """A camera in front and a little above, with room around the scene."""
     eye = np.array([0.4, 1.6, distance])
-    return View(
+    return CameraView(
         eye,
         look_at(eye, np.array([0.0, 0.5, 0.0])),
         perspective(math.radians(40), SIZE[0] / SIZE[1], 0.05, 100),
@@ -48,7 +48,7 @@ def bent(character, seed: int = 1) -> Pose:
 
 def full_scene(box, make_body) -> Scene:
     """A bent box with a body in it, attachment points, and two loose things beside it."""
-    cues = Cues("box", np.arange(3, dtype=np.int32), np.ones(3, np.float32))
+    cues = CueFrame("box", np.arange(3, dtype=np.int32), np.ones(3, np.float32))
     props = Props(
         0,
         np.array([1, 2]),
@@ -58,7 +58,9 @@ def full_scene(box, make_body) -> Scene:
         np.array([[0.9, 0.2, 0.1], [-0.8, 0.5, 0.3]]),
         np.array([[0.9, 0.1, 0.3, 0.3], [1.0, 0.0, 0.0, 0.0]]) / [[1.0], [1.0]],
     )
-    return Scene((Actor(box, bent(box), cues),), (make_body((0.0, 0.7, 0.1)),), Look(graph=0.5), props)
+    return Scene(
+        (SceneCharacter(box, bent(box), cues),), (make_body((0.0, 0.7, 0.1)),), SceneStyle(graph=0.5), props
+    )
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -69,11 +71,13 @@ def test_the_picture_is_that_of_work_everywhere(gl, box, make_body, monkeypatch,
     narrow.draw(scene, view)
     region = narrow.picture.region
     assert region[2] * region[3] < 0.75 * SIZE[0] * SIZE[1], "there is something to leave out"
-    monkeypatch.setattr(renderer_module, "seen_in", lambda _p, _c, size, _r=0: whole(size))
-    monkeypatch.setattr(renderer_module, "shaded_by", lambda *_: (np.full(2, -np.inf), np.full(2, np.inf)))
+    monkeypatch.setattr(renderer_module, "visible_region", lambda _p, _c, size, _r=0: full_region(size))
+    monkeypatch.setattr(
+        renderer_module, "shadow_bounds", lambda *_: (np.full(2, -np.inf), np.full(2, np.inf))
+    )
     wide = Renderer(gl, SIZE, settings)
     wide.draw(scene, view)
-    assert wide.picture.region == whole(SIZE)
+    assert wide.picture.region == full_region(SIZE)
     apart = np.abs(narrow.pixels().astype(int) - wide.pixels())
     assert apart.max() <= ROUNDING
     assert gl.error == "GL_NO_ERROR"
@@ -85,14 +89,14 @@ def test_a_hull_holds_every_vertex(gl, make_character, make_box, nodes) -> None:
     renderer, view = Renderer(gl, SIZE, SMALL), side_view()
     ways = np.random.default_rng(0).normal(0, 1, (3, 200))
     for actor in (
-        Actor(character, bent(character)),
-        Actor(character, character.rest_pose(), vertices=character.vertices + np.float32(0.3)),
+        SceneCharacter(character, bent(character)),
+        SceneCharacter(character, character.rest_pose(), vertices=character.vertices + np.float32(0.3)),
     ):
         renderer.draw(Scene((actor,)), view)
         (mesh,) = renderer._meshes.values()
         places, hull = mesh.positions().astype(float), mesh.hull()
         assert ((places @ ways).max(0) <= (hull @ ways).max(0) + 1e-5).all()
-        x, y, width, height = seen_in(hull, view.clip_from_world, SIZE)
+        x, y, width, height = visible_region(hull, view.clip_from_world, SIZE)
         pixels = (view.project(places) + 1) / 2 * SIZE
         assert (pixels >= [x, y]).all() and (pixels <= [x + width, y + height]).all()
 
@@ -100,10 +104,10 @@ def test_a_hull_holds_every_vertex(gl, make_character, make_box, nodes) -> None:
 def test_what_is_beside_the_eye_may_be_anywhere() -> None:
     view = side_view()
     before, behind = np.array([[0.0, 0.5, 0.0]]), view.eye[None] + [0.0, 0.0, 1.0]
-    assert seen_in(before, view.clip_from_world, SIZE)[2] < 20
-    assert seen_in(np.concatenate([before, behind]), view.clip_from_world, SIZE) == whole(SIZE)
-    assert seen_in(np.full((1, 3), np.nan), view.clip_from_world, SIZE) == whole(SIZE)
-    assert seen_in(np.zeros((0, 3)), view.clip_from_world, SIZE)[2:] == (0, 0)
+    assert visible_region(before, view.clip_from_world, SIZE)[2] < 20
+    assert visible_region(np.concatenate([before, behind]), view.clip_from_world, SIZE) == full_region(SIZE)
+    assert visible_region(np.full((1, 3), np.nan), view.clip_from_world, SIZE) == full_region(SIZE)
+    assert visible_region(np.zeros((0, 3)), view.clip_from_world, SIZE)[2:] == (0, 0)
 
 
 @pytest.mark.parametrize(
@@ -111,14 +115,14 @@ def test_what_is_beside_the_eye_may_be_anywhere() -> None:
 )
 def test_a_region_and_what_is_beside_it_are_the_picture(region) -> None:
     count = np.zeros((12, 20), int)
-    for x, y, width, height in [region, *beside(region, (20, 12))]:
+    for x, y, width, height in [region, *regions_around(region, (20, 12))]:
         count[y : y + height, x : x + width] += 1
     assert (count == 1).all()
 
 
 def test_what_is_drawn_over_a_picture_may_lie_beside_its_region(gl, box) -> None:
     renderer, view = Renderer(gl, SIZE, SMALL), side_view()
-    renderer.draw(Scene((Actor(box, box.rest_pose()),), look=Look(0, 0, 0)), view)
+    renderer.draw(Scene((SceneCharacter(box, box.rest_pose()),), style=SceneStyle(0, 0, 0)), view)
     before = renderer.pixels().astype(int)
     at = np.array([[1.3, 0.8, 0.0]])
     x, y, width, height = renderer.picture.region
@@ -134,10 +138,10 @@ def test_what_is_drawn_over_a_picture_may_lie_beside_its_region(gl, box) -> None
 
 def test_with_one_sample_what_is_behind_glass_is_seen_too(gl, box, make_body) -> None:
     body = replace(make_body(), joints=np.tile([0.0, 0.6, 0.22], (20, 1)))
-    actors, pictures = (Actor(box, box.rest_pose()),), []
+    actors, pictures = (SceneCharacter(box, box.rest_pose()),), []
     for samples, reveal in ((4, 0.0), (4, 1.0), (1, 1.0)):
         renderer = Renderer(gl, SIZE, replace(SMALL, samples=samples))
-        renderer.draw(Scene(actors, (body,), Look(0.0, reveal, 0.0)), side_view())
+        renderer.draw(Scene(actors, (body,), SceneStyle(0.0, reveal, 0.0)), side_view())
         pictures.append(renderer.pixels().astype(int))
     solid, glass, alone = pictures
     through = np.abs(glass - solid).max(-1) > 20

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from enliven.document.character import Pose
-from enliven_viewer.playback.timeline import Cues
-from enliven_viewer.render.camera import OrbitCamera, View, look_at, perspective
+from enliven_viewer.playback.timeline import CueFrame
+from enliven_viewer.render.camera import CameraView, OrbitCamera, look_at, perspective
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.settings import RenderSettings
 
 SIZE = (256, 192)
-BARE = Look(body=0, reveal=0, cues=0)
+BARE = SceneStyle(body=0, reveal=0, cues=0)
 
 
 @pytest.fixture(scope="module")
@@ -24,14 +24,14 @@ def renderer(gl) -> Renderer:
     return Renderer(gl, SIZE, RenderSettings(shadow_size=128, contact_size=64))
 
 
-def front_view(distance: float = 3.0, height: float = 0.6) -> View:
+def front_view(distance: float = 3.0, height: float = 0.6) -> CameraView:
     """A camera on +Z that looks along -Z."""
     eye = np.array([0.0, height, distance])
     camera = look_at(eye, np.array([0.0, height, 0.0]))
-    return View(eye, camera, perspective(math.radians(40), SIZE[0] / SIZE[1], 0.05, 100))
+    return CameraView(eye, camera, perspective(math.radians(40), SIZE[0] / SIZE[1], 0.05, 100))
 
 
-def drawn(renderer: Renderer, scene: Scene, view: View | None = None) -> np.ndarray:
+def drawn(renderer: Renderer, scene: Scene, view: CameraView | None = None) -> np.ndarray:
     renderer.draw(scene, view or front_view())
     assert renderer.ctx.error == "GL_NO_ERROR"
     return renderer.pixels().astype(int)
@@ -64,7 +64,7 @@ def skinned_by_hand(character, pose: Pose) -> np.ndarray:
 def test_skinning_is_the_equation_of_pose(renderer, make_character, make_box, nodes) -> None:
     character = make_character(*make_box((-0.3, 0, -0.2), (0.3, 1, 0.2)), nodes=nodes)
     pose = bent(character)
-    drawn(renderer, Scene((Actor(character, pose),), look=BARE))
+    drawn(renderer, Scene((SceneCharacter(character, pose),), style=BARE))
     mesh = renderer._meshes["box"]
     expected = skinned_by_hand(character, pose)
     places = mesh.positions()
@@ -76,7 +76,7 @@ def test_normals_stay_perpendicular_to_a_stretched_board(renderer, make_characte
     character = make_character(*make_box((-0.3, 0, -0.2), (0.3, 1, 0.2)), nodes=1)
     shear = np.array([[1.0, 0.8, 0.0], [0.0, 1.5, 0.3], [0.1, 0.0, 0.5]], np.float32)
     pose = Pose("box", 0, shear[None], character.pivots)
-    drawn(renderer, Scene((Actor(character, pose),), look=BARE))
+    drawn(renderer, Scene((SceneCharacter(character, pose),), style=BARE))
     mesh = renderer._meshes["box"]
     faces = np.frombuffer(mesh._faces.read(), np.int32).reshape(-1, 3)
     a, b, c = (mesh.positions()[faces[:, k]] for k in range(3))
@@ -87,8 +87,8 @@ def test_normals_stay_perpendicular_to_a_stretched_board(renderer, make_characte
 
 def test_a_box_covers_the_pixels_that_it_projects_to(renderer, box) -> None:
     view = front_view()
-    empty = drawn(renderer, Scene(look=BARE), view)
-    shown = drawn(renderer, Scene((Actor(box, box.rest_pose()),), look=BARE), view)
+    empty = drawn(renderer, Scene(style=BARE), view)
+    shown = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), style=BARE), view)
     changed = np.abs(shown - empty).sum(-1) > 60
     front = np.array([[x, y, 0.25] for x in (-0.25, 0.25) for y in (0.0, 1.0)])
     corner = (view.project(front) + 1) / 2 * SIZE
@@ -102,7 +102,7 @@ def test_the_body_shows_through_near_it_and_only_there(renderer, box, make_body)
     body = make_body((0.0, 0.85, 0.20), confidence=1.0)
     joints = np.tile([0.0, 0.85, 0.22], (20, 1))
     body = replace(body, joints=joints)
-    actor = Actor(box, box.rest_pose())
+    actor = SceneCharacter(box, box.rest_pose())
     view = front_view()
     solid = drawn(renderer, Scene((actor,), (body,), BARE), view)
     glass = drawn(renderer, Scene((actor,), (body,), replace(BARE, reveal=1.0)), view)
@@ -116,7 +116,7 @@ def test_the_body_shows_through_near_it_and_only_there(renderer, box, make_body)
 
 
 def test_a_body_of_no_confidence_reveals_nothing(renderer, box, make_body) -> None:
-    actor, guess = Actor(box, box.rest_pose()), make_body((0, 0.8, 0.2), confidence=0.0)
+    actor, guess = SceneCharacter(box, box.rest_pose()), make_body((0, 0.8, 0.2), confidence=0.0)
     solid = drawn(renderer, Scene((actor,), (guess,), BARE))
     glass = drawn(renderer, Scene((actor,), (guess,), replace(BARE, reveal=1.0)))
     # The pool of light drifts towards the scene from one picture to the next.
@@ -125,18 +125,18 @@ def test_a_body_of_no_confidence_reveals_nothing(renderer, box, make_body) -> No
 
 def test_a_body_inside_the_mesh_is_seen(renderer, box, make_body) -> None:
     body = replace(make_body(), joints=np.tile([0.0, 0.6, 0.0], (20, 1)))
-    actor = Actor(box, box.rest_pose())
-    without = drawn(renderer, Scene((actor,), (), Look()))
-    within = drawn(renderer, Scene((actor,), (body,), Look(reveal=0)))
+    actor = SceneCharacter(box, box.rest_pose())
+    without = drawn(renderer, Scene((actor,), (), SceneStyle()))
+    within = drawn(renderer, Scene((actor,), (body,), SceneStyle(reveal=0)))
     assert np.abs(within - without)[80:110, 110:146].max() > 10
 
 
 def test_attachment_points_glow_where_the_nodes_are(renderer, box) -> None:
     node = int(np.argmax(box.pivots[:, 2]))
-    cues = Cues("box", np.array([node], np.int32), np.array([1.0], np.float32))
+    cues = CueFrame("box", np.array([node], np.int32), np.array([1.0], np.float32))
     view = front_view()
-    plain = drawn(renderer, Scene((Actor(box, box.rest_pose()),)), view)
-    glowing = drawn(renderer, Scene((Actor(box, box.rest_pose(), cues),)), view)
+    plain = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),)), view)
+    glowing = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose(), cues),)), view)
     gain = (glowing - plain).sum(-1)
     row, column = np.unravel_index(gain.argmax(), gain.shape)
     at = (view.project(box.pivots[[node]].astype(float))[0] * [1, -1] + 1) / 2 * SIZE
@@ -145,9 +145,11 @@ def test_attachment_points_glow_where_the_nodes_are(renderer, box) -> None:
 
 
 def test_cues_of_nodes_that_are_not_there_are_left_out(renderer, box) -> None:
-    cues = Cues("box", np.array([999], np.int32), np.array([1.0], np.float32))
-    marked = drawn(renderer, Scene((Actor(box, box.rest_pose(), cues),), look=Look(graph=1.0)))
-    plain = drawn(renderer, Scene((Actor(box, box.rest_pose()),), look=Look(graph=1.0)))
+    cues = CueFrame("box", np.array([999], np.int32), np.array([1.0], np.float32))
+    marked = drawn(
+        renderer, Scene((SceneCharacter(box, box.rest_pose(), cues),), style=SceneStyle(graph=1.0))
+    )
+    plain = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), style=SceneStyle(graph=1.0)))
     assert np.abs(marked - plain).max() <= 1
 
 
@@ -157,7 +159,7 @@ def test_the_box_casts_a_shadow_away_from_the_light(renderer, box) -> None:
     camera.orbit(0.0, 1.2)
     camera.advance(10)
     view = camera.view(4 / 3)
-    shown = drawn(renderer, Scene((Actor(box, box.rest_pose()),), look=BARE), view)
+    shown = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), style=BARE), view)
     behind, beside = np.array([[-0.45, 0.0, -0.55]]), np.array([[0.45, 0.0, 0.55]])
 
     def floor_at(place: np.ndarray) -> float:
@@ -169,11 +171,11 @@ def test_the_box_casts_a_shadow_away_from_the_light(renderer, box) -> None:
 
 def test_a_mesh_with_large_faces_and_one_with_holes_are_drawn(renderer, make_character, make_box) -> None:
     vertices, faces = make_box((-0.3, 0, -0.2), (0.3, 1, 0.2))
-    empty = drawn(renderer, Scene(look=BARE))
+    empty = drawn(renderer, Scene(style=BARE))
     for some in (faces, faces[2:]):
         shown = drawn(
             renderer,
-            Scene((Actor(c := make_character(vertices, some, nodes=3), c.rest_pose()),), look=BARE),
+            Scene((SceneCharacter(c := make_character(vertices, some, nodes=3), c.rest_pose()),), style=BARE),
         )
         assert (np.abs(shown - empty).sum(-1) > 60).mean() > 0.03
 
@@ -188,16 +190,16 @@ def test_an_empty_scene_has_a_floor_and_a_horizon(renderer) -> None:
 
 def test_a_pose_that_is_not_finite_draws(renderer, box) -> None:
     broken = Pose("box", 0, np.full((6, 3, 3), np.nan, np.float32), np.full((6, 3), np.inf, np.float32))
-    drawn(renderer, Scene((Actor(box, broken),), look=Look()))
-    after = drawn(renderer, Scene((Actor(box, box.rest_pose()),), look=Look()))
+    drawn(renderer, Scene((SceneCharacter(box, broken),), style=SceneStyle()))
+    after = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),), style=SceneStyle()))
     assert after.std() > 5, "what follows a broken pose is drawn as ever"
 
 
 def test_characters_come_and_go(renderer, box, make_character, make_box) -> None:
     other = replace(make_character(*make_box((1, 0, 0), (1.2, 1, 0.3)), nodes=2), id="other")
-    drawn(renderer, Scene((Actor(box, box.rest_pose()), Actor(other, other.rest_pose()))))
+    drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()), SceneCharacter(other, other.rest_pose()))))
     assert set(renderer._meshes) == {"box", "other"}
-    drawn(renderer, Scene((Actor(other, other.rest_pose()),)))
+    drawn(renderer, Scene((SceneCharacter(other, other.rest_pose()),)))
     assert set(renderer._meshes) == {"other"}
 
 
@@ -212,5 +214,5 @@ def test_resizing_and_a_minimised_window(renderer) -> None:
 @pytest.mark.parametrize("samples", [1, 4])
 def test_with_and_without_multisampling(gl, box, samples) -> None:
     renderer = Renderer(gl, (64, 48), RenderSettings(samples=samples, shadow_size=64, contact_size=32))
-    picture = drawn(renderer, Scene((Actor(box, box.rest_pose()),)))
+    picture = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),)))
     assert picture.shape == (48, 64, 3) and picture.std() > 5

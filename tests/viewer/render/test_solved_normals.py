@@ -9,10 +9,10 @@ from enliven.arrays import Float
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.samples.chair import make_chair
-from enliven_viewer.render.camera import OrbitCamera, View
-from enliven_viewer.render.normals import placed
+from enliven_viewer.render.camera import CameraView, OrbitCamera
+from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Actor, Look, Scene
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.surface import split_creases
 from enliven_viewer.settings import RenderSettings
 
@@ -52,39 +52,39 @@ def character() -> Character:
     return Character("chair", VERTICES, FACES, skin, pivots, np.zeros((0, 2), np.int32))
 
 
-def view() -> View:
+def view() -> CameraView:
     camera = OrbitCamera(0.6)
     camera.frame((VERTICES.min(0) - 0.3, VERTICES.max(0) + 0.3), SIZE[0] / SIZE[1], at_once=True)
     return camera.view(SIZE[0] / SIZE[1])
 
 
 def test_at_rest_they_are_as_a_skinned_mesh_has_them() -> None:
-    rows = placed(VERTICES, FACES, SURFACE)
+    rows = solved_rows(VERTICES, FACES, SURFACE)
     np.testing.assert_array_equal(rows[:, :3], VERTICES[SURFACE.source])
     np.testing.assert_allclose(rows[:, 3:], SURFACE.normals, atol=1e-5)
 
 
 def test_moved_they_are_what_the_slow_twin_says() -> None:
     moved = VERTICES + np.random.default_rng(0).normal(0, 0.004, VERTICES.shape).astype(np.float32)
-    np.testing.assert_allclose(placed(moved, FACES, SURFACE), slow(moved), atol=1e-5)
+    np.testing.assert_allclose(solved_rows(moved, FACES, SURFACE), slow(moved), atol=1e-5)
 
 
 def test_what_is_no_number_and_what_has_no_area_does_no_harm() -> None:
     broken = VERTICES.copy()
     broken[:40], broken[40], broken[41] = 0.0, np.nan, np.inf
-    rows = placed(broken, FACES, SURFACE)
+    rows = solved_rows(broken, FACES, SURFACE)
     assert np.isfinite(rows).all()
     np.testing.assert_allclose(np.linalg.norm(rows[:, 3:], axis=1), 1.0, atol=1e-5)
 
 
 def test_the_picture_of_solved_vertices_is_that_of_the_same_vertices_skinned(gl, character) -> None:
     renderer = Renderer(gl, SIZE, RenderSettings(shadow_size=128, contact_size=64))
-    bare, pose = Look(body=0, reveal=0, cues=0), rigid(character)
+    bare, pose = SceneStyle(body=0, reveal=0, cues=0), rigid(character)
     room = np.full(3, -1.5), np.full(3, 1.5)  # shadows reach as far in both
-    renderer.draw(Scene((Actor(character, pose),), look=bare, extent=room), view())
+    renderer.draw(Scene((SceneCharacter(character, pose),), style=bare, extent=room), view())
     skinned = renderer.pixels().astype(int)
     where = VERTICES @ pose.linear[0].T + pose.positions[0]
-    renderer.draw(Scene((Actor(character, pose, vertices=where),), look=bare, extent=room), view())
+    renderer.draw(Scene((SceneCharacter(character, pose, vertices=where),), style=bare, extent=room), view())
     assert renderer.ctx.error == "GL_NO_ERROR"
     solved = renderer.pixels().astype(int)
     assert skinned.std() > 10
@@ -93,7 +93,7 @@ def test_the_picture_of_solved_vertices_is_that_of_the_same_vertices_skinned(gl,
 
 def test_a_camera_has_the_whole_of_what_was_solved_in_its_picture(character) -> None:
     where = (VERTICES + np.array([5.0, 0.0, 0.0])).astype(np.float32)
-    box = Scene((Actor(character, character.rest_pose(), vertices=where),)).box
+    box = Scene((SceneCharacter(character, character.rest_pose(), vertices=where),)).box
     assert box is not None
     assert (box[0] <= where.min(0)).all()
     assert (box[1] >= where.max(0)).all()

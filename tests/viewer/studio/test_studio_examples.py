@@ -30,24 +30,24 @@ from enliven.modeling.puppet.edits import (
     play_take,
     set_symmetry,
 )
-from enliven_viewer.studio.examples.coverage import Coverages
+from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.examples.edits import (
     added_switch,
+    constraints_of,
     duplicated,
-    guessed,
-    held_of,
     mirrored_copy,
     moved_switch,
     removed_switch,
     renamed_puppet,
     retimed,
     spoken_joint,
-    stood,
     switches_of_layer,
+    turned_a_quarter,
+    with_constraint,
     with_default_settings,
-    with_held,
+    with_guessed_joints,
     with_setting,
-    without_held,
+    without_constraint,
 )
 from enliven_viewer.studio.examples.solving import Solving
 from enliven_viewer.studio.examples.times import layer_end, layer_of, seconds_at, time_of
@@ -126,7 +126,7 @@ def test_the_layer_that_is_meant_is_the_chosen_one_or_the_first_that_plays() -> 
 
 
 def test_coverage_is_nothing_at_examples_and_less_with_every_one() -> None:
-    coverages, take = Coverages(), "sway"
+    coverages, take = CoverageCache(), "sway"
     none = coverages.of(
         project_with(*NAMES, take=take), project_with(*NAMES, take=take).puppets["star"], take
     )
@@ -149,18 +149,18 @@ def test_who_never_moves_has_no_coverage() -> None:
     clip = project.takes["sway"]
     still = replace(clip, id="still", turns=clip.turns[:1].repeat(20, 0), root=clip.root[:1].repeat(20, 0))
     project = project.with_takes(still)
-    assert Coverages().of(project, project.puppets["star"], "still") is None
+    assert CoverageCache().of(project, project.puppets["star"], "still") is None
 
 
 def test_points_that_nobody_named_are_called_after_their_joint() -> None:
     project = project_with("head")
 
     project = add_point(project, "star", vertex("foot"))
-    made = guessed(project, "star", "walk").puppets["star"].points
+    made = with_guessed_joints(project, "star", "walk").puppets["star"].points
     assert made[0].name == "head" and made[0].joint == "bone 3", "what is paired stays"
     assert made[1].joint and made[1].name == spoken_joint(made[1].joint) and made[1].foot
     with pytest.raises(InputError, match="no take"):
-        guessed(project, "star", "")
+        with_guessed_joints(project, "star", "")
 
 
 @pytest.mark.parametrize(
@@ -192,19 +192,19 @@ def test_settings_and_names_change_alone_and_come_back() -> None:
 
 def test_a_mesh_is_stood_up_before_it_has_points() -> None:
     project = make_puppet(Project(), star(), "star")
-    lying = stood(project, "star", "x")
+    lying = turned_a_quarter(project, "star", "x")
     assert np.ptp(lying.puppets["star"].mesh.vertices, 0)[1] == pytest.approx(np.ptp(star().vertices, 0)[2])
     for axis in ("x", "y"):
         turned = project
         for _ in range(4):
-            turned = stood(turned, "star", axis)
+            turned = turned_a_quarter(turned, "star", axis)
             assert turned.puppets["star"].mesh.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-9)
         shape = turned.puppets["star"].mesh.vertices
         np.testing.assert_allclose(
             shape - shape.mean(0), star().vertices - star().vertices.mean(0), atol=1e-9
         )
     with pytest.raises(InputError, match="points already"):
-        stood(project_with("head"), "star", "x")
+        turned_a_quarter(project_with("head"), "star", "x")
 
 
 def test_key_poses_are_copied_mirrored_and_moved_to_frames() -> None:
@@ -255,34 +255,34 @@ def test_what_is_held_is_held_once_for_a_frame_and_can_be_let_go() -> None:
     first, second = Position("left", 10, (0.0, 0.5, 0.0)), Position("left", 10, (0.1, 0.5, 0.0))
     level = Coupling("left", "right", 5)
     for held in (first, second, level):
-        project = with_held(project, "star", 0, held)
-    assert held_of(project, "star", 0) == (level, second)
+        project = with_constraint(project, "star", 0, held)
+    assert constraints_of(project, "star", 0) == (level, second)
     places = state_of(project, project.puppets["star"], 10 / 30).places
     np.testing.assert_allclose(places[1], second.place, atol=1e-8)
-    assert held_of(without_held(project, "star", 0, second), "star", 0) == (level,)
+    assert constraints_of(without_constraint(project, "star", 0, second), "star", 0) == (level,)
 
 
 def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="sway")
-    view = desk.performer
+    workspace, _ = studio(tmp_path, *NAMES, take="sway")
+    view = workspace.performer
     view.follow()
     figure = view.figure()
     assert figure is not None
     pixel = view.lens.project(figure.joints)[0][figure.skeleton.index("bone 1")]
-    desk.puppets.choose("star", 0)
+    workspace.puppets.choose("star", 0)
     view.press((float(pixel[0]), float(pixel[1])))
-    assert desk.editor.project.puppets["star"].points[0].joint == "bone 1"
+    assert workspace.editor.project.puppets["star"].points[0].joint == "bone 1"
     assert figure.skeleton.index("bone 1") in view.paired()
-    desk.editor.undo()
-    assert desk.editor.project.puppets["star"].points[0].joint == "bone 3"
-    desk.puppets.choose("star", None)
+    workspace.editor.undo()
+    assert workspace.editor.project.puppets["star"].points[0].joint == "bone 3"
+    workspace.puppets.choose("star", None)
     view.pair("bone 2")
-    assert desk.puppets.point == 2, "without a chosen point the one that follows the joint is chosen"
+    assert workspace.puppets.point == 2, "without a chosen point the one that follows the joint is chosen"
 
 
 def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="sway")
-    view, editor = desk.performer, desk.editor
+    workspace, _ = studio(tmp_path, *NAMES, take="sway")
+    view, editor = workspace.performer, workspace.editor
     for linked in (True, False):
         view.linked = linked
         editor.camera.face(0.3, 0.2)
@@ -300,8 +300,8 @@ def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
 
 
 def test_the_performer_looks_where_the_mesh_looks_whatever_its_yaw(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="quarter turn")
-    view = desk.performer
+    workspace, _ = studio(tmp_path, *NAMES, take="quarter turn")
+    view = workspace.performer
     assert view.moment == ("quarter turn", 0.0)
     one, other = view.figure(("sway", 0.0)), view.figure(("sway", 1.0))
     assert one is not None and other is not None
@@ -310,47 +310,47 @@ def test_the_performer_looks_where_the_mesh_looks_whatever_its_yaw(tmp_path) -> 
 
 
 def test_the_first_take_that_is_shown_is_played_and_others_are_only_shown(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES)
-    view = desk.performer
-    assert view.take is None and view.figure() is None and desk.puppets.moment is None
+    workspace, _ = studio(tmp_path, *NAMES)
+    view = workspace.performer
+    assert view.take is None and view.figure() is None and workspace.puppets.moment is None
     view.show("sway")
     view.show("walk")
-    puppet = desk.editor.project.puppets["star"]
+    puppet = workspace.editor.project.puppets["star"]
     assert [layer.take for layer in puppet.layers] == ["sway"] and view.take == "walk"
     view.play()
-    assert [layer.take for layer in desk.editor.project.puppets["star"].layers] == ["sway", "walk"]
-    assert desk.editor.selection.puppet_layer == 1
+    assert [layer.take for layer in workspace.editor.project.puppets["star"].layers] == ["sway", "walk"]
+    assert workspace.editor.selection.puppet_layer == 1
 
 
 def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="sway")
-    desk.hand.take("choose")
-    desk.editor.edit("later", lambda project: change_layer(project, "star", 0, offset=0.4))
-    begin_pose(desk, "sway", 0.61)
-    begin_pose(desk, "sway", 1.5)
-    times = [pose.time for pose in desk.editor.project.puppets["star"].poses]
-    assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and desk.puppets.number == 1
-    assert desk.hand.tool.name == "puppet" and desk.editor.time == pytest.approx(1.9)
-    edit_pose(desk, 0)
-    assert desk.puppets.number == 0 and desk.editor.time == pytest.approx(1.0)
-    assert desk.performer.moment == ("sway", pytest.approx(18 / 30))
-    begin_pose(desk, "sway", 1.5)
-    assert desk.puppets.number == 1 and len(desk.editor.project.puppets["star"].poses) == 2
+    workspace, _ = studio(tmp_path, *NAMES, take="sway")
+    workspace.input.take("choose")
+    workspace.editor.edit("later", lambda project: change_layer(project, "star", 0, offset=0.4))
+    begin_pose(workspace, "sway", 0.61)
+    begin_pose(workspace, "sway", 1.5)
+    times = [pose.time for pose in workspace.editor.project.puppets["star"].poses]
+    assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and workspace.puppets.number == 1
+    assert workspace.input.tool.name == "puppet" and workspace.editor.time == pytest.approx(1.9)
+    edit_pose(workspace, 0)
+    assert workspace.puppets.number == 0 and workspace.editor.time == pytest.approx(1.0)
+    assert workspace.performer.moment == ("sway", pytest.approx(18 / 30))
+    begin_pose(workspace, "sway", 1.5)
+    assert workspace.puppets.number == 1 and len(workspace.editor.project.puppets["star"].poses) == 2
 
 
 def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path) -> None:
-    desk, _ = studio(tmp_path, *NAMES, take="sway")
-    editor = desk.editor
+    workspace, _ = studio(tmp_path, *NAMES, take="sway")
+    editor = workspace.editor
     editor.frame_all(at_once=True)
     before = editor.lens.view.eye
-    begin_pose(desk, "sway", 0.5)
+    begin_pose(workspace, "sway", 0.5)
     editor.advance(10.0)
     np.testing.assert_allclose(editor.lens.view.eye, before, err_msg="all of it is seen")
     editor.camera.pan(5.0, 0.0)
     editor.advance(10.0)
-    edit_pose(desk, 0)
+    edit_pose(workspace, 0)
     editor.advance(10.0)
-    pixels = editor.lens.project(desk.puppets.stage.standing_of("star").vertices)[0]  # type: ignore[union-attr]
+    pixels = editor.lens.project(workspace.puppets.stage.standing_of("star").vertices)[0]  # type: ignore[union-attr]
     assert ((pixels >= 0) & (pixels <= editor.size)).all()
 
 

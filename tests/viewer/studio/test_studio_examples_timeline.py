@@ -19,8 +19,8 @@ from enliven.document.locomotion import Switch
 from enliven.document.project import Project
 from enliven.modeling.puppet.edits import add_key_pose, change_layer, play_take
 from enliven_viewer.studio.timeline.layout import LABELS, TimelineLayout
-from enliven_viewer.studio.timeline.puppet_lanes import PuppetLanes, Row
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.timeline.puppet_lanes import LaneRow, PuppetLanes
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 NAMES = ("head", "left", "right", "foot")
 SWITCHES = (Switch(0, "contact"), Switch(30, "flight"), Switch(60, "contact"))
@@ -35,18 +35,18 @@ def posed(times: tuple[float, ...], **changes) -> Project:  # type: ignore[no-un
     return change_layer(project, "star", 0, **changes)
 
 
-def desk_with(tmp_path: Path, project: Project) -> Desk:
-    desk, _ = studio(tmp_path, *NAMES)
-    desk.cabinet.new(project)
-    desk.puppets.choose("star")
-    return desk
+def desk_with(tmp_path: Path, project: Project) -> Workspace:
+    workspace, _ = studio(tmp_path, *NAMES)
+    workspace.store.new(project)
+    workspace.puppets.choose("star")
+    return workspace
 
 
-def row_of(lanes: PuppetLanes, kind: str) -> Row:
+def row_of(lanes: PuppetLanes, kind: str) -> LaneRow:
     return next(row for row in lanes.rows() if row.kind == kind)
 
 
-def middle(row: Row) -> float:
+def middle(row: LaneRow) -> float:
     return row.top + row.height / 2
 
 
@@ -71,22 +71,22 @@ def test_what_is_drawn_at_a_pixel_is_found_there(offset, speed, frames, width, s
     for number, x in lanes.poses(poses):
         if x < LABELS:
             continue
-        grip = lanes.grip(x, middle(poses))
-        assert grip is not None and grip.kind == "pose"
-        assert dict(lanes.poses(poses))[grip.item] == pytest.approx(x, abs=7.0)
+        handle = lanes.handle_at(x, middle(poses))
+        assert handle is not None and handle.kind == "pose"
+        assert dict(lanes.poses(poses))[handle.item] == pytest.approx(x, abs=7.0)
         assert lanes.seconds(poses, x) == pytest.approx(times[number], abs=1e-6)
     band = row_of(lanes, "band")
     for _, left, right in lanes.bands(band)[1:]:
         if left >= LABELS and abs(right - left) > 12:
-            grip = lanes.grip(left, middle(band))
-            assert grip is not None and grip.kind == "switch"
+            handle = lanes.handle_at(left, middle(band))
+            assert handle is not None and handle.kind == "switch"
     mark = lanes.held(row_of(lanes, "held"))[0][2]
     if mark >= LABELS:
-        assert lanes.grip(mark, middle(row_of(lanes, "held"))).kind == "held"  # type: ignore[union-attr]
+        assert lanes.handle_at(mark, middle(row_of(lanes, "held"))).kind == "held"  # type: ignore[union-attr]
     bar = row_of(lanes, "bar")
-    assert lanes.grip(5.0, middle(bar)).kind == "mute"  # type: ignore[union-attr]
+    assert lanes.handle_at(5.0, middle(bar)).kind == "mute"  # type: ignore[union-attr]
     if lanes.span(bar)[1] > LABELS:
-        assert lanes.grip(lanes.span(bar)[1], middle(bar)).kind == "edge"  # type: ignore[union-attr]
+        assert lanes.handle_at(lanes.span(bar)[1], middle(bar)).kind == "edge"  # type: ignore[union-attr]
 
 
 def test_only_the_chosen_puppet_shows_more_than_its_layers() -> None:
@@ -99,107 +99,107 @@ def test_only_the_chosen_puppet_shows_more_than_its_layers() -> None:
     assert lanes.height < chosen.height
 
 
-def drag(desk: Desk, start: tuple[float, float], x: float) -> None:
-    hand = desk.timeline
-    hand.press(*start)
+def drag(workspace: Workspace, start: tuple[float, float], x: float) -> None:
+    timeline = workspace.timeline
+    timeline.press(*start)
     for share in (0.3, 0.7, 1.0):
-        hand.drag(start[0] + share * (x - start[0]))
-    hand.release(x)
+        timeline.drag(start[0] + share * (x - start[0]))
+    timeline.release(x)
 
 
 def test_dragging_a_diamond_retimes_its_key_pose_as_one_edit_and_a_click_opens_it(tmp_path) -> None:
-    desk = desk_with(tmp_path, posed((0.0, 0.75, 2.25), offset=0.5))
-    hand = desk.timeline
-    lanes = hand.puppets.lanes(hand.layout)
+    workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), offset=0.5))
+    timeline = workspace.timeline
+    lanes = timeline.puppets.lanes(timeline.layout)
     row = row_of(lanes, "poses")
     x = lanes.x(row, 0.75)
-    drag(desk, (x, middle(row)), lanes.x(row, 1.2))
-    assert desk.editor.project.puppets["star"].poses[1].time == pytest.approx(1.2, abs=0.02)
-    assert desk.editor.history.names[-1] == "retime a key pose" and not desk.puppets.posing
-    desk.editor.undo()
-    assert desk.editor.project.puppets["star"].poses[1].time == 0.75
-    hand.press(x, middle(row))
-    hand.release(x)
-    assert desk.puppets.number == 1 and desk.editor.time == pytest.approx(1.25)
+    drag(workspace, (x, middle(row)), lanes.x(row, 1.2))
+    assert workspace.editor.project.puppets["star"].poses[1].time == pytest.approx(1.2, abs=0.02)
+    assert workspace.editor.history.names[-1] == "retime a key pose" and not workspace.puppets.posing
+    workspace.editor.undo()
+    assert workspace.editor.project.puppets["star"].poses[1].time == 0.75
+    timeline.press(x, middle(row))
+    timeline.release(x)
+    assert workspace.puppets.number == 1 and workspace.editor.time == pytest.approx(1.25)
 
 
 def test_bars_are_moved_stretched_and_muted(tmp_path) -> None:
-    desk = desk_with(tmp_path, posed((0.0, 0.75)))
-    hand = desk.timeline
-    lanes = hand.puppets.lanes(hand.layout)
+    workspace = desk_with(tmp_path, posed((0.0, 0.75)))
+    timeline = workspace.timeline
+    lanes = timeline.puppets.lanes(timeline.layout)
     row = row_of(lanes, "bar")
     y, (left, right) = middle(row), lanes.span(row)
-    drag(desk, (left + 20, y), left + 20 + hand.layout.x(0.6) - hand.layout.x(0.0))
-    assert desk.editor.project.puppets["star"].layers[0].offset == pytest.approx(0.6)
-    desk.editor.undo()
-    drag(desk, (right, y), (left + right) / 2)
-    assert desk.editor.project.puppets["star"].layers[0].speed == pytest.approx(2.0, rel=0.01)
-    hand.press(5.0, y)
-    hand.release(5.0)
-    assert desk.editor.project.puppets["star"].layers[0].muted
-    assert desk.editor.history.names[-2:] == ("change speed", "mute")
+    drag(workspace, (left + 20, y), left + 20 + timeline.layout.x(0.6) - timeline.layout.x(0.0))
+    assert workspace.editor.project.puppets["star"].layers[0].offset == pytest.approx(0.6)
+    workspace.editor.undo()
+    drag(workspace, (right, y), (left + right) / 2)
+    assert workspace.editor.project.puppets["star"].layers[0].speed == pytest.approx(2.0, rel=0.01)
+    timeline.press(5.0, y)
+    timeline.release(5.0)
+    assert workspace.editor.project.puppets["star"].layers[0].muted
+    assert workspace.editor.history.names[-2:] == ("change speed", "mute")
 
 
 def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
-    desk = desk_with(tmp_path, posed((0.0, 0.75, 2.25), switches=SWITCHES))
-    hand = desk.timeline
+    workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), switches=SWITCHES))
+    timeline = workspace.timeline
 
     def switches() -> list[tuple[int, str]] | None:
-        found = desk.editor.project.puppets["star"].layers[0].switches
+        found = workspace.editor.project.puppets["star"].layers[0].switches
         return None if found is None else [(one.frame, one.kind) for one in found]
 
     def at(second: float) -> tuple[float, float]:
-        lanes = hand.puppets.lanes(hand.layout)
+        lanes = timeline.puppets.lanes(timeline.layout)
         row = row_of(lanes, "band")
         return lanes.x(row, second), middle(row)
 
-    drag(desk, at(1.0), at(1.5)[0])
+    drag(workspace, at(1.0), at(1.5)[0])
     assert switches() == [(0, "contact"), (45, "flight"), (60, "contact")]
-    drag(desk, at(1.5), at(2.9)[0])
+    drag(workspace, at(1.5), at(2.9)[0])
     assert switches() == [(0, "contact"), (59, "flight"), (60, "contact")], "it stops at the next one"
-    desk.editor.undo()
-    assert hand.double(*at(0.5))
+    workspace.editor.undo()
+    assert timeline.double(*at(0.5))
     assert switches() is not None and (15, "flight") in switches() and len(switches()) == 5  # type: ignore[operator, arg-type]
-    hand.press(*at(0.5))
-    hand.release(at(0.5)[0])
-    assert desk.hand.key("delete") and switches() == [(0, "contact"), (45, "flight"), (60, "contact")]
-    row = row_of(hand.puppets.lanes(hand.layout), "band")
-    hand.press(60.0, middle(row))
-    hand.release(60.0)
-    assert switches() is None and "star" in desk.editor.project.puppets
+    timeline.press(*at(0.5))
+    timeline.release(at(0.5)[0])
+    assert workspace.input.key("delete") and switches() == [(0, "contact"), (45, "flight"), (60, "contact")]
+    row = row_of(timeline.puppets.lanes(timeline.layout), "band")
+    timeline.press(60.0, middle(row))
+    timeline.release(60.0)
+    assert switches() is None and "star" in workspace.editor.project.puppets
 
 
 def test_delete_lets_go_of_what_is_held_and_then_means_the_puppet_again(tmp_path) -> None:
     held = (Position("left", 45, (-0.4, 0.5, 0.0)),)
-    desk = desk_with(tmp_path, posed((0.0, 0.75, 2.25), positions=held))
-    hand = desk.timeline
-    lanes = hand.puppets.lanes(hand.layout)
+    workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), positions=held))
+    timeline = workspace.timeline
+    lanes = timeline.puppets.lanes(timeline.layout)
     row = row_of(lanes, "held")
     x = lanes.held(row)[0][2]
-    hand.press(x, middle(row))
-    hand.release(x)
-    assert desk.editor.time == pytest.approx(1.5)
-    desk.hand.key("delete")
-    assert desk.editor.project.puppets["star"].layers[0].positions == ()
-    assert not hand.type("delete")
+    timeline.press(x, middle(row))
+    timeline.release(x)
+    assert workspace.editor.time == pytest.approx(1.5)
+    workspace.input.key("delete")
+    assert workspace.editor.project.puppets["star"].layers[0].positions == ()
+    assert not timeline.type("delete")
 
 
 def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
-    desk = desk_with(tmp_path, posed((0.0,)))
-    hand = desk.timeline
-    lanes = hand.puppets.lanes(hand.layout)
+    workspace = desk_with(tmp_path, posed((0.0,)))
+    timeline = workspace.timeline
+    lanes = timeline.puppets.lanes(timeline.layout)
     row = row_of(lanes, "poses")
     second, x = lanes.suggested(row)[0]
-    hand.press(x, middle(row))
-    hand.release(x)
-    poses = desk.editor.project.puppets["star"].poses
-    assert len(poses) == 2 and poses[1].time == pytest.approx(second) and desk.puppets.number == 1
+    timeline.press(x, middle(row))
+    timeline.release(x)
+    poses = workspace.editor.project.puppets["star"].poses
+    assert len(poses) == 2 and poses[1].time == pytest.approx(second) and workspace.puppets.number == 1
 
 
 def test_the_found_contacts_are_shown_as_soon_as_it_moves(tmp_path) -> None:
-    desk = desk_with(tmp_path, posed((0.0, 0.75, 2.25)))
-    desk.editor.solving.settle(desk.editor.project, "star")
-    lanes = desk.timeline.puppets.lanes(desk.timeline.layout)
+    workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25)))
+    workspace.editor.solving.settle(workspace.editor.project, "star")
+    lanes = workspace.timeline.puppets.lanes(workspace.timeline.layout)
     bands = lanes.bands(row_of(lanes, "band"))
     assert bands and bands[0][0].frame == 0
     starts, ends = np.array([b[1] for b in bands]), np.array([b[2] for b in bands])

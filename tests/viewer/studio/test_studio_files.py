@@ -12,16 +12,16 @@ import pytest
 from enliven.document.project import same
 from enliven.errors import InputError, ResourceError
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.workspace.file_browser import Browser
-from enliven_viewer.studio.workspace.project_store import Cabinet
+from enliven_viewer.studio.workspace.file_browser import FileBrowser
+from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.renaming import renamed
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 
 @pytest.fixture
-def desk(make_limb, tmp_path) -> Desk:
-    """A desk with one edit that is not saved."""
-    made = Desk.new(Editor(), tmp_path / "recovery")
+def workspace(make_limb, tmp_path) -> Workspace:
+    """A workspace with one edit that is not saved."""
+    made = Workspace.new(Editor(), tmp_path / "recovery")
     made.editor.edit("add", lambda project: project.with_shapes(make_limb("limb", 3)))
     return made
 
@@ -34,121 +34,123 @@ def finished_process() -> int:
     return int(done.stdout)
 
 
-def said(desk: Desk) -> str:
-    return " | ".join(f"{toast.text} {toast.mend}" for toast in desk.editor.toasts.shown)
+def said(workspace: Workspace) -> str:
+    return " | ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
 
 
-def test_what_is_saved_is_opened_bit_for_bit(desk: Desk, tmp_path) -> None:
+def test_what_is_saved_is_opened_bit_for_bit(workspace: Workspace, tmp_path) -> None:
     path = tmp_path / "work.enliven"
-    assert desk.cabinet.dirty
-    desk.cabinet.save(path)
-    saved = desk.editor.project
-    assert not desk.cabinet.dirty and desk.cabinet.name == "work"
-    desk.cabinet.new()
-    desk.cabinet.open(path)
-    assert same(desk.editor.project, saved) and not desk.cabinet.dirty
-    desk.editor.edit("delete", lambda project: project.without_shape("limb"))
-    assert desk.cabinet.dirty
-    desk.editor.undo()
-    assert same(desk.editor.project, saved)
+    assert workspace.store.dirty
+    workspace.store.save(path)
+    saved = workspace.editor.project
+    assert not workspace.store.dirty and workspace.store.name == "work"
+    workspace.store.new()
+    workspace.store.open(path)
+    assert same(workspace.editor.project, saved) and not workspace.store.dirty
+    workspace.editor.edit("delete", lambda project: project.without_shape("limb"))
+    assert workspace.store.dirty
+    workspace.editor.undo()
+    assert same(workspace.editor.project, saved)
 
 
-def test_a_file_that_cannot_be_read_leaves_what_is_open(desk: Desk, tmp_path) -> None:
-    before = desk.editor.project
+def test_a_file_that_cannot_be_read_leaves_what_is_open(workspace: Workspace, tmp_path) -> None:
+    before = workspace.editor.project
     (tmp_path / "bad.enliven").write_bytes(b"PK\x03\x04 no more")
     with pytest.raises(InputError):
-        desk.cabinet.open(tmp_path / "bad.enliven")
-    assert desk.editor.project is before and desk.cabinet.dirty
+        workspace.store.open(tmp_path / "bad.enliven")
+    assert workspace.editor.project is before and workspace.store.dirty
 
 
-def test_a_place_that_cannot_be_written_is_said_and_the_work_stays_unsaved(desk: Desk, tmp_path) -> None:
+def test_a_place_that_cannot_be_written_is_said_and_the_work_stays_unsaved(
+    workspace: Workspace, tmp_path
+) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ResourceError):
-        desk.cabinet.save(tmp_path / "file" / "work.enliven")
-    assert desk.cabinet.dirty and desk.cabinet.path is None
+        workspace.store.save(tmp_path / "file" / "work.enliven")
+    assert workspace.store.dirty and workspace.store.path is None
 
 
 @pytest.mark.parametrize("wish", ["new", "quit"])
-def test_nothing_is_thrown_away_without_asking(desk: Desk, tmp_path, wish: str) -> None:
-    before = desk.editor.project
-    desk.ask(wish)
-    assert desk.asking == "unsaved" and desk.editor.project is before and not desk.over
-    desk.cancel()
-    assert desk.asking == "" and desk.editor.project is before and not desk.over
-    desk.ask(wish)
-    desk.go_on(discard=False)
-    assert desk.asking == "save as" and desk.browser is not None
-    desk.chosen(tmp_path / "kept.enliven")
+def test_nothing_is_thrown_away_without_asking(workspace: Workspace, tmp_path, wish: str) -> None:
+    before = workspace.editor.project
+    workspace.ask(wish)
+    assert workspace.asking == "unsaved" and workspace.editor.project is before and not workspace.ended
+    workspace.cancel()
+    assert workspace.asking == "" and workspace.editor.project is before and not workspace.ended
+    workspace.ask(wish)
+    workspace.go_on(discard=False)
+    assert workspace.asking == "save as" and workspace.browser is not None
+    workspace.chosen(tmp_path / "kept.enliven")
     assert (tmp_path / "kept.enliven").is_file()
-    assert desk.over if wish == "quit" else "limb" not in desk.editor.project.shapes
+    assert workspace.ended if wish == "quit" else "limb" not in workspace.editor.project.shapes
 
 
-def test_discarding_goes_on_at_once(desk: Desk) -> None:
-    desk.ask("new")
-    desk.go_on(discard=True)
-    assert desk.editor.project.shapes == {} and "wave" in desk.editor.project.takes
-    desk.ask("quit")
-    assert desk.over, "a new project has nothing to lose"
+def test_discarding_goes_on_at_once(workspace: Workspace) -> None:
+    workspace.ask("new")
+    workspace.go_on(discard=True)
+    assert workspace.editor.project.shapes == {} and "wave" in workspace.editor.project.takes
+    workspace.ask("quit")
+    assert workspace.ended, "a new project has nothing to lose"
 
 
-def test_opening_another_project_asks_first(desk: Desk, tmp_path) -> None:
-    other = Desk.new(Editor(), tmp_path / "other")
-    other.cabinet.save(tmp_path / "other.enliven")
-    desk.open(tmp_path / "other.enliven")
-    assert desk.asking == "unsaved" and "limb" in desk.editor.project.shapes
-    desk.go_on(discard=True)
-    assert "limb" not in desk.editor.project.shapes and desk.cabinet.name == "other"
+def test_opening_another_project_asks_first(workspace: Workspace, tmp_path) -> None:
+    other = Workspace.new(Editor(), tmp_path / "other")
+    other.store.save(tmp_path / "other.enliven")
+    workspace.open(tmp_path / "other.enliven")
+    assert workspace.asking == "unsaved" and "limb" in workspace.editor.project.shapes
+    workspace.go_on(discard=True)
+    assert "limb" not in workspace.editor.project.shapes and workspace.store.name == "other"
 
 
-def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(desk: Desk) -> None:
-    cabinet = desk.cabinet
-    cabinet.keep(cabinet._since + 1.0)
-    assert not cabinet.folder.exists(), "not yet time"
-    cabinet.keep(cabinet._since + 60.0)
-    written = list(cabinet.folder.iterdir())
+def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspace: Workspace) -> None:
+    store = workspace.store
+    store.autosave(store._since + 1.0)
+    assert not store.folder.exists(), "not yet time"
+    store.autosave(store._since + 60.0)
+    written = list(store.folder.iterdir())
     assert [path.name for path in written] == [f"recovery-{os.getpid()}.enliven"]
-    assert cabinet.recoverable() == [], "this studio still runs"
+    assert store.recoverable() == [], "this studio still runs"
     left = written[0].with_name(f"recovery-{finished_process()}.enliven")
     written[0].rename(left)
-    after = Desk.new(Editor(), cabinet.folder)
-    assert after.cabinet.recoverable() == [left]
-    after.cabinet.recover(left)
-    assert same(after.editor.project, desk.editor.project) and after.cabinet.dirty
-    assert after.cabinet.recoverable() == [] and len(list(cabinet.folder.iterdir())) == 1
-    after.cabinet.close()
-    assert list(cabinet.folder.iterdir()) == []
+    after = Workspace.new(Editor(), store.folder)
+    assert after.store.recoverable() == [left]
+    after.store.recover(left)
+    assert same(after.editor.project, workspace.editor.project) and after.store.dirty
+    assert after.store.recoverable() == [] and len(list(store.folder.iterdir())) == 1
+    after.store.close()
+    assert list(store.folder.iterdir()) == []
 
 
-def test_nothing_is_kept_of_what_is_saved_or_unchanged(desk: Desk, tmp_path) -> None:
-    cabinet = desk.cabinet
-    cabinet.keep(cabinet._since + 60.0)
-    cabinet.save(tmp_path / "work.enliven")
-    assert list(cabinet.folder.iterdir()) == []
-    cabinet.keep(cabinet._since + 120.0)
-    assert list(cabinet.folder.iterdir()) == []
+def test_nothing_is_kept_of_what_is_saved_or_unchanged(workspace: Workspace, tmp_path) -> None:
+    store = workspace.store
+    store.autosave(store._since + 60.0)
+    store.save(tmp_path / "work.enliven")
+    assert list(store.folder.iterdir()) == []
+    store.autosave(store._since + 120.0)
+    assert list(store.folder.iterdir()) == []
 
 
-def test_a_recovery_file_that_cannot_be_written_is_said(desk: Desk, tmp_path) -> None:
+def test_a_recovery_file_that_cannot_be_written_is_said(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "in the way").write_text("")
-    cabinet = Cabinet(desk.editor, tmp_path / "in the way")
-    cabinet._saved = cabinet._kept = desk.editor.project.without_shape("limb")
-    cabinet.keep(cabinet._since + 60.0)
-    assert "Ctrl+S" in said(desk)
+    store = ProjectStore(workspace.editor, tmp_path / "in the way")
+    store._saved = store._autosaved = workspace.editor.project.without_shape("limb")
+    store.autosave(store._since + 60.0)
+    assert "Ctrl+S" in said(workspace)
 
 
-def test_an_unknown_kind_of_file_is_said_with_those_that_are_known(desk: Desk, tmp_path) -> None:
+def test_an_unknown_kind_of_file_is_said_with_those_that_are_known(workspace: Workspace, tmp_path) -> None:
     with pytest.raises(InputError, match=r"\.glb"):
-        desk.open(tmp_path / "picture.png")
+        workspace.open(tmp_path / "picture.png")
 
 
-def test_shapes_go_out_as_glb_and_come_in_again(desk: Desk, tmp_path) -> None:
-    desk.ask("export")
-    assert desk.asking == "export" and desk.browser is not None
-    desk.chosen(tmp_path / "out.glb")
-    assert "Wrote 1 shape" in said(desk)
-    before = desk.editor.project.shapes["limb"]
-    desk.open(tmp_path / "out.glb")
-    added = next(s for name, s in desk.editor.project.shapes.items() if name != "limb")
+def test_shapes_go_out_as_glb_and_come_in_again(workspace: Workspace, tmp_path) -> None:
+    workspace.ask("export")
+    assert workspace.asking == "export" and workspace.browser is not None
+    workspace.chosen(tmp_path / "out.glb")
+    assert "Wrote 1 shape" in said(workspace)
+    before = workspace.editor.project.shapes["limb"]
+    workspace.open(tmp_path / "out.glb")
+    added = next(s for name, s in workspace.editor.project.shapes.items() if name != "limb")
     assert (
         len(added.skeleton) >= len(before.skeleton) - 1 and added.mesh is not None and before.mesh is not None
     )
@@ -157,11 +159,11 @@ def test_shapes_go_out_as_glb_and_come_in_again(desk: Desk, tmp_path) -> None:
     assert added.place[0] > 0.05, "beside what is there"
 
 
-def test_an_export_of_nothing_says_what_to_do(desk: Desk, tmp_path) -> None:
-    desk.cabinet.new()
-    desk.asking = "export"
+def test_an_export_of_nothing_says_what_to_do(workspace: Workspace, tmp_path) -> None:
+    workspace.store.new()
+    workspace.asking = "export"
     with pytest.raises(InputError, match="Sketch"):
-        desk.chosen(tmp_path / "out.glb")
+        workspace.chosen(tmp_path / "out.glb")
 
 
 def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
@@ -169,7 +171,7 @@ def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
     (tmp_path / ".hidden").mkdir()
     for name in ("b.glb", "A.GLB", "c.txt"):
         (tmp_path / name).write_text("")
-    browser = Browser(tmp_path, (".glb",))
+    browser = FileBrowser(tmp_path, (".glb",))
     assert [path.name for path in browser.folders()] == ["inner"]
     assert [path.name for path in browser.files()] == ["A.GLB", "b.glb"]
     browser.name = "b.glb"
@@ -184,7 +186,7 @@ def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
 
 
 def test_a_saved_name_gets_its_ending(tmp_path) -> None:
-    browser = Browser(tmp_path, (".enliven",), "squid v1.2", saving=True)
+    browser = FileBrowser(tmp_path, (".enliven",), "squid v1.2", saving=True)
     assert browser.chosen() == tmp_path / "squid v1.2.enliven"
     browser.name = "  "
     with pytest.raises(InputError, match="no file"):
@@ -199,32 +201,36 @@ def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
         renamed(project, "a", "b")
 
 
-def test_a_fault_of_our_own_is_told_and_changes_nothing(desk: Desk, monkeypatch) -> None:
+def test_a_fault_of_our_own_is_told_and_changes_nothing(workspace: Workspace, monkeypatch) -> None:
     monkeypatch.delenv("ENLIVEN_DEBUG", raising=False)
-    before = desk.editor.project
-    assert not desk.editor.edit("break", lambda project: [project][1])
-    assert desk.editor.project is before and "fault of enliven" in said(desk) and "IndexError" in said(desk)
+    before = workspace.editor.project
+    assert not workspace.editor.edit("break", lambda project: [project][1])
+    assert (
+        workspace.editor.project is before
+        and "fault of enliven" in said(workspace)
+        and "IndexError" in said(workspace)
+    )
     monkeypatch.setenv("ENLIVEN_DEBUG", "1")
     with pytest.raises(IndexError):
-        desk.editor.edit("break", lambda project: [project][1])
+        workspace.editor.edit("break", lambda project: [project][1])
 
 
 def test_a_file_is_replaced_only_when_it_is_said_twice(tmp_path) -> None:
     (tmp_path / "old.enliven").write_text("precious")
-    browser = Browser(tmp_path, (".enliven",), "old", saving=True)
+    browser = FileBrowser(tmp_path, (".enliven",), "old", saving=True)
     with pytest.raises(InputError, match="Save again"):
         browser.chosen()
     assert browser.chosen() == tmp_path / "old.enliven"
-    own = Browser(tmp_path, (".enliven",), "old", saving=True, own=tmp_path / "old.enliven")
+    own = FileBrowser(tmp_path, (".enliven",), "old", saving=True, own=tmp_path / "old.enliven")
     assert own.chosen() == tmp_path / "old.enliven"
 
 
-def test_a_save_that_fails_does_not_quit_later(desk: Desk, tmp_path) -> None:
+def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
-    desk.ask("quit")
-    desk.go_on(discard=False)
+    workspace.ask("quit")
+    workspace.go_on(discard=False)
     with pytest.raises(ResourceError):
-        desk.chosen(tmp_path / "file" / "work.enliven")
-    desk.ask("save")
-    desk.chosen(tmp_path / "work.enliven")
-    assert not desk.over and not desk.cabinet.dirty
+        workspace.chosen(tmp_path / "file" / "work.enliven")
+    workspace.ask("save")
+    workspace.chosen(tmp_path / "work.enliven")
+    assert not workspace.ended and not workspace.store.dirty

@@ -14,7 +14,7 @@ from enliven.document.skeleton import Skeleton
 from enliven.rotation import IDENTITY
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.studio.viewport.picking import Lens, bone_at, crossings, joint_at, surface_at
-from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.studio.viewport.pose_at_time import PosedShape
 
 SIZE = (900.0, 600.0)
 
@@ -28,14 +28,14 @@ def lens_of(azimuth: float, elevation: float) -> Lens:
 
 
 @st.composite
-def trees(draw: st.DrawFn) -> Stance:
+def trees(draw: st.DrawFn) -> PosedShape:
     """A random tree of joints, none of them at one place, before every camera of :func:`lens_of`."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     count = int(rng.integers(2, 12))
     parents = np.array([-1, *(int(rng.integers(0, k)) for k in range(1, count))], np.int32)
     joints = rng.uniform([-1, 0, -1], [1, 2, 1], (count, 3))
     skeleton = Skeleton(tuple(f"j{k}" for k in range(count)), parents, joints)
-    return Stance(still_shape("tree", skeleton), np.tile(IDENTITY, (count, 1)), joints)
+    return PosedShape(still_shape("tree", skeleton), np.tile(IDENTITY, (count, 1)), joints)
 
 
 lenses = st.builds(lens_of, st.floats(-3.0, 3.0), st.floats(0.05, 1.4))
@@ -43,10 +43,10 @@ lenses = st.builds(lens_of, st.floats(-3.0, 3.0), st.floats(0.05, 1.4))
 
 @given(trees(), lenses)
 @settings(max_examples=60, deadline=None)
-def test_every_joint_is_picked_at_its_pixel(stance: Stance, lens: Lens) -> None:
-    pixels, depths = lens.project(stance.joints)
+def test_every_joint_is_picked_at_its_pixel(posed: PosedShape, lens: Lens) -> None:
+    pixels, depths = lens.project(posed.joints)
     for joint, pixel in enumerate(pixels):
-        hit = joint_at([stance], lens, (float(pixel[0]), float(pixel[1])), 4.0)
+        hit = joint_at([posed], lens, (float(pixel[0]), float(pixel[1])), 4.0)
         assert hit is not None
         near = np.linalg.norm(pixels - pixel, axis=1) <= 0.5
         assert near[hit.joint] and hit.pixels <= 0.5
@@ -55,11 +55,11 @@ def test_every_joint_is_picked_at_its_pixel(stance: Stance, lens: Lens) -> None:
 
 @given(trees(), lenses, st.integers(0, 100), st.floats(0.02, 0.98))
 @settings(max_examples=80, deadline=None)
-def test_a_place_on_a_bone_is_picked_where_it_is_in_space(stance, lens, number, along) -> None:
-    joint = 1 + number % (len(stance.joints) - 1)
-    start, end = stance.joints[stance.shape.skeleton.parents[joint]], stance.joints[joint]
+def test_a_place_on_a_bone_is_picked_where_it_is_in_space(posed, lens, number, along) -> None:
+    joint = 1 + number % (len(posed.joints) - 1)
+    start, end = posed.joints[posed.shape.skeleton.parents[joint]], posed.joints[joint]
     pixel = lens.project((start + along * (end - start))[None])[0][0]
-    hit = bone_at([stance], lens, (float(pixel[0]), float(pixel[1])), 2.0)
+    hit = bone_at([posed], lens, (float(pixel[0]), float(pixel[1])), 2.0)
     assert hit is not None and hit.pixels < 1e-6 + 2.0
     if hit.joint == joint:
         ends = lens.project(np.stack([start, end]))[0]
@@ -69,14 +69,14 @@ def test_a_place_on_a_bone_is_picked_where_it_is_in_space(stance, lens, number, 
 
 @given(trees(), lenses, st.floats(20, 880), st.floats(20, 580))
 @settings(max_examples=60, deadline=None)
-def test_the_nearest_bone_is_that_of_a_thousand_samples(stance, lens, x, y) -> None:
-    hit = bone_at([stance], lens, (x, y), 1e9)
+def test_the_nearest_bone_is_that_of_a_thousand_samples(posed, lens, x, y) -> None:
+    hit = bone_at([posed], lens, (x, y), 1e9)
     assert hit is not None
     share = np.linspace(0, 1, 1001)[:, None]
-    parents = stance.shape.skeleton.parents
+    parents = posed.shape.skeleton.parents
     nearest = []
-    for joint in range(1, len(stance.joints)):
-        start, end = stance.joints[parents[joint]], stance.joints[joint]
+    for joint in range(1, len(posed.joints)):
+        start, end = posed.joints[parents[joint]], posed.joints[joint]
         pixels = lens.project(start + share * (end - start))[0]
         nearest.append(float(np.linalg.norm(pixels - [x, y], axis=1).min()))
     # Of two that are as near to a pixel, the one before the other is picked.
@@ -86,9 +86,9 @@ def test_the_nearest_bone_is_that_of_a_thousand_samples(stance, lens, x, y) -> N
 
 @given(trees(), lenses, st.integers(0, 100), st.floats(0.05, 0.95), st.floats(0, 6.28))
 @settings(max_examples=80, deadline=None)
-def test_a_stroke_through_a_place_on_a_bone_crosses_it_there(stance, lens, number, along, angle) -> None:
-    joint = 1 + number % (len(stance.joints) - 1)
-    start, end = stance.joints[stance.shape.skeleton.parents[joint]], stance.joints[joint]
+def test_a_stroke_through_a_place_on_a_bone_crosses_it_there(posed, lens, number, along, angle) -> None:
+    joint = 1 + number % (len(posed.joints) - 1)
+    start, end = posed.joints[posed.shape.skeleton.parents[joint]], posed.joints[joint]
     ends = lens.project(np.stack([start, end]))[0]
     way = ends[1] - ends[0]
     across = np.array([math.cos(angle), math.sin(angle)])
@@ -97,10 +97,10 @@ def test_a_stroke_through_a_place_on_a_bone_crosses_it_there(stance, lens, numbe
         return
     pixel = lens.project((start + along * (end - start))[None])[0][0]
     stroke = np.stack([pixel - 30 * across, pixel + 30 * across])
-    found = {hit.joint: hit for hit in crossings([stance], lens, stroke)}
+    found = {hit.joint: hit for hit in crossings([posed], lens, stroke)}
     assert abs(found[joint].along - along) < 1e-6
     for other, hit in found.items():
-        a, b = stance.joints[stance.shape.skeleton.parents[other]], stance.joints[other]
+        a, b = posed.joints[posed.shape.skeleton.parents[other]], posed.joints[other]
         place = lens.project((a + hit.along * (b - a))[None])[0][0]
         offset = place - pixel
         assert abs(offset[0] * across[1] - offset[1] * across[0]) < 1e-4, "it lies on the stroke"
@@ -120,18 +120,18 @@ def test_a_ray_goes_through_its_pixel_and_a_plane_gives_it_back(lens: Lens, x: f
 def test_the_nearer_of_two_surfaces_is_picked(make_limb) -> None:
     lens = lens_of(0.0, 0.1)
     limbs = [make_limb("far", at=(0.0, 0.2, -0.5)), make_limb("near", at=(0.0, 0.2, 0.5))]
-    stances = [Stance(s, np.tile(IDENTITY, (5, 1)), s.skeleton.positions) for s in limbs]
+    posed_shapes = [PosedShape(s, np.tile(IDENTITY, (5, 1)), s.skeleton.positions) for s in limbs]
     at = lens.project(np.array([[0.0, 0.7, 0.56]]))[0][0]
-    hit = surface_at(stances, lens, (float(at[0]), float(at[1])))
+    hit = surface_at(posed_shapes, lens, (float(at[0]), float(at[1])))
     assert hit is not None and hit.shape == "near" and hit.joint in (2, 3)
-    assert surface_at(stances, lens, (3.0, 3.0)) is None
+    assert surface_at(posed_shapes, lens, (3.0, 3.0)) is None
 
 
 def test_what_is_behind_the_camera_is_not_picked(make_limb) -> None:
     lens = lens_of(0.0, 0.1)
     shape = make_limb()
     behind = np.add(shape.skeleton.positions, [0.0, 0.0, 60.0])
-    stance = Stance(shape, np.tile(IDENTITY, (5, 1)), behind)
-    assert joint_at([stance], lens, (450.0, 300.0), 1e9) is None
-    assert bone_at([stance], lens, (450.0, 300.0), 1e9) is None
-    assert crossings([stance], lens, np.array([[0.0, 0.0], [900.0, 600.0]])) == []
+    posed = PosedShape(shape, np.tile(IDENTITY, (5, 1)), behind)
+    assert joint_at([posed], lens, (450.0, 300.0), 1e9) is None
+    assert bone_at([posed], lens, (450.0, 300.0), 1e9) is None
+    assert crossings([posed], lens, np.array([[0.0, 0.0], [900.0, 600.0]])) == []

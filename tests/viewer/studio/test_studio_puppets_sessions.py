@@ -27,308 +27,315 @@ from enliven_viewer.studio.session import (
     play,
 )
 from enliven_viewer.studio.tools.puppet import PuppetTool
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 
-def tool_of(desk: Desk) -> PuppetTool:
-    tool = desk.hand.tools["puppet"]
+def tool_of(workspace: Workspace) -> PuppetTool:
+    tool = workspace.input.tools["puppet"]
     assert isinstance(tool, PuppetTool)
     return tool
 
 
-def two_poses(desk: Desk) -> None:
+def two_poses(workspace: Workspace) -> None:
     """The first two key poses of the chosen star: at rest, and bent to its left."""
-    rest = desk.puppets.puppet.rest
+    rest = workspace.puppets.puppet.rest
     bent = rest + np.linspace(0.0, 0.3, len(rest))[::-1, None] * [1.0, 0.3, 0.0]
     for time, places in ((0.0, rest), (0.8, bent)):
-        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
+        workspace.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
 
 
-def bad(desk: Desk) -> list[str]:
-    return [toast.text for toast in desk.editor.toasts.shown if toast.bad]
+def bad(workspace: Workspace) -> list[str]:
+    return [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
 
 
 def test_clicks_put_control_points_and_a_drag_makes_a_key_pose(tmp_path) -> None:
-    desk, stage = studio(tmp_path, take="sway")
+    workspace, stage = studio(tmp_path, take="sway")
     hands = [OnPuppet("star", vertex(name)) for name in ("left", "right", "head")]
-    tool_of(desk).suggested.of(desk.puppets.puppet)
-    tool_of(desk).suggested.wait()  # ends are on the silhouette: their rings can be clicked
+    tool_of(workspace).suggested.of(workspace.puppets.puppet)
+    tool_of(workspace).suggested.wait()  # ends are on the silhouette: their rings can be clicked
     play([*(Click(hand) for hand in hands), Do(lambda d: d.editor.scrub(1.0))], stage)
-    puppet = desk.puppets.puppet
+    puppet = workspace.puppets.puppet
     assert [np.linalg.norm(puppet.rest[k] - star().vertices[h.vertex]) < 0.03 for k, h in enumerate(hands)]
-    assert desk.puppets.point == 2 and not desk.puppets.posing
+    assert workspace.puppets.point == 2 and not workspace.puppets.posing
     start = OnPuppet("star", point=0)
     play([Drag((start, Near(start, -10, -90)))], stage)
-    puppet = desk.puppets.puppet
-    assert desk.puppets.number == 0 and puppet.poses[0].time == pytest.approx(1.0)
+    puppet = workspace.puppets.puppet
+    assert workspace.puppets.number == 0 and puppet.poses[0].time == pytest.approx(1.0)
     assert puppet.poses[0].places[0][1] > puppet.rest[0][1] + 0.1
     assert np.array_equal(puppet.poses[0].places[1:], puppet.rest[1:])
     play([Key("enter")], stage)
-    assert not desk.puppets.posing and not bad(desk)
+    assert not workspace.puppets.posing and not bad(workspace)
 
 
 def test_arrows_move_along_their_axis(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head", "left", "foot", take="sway")
-    desk.editor.camera.orbit(0.4, 0.1)
-    desk.editor.camera.advance(10.0)
+    workspace, stage = studio(tmp_path, "head", "left", "foot", take="sway")
+    workspace.editor.camera.orbit(0.4, 0.1)
+    workspace.editor.camera.advance(10.0)
     play([Click(OnPuppet("star", point=1))], stage)
-    manipulator = tool_of(desk).manipulator()
+    manipulator = tool_of(workspace).manipulator()
     assert manipulator is not None
     tip = manipulator.place + np.array([0.0, 60.0, 0.0]) * manipulator.pixel
     play([Drag((Spot(*tip), Near(Spot(*tip), 12, -60)))], stage)
-    way = desk.puppets.places[1] - desk.puppets.puppet.rest[1]
+    way = workspace.puppets.places[1] - workspace.puppets.puppet.rest[1]
     assert way[1] > 0.05 and way[0] == way[2] == 0.0
 
 
 def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head", "left", take="sway")
+    workspace, stage = studio(tmp_path, "head", "left", take="sway")
     start = OnPuppet("star", point=1)
     play([Drag((start, Near(start, 0, -60)))], stage)
-    kept = desk.puppets.puppet.poses
-    hand = desk.hand
-    at = desk.editor.lens.project(desk.puppets.standing[0].points)[0][1]
-    hand.press((at[0], at[1]))
-    hand.move((at[0] + 40, at[1]))
-    assert desk.puppets.dragging
-    hand.key("escape")
-    assert not desk.puppets.dragging and same(desk.puppets.puppet.poses, kept)
-    hand.move((at[0] + 80, at[1]))
-    hand.release((at[0] + 80, at[1]))
-    assert same(desk.puppets.puppet.poses, kept), "what was dropped stays dropped"
-    hand.key("escape")
-    assert desk.puppets.point is None and desk.puppets.posing
-    hand.key("escape")
-    assert not desk.puppets.posing and same(desk.puppets.puppet.poses, kept)
+    kept = workspace.puppets.puppet.poses
+    user_input = workspace.input
+    at = workspace.editor.lens.project(workspace.puppets.standing[0].points)[0][1]
+    user_input.press((at[0], at[1]))
+    user_input.move((at[0] + 40, at[1]))
+    assert workspace.puppets.dragging
+    user_input.key("escape")
+    assert not workspace.puppets.dragging and same(workspace.puppets.puppet.poses, kept)
+    user_input.move((at[0] + 80, at[1]))
+    user_input.release((at[0] + 80, at[1]))
+    assert same(workspace.puppets.puppet.poses, kept), "what was dropped stays dropped"
+    user_input.key("escape")
+    assert workspace.puppets.point is None and workspace.puppets.posing
+    user_input.key("escape")
+    assert not workspace.puppets.posing and same(workspace.puppets.puppet.poses, kept)
 
 
 def test_another_tool_leaves_the_key_pose_as_it_is(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head", "left", take="sway")
+    workspace, stage = studio(tmp_path, "head", "left", take="sway")
     start = OnPuppet("star", point=1)
     play([Drag((start, Near(start, 0, -60)))], stage)
-    kept = desk.puppets.puppet
+    kept = workspace.puppets.puppet
     play([Key("q")], stage)
-    assert not desk.puppets.posing and desk.puppets.puppet is kept and len(kept.poses) == 1
+    assert not workspace.puppets.posing and workspace.puppets.puppet is kept and len(kept.poses) == 1
 
 
 def test_keys_nudge_reset_and_remove_the_chosen_point(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head", "left", "foot", take="sway")
+    workspace, stage = studio(tmp_path, "head", "left", "foot", take="sway")
     play([Click(OnPuppet("star", point=1)), Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
-    time = desk.editor.time
+    time = workspace.editor.time
     play([Key("up"), Key("shift+up")], stage)
-    rise = desk.puppets.places[1][1] - desk.puppets.puppet.rest[1][1]
-    pixel = tool_of(desk).manipulator().pixel
-    assert rise == pytest.approx(11 * pixel, rel=0.1) and desk.editor.time == time
+    rise = workspace.puppets.places[1][1] - workspace.puppets.puppet.rest[1][1]
+    pixel = tool_of(workspace).manipulator().pixel
+    assert rise == pytest.approx(11 * pixel, rel=0.1) and workspace.editor.time == time
     play([Key("r")], stage)
     assert (
-        np.allclose(desk.puppets.places[1], desk.puppets.puppet.rest[1]) and desk.hand.tool.name == "puppet"
+        np.allclose(workspace.puppets.places[1], workspace.puppets.puppet.rest[1])
+        and workspace.input.tool.name == "puppet"
     )
     play([Key("delete")], stage)
-    assert [point.name for point in desk.puppets.puppet.points] == ["head", "foot"]
+    assert [point.name for point in workspace.puppets.puppet.points] == ["head", "foot"]
     play([Key("enter"), Key("right")], stage)
-    assert desk.editor.time > time, "with nothing in the hand the arrows go through time"
+    assert workspace.editor.time > time, "with nothing in the hand the arrows go through time"
 
 
 def test_dragging_the_mesh_turns_the_view_and_puts_no_point(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head")
-    before = desk.editor.lens.view.eye.copy()
+    workspace, stage = studio(tmp_path, "head")
+    before = workspace.editor.lens.view.eye.copy()
     belly = Spot(0.0, 0.5, 0.0)
     play([Drag((belly, Near(belly, 120, 10)))], stage)
-    desk.editor.advance(5.0)
-    assert len(desk.puppets.puppet.points) == 1
-    assert np.linalg.norm(desk.editor.lens.view.eye - before) > 0.2
+    workspace.editor.advance(5.0)
+    assert len(workspace.puppets.puppet.points) == 1
+    assert np.linalg.norm(workspace.editor.lens.view.eye - before) > 0.2
 
 
 def test_suggested_ends_are_clicked_nearly(tmp_path) -> None:
-    desk, stage = studio(tmp_path)
-    tool = tool_of(desk)
-    tool.suggested.of(desk.puppets.puppet)
+    workspace, stage = studio(tmp_path)
+    tool = tool_of(workspace)
+    tool.suggested.of(workspace.puppets.puppet)
     tool.suggested.wait()
-    ends = tool.suggested.of(desk.puppets.puppet)
+    ends = tool.suggested.of(workspace.puppets.puppet)
     assert len(ends) >= 5
     play([Click(Near(OnPuppet("star", ends[0]), 4, -3))], stage)
-    assert desk.puppets.puppet.points[0].vertex == ends[0]
-    assert ends[0] not in tool.suggested.of(desk.puppets.puppet)
+    assert workspace.puppets.puppet.points[0].vertex == ends[0]
+    assert ends[0] not in tool.suggested.of(workspace.puppets.puppet)
 
 
 def test_faces_that_pass_through_one_another_are_told_but_not_at_rest(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
+    workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
     play([Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
-    desk.puppets.crossing.wait()
-    assert desk.hand.tool.warning == ""
-    places = desk.puppets.puppet.rest.copy()
+    workspace.puppets.crossing.wait()
+    assert workspace.input.tool.warning == ""
+    places = workspace.puppets.puppet.rest.copy()
     places[1] = [0.3, 0.45, 0.0]
     for share in np.linspace(0.1, 1.0, 10):
-        desk.puppets.drag(1, (1 - share) * desk.puppets.puppet.rest[1] + share * places[1])
-        desk.editor.advance(STEP)
-    desk.puppets.drop()
+        workspace.puppets.drag(1, (1 - share) * workspace.puppets.puppet.rest[1] + share * places[1])
+        workspace.editor.advance(STEP)
+    workspace.puppets.drop()
     for _ in range(5):
-        desk.editor.advance(STEP)
-        desk.puppets.crossing.wait()
-    assert "left" in desk.hand.tool.warning and len(desk.puppets.crossing.faces) > 2
+        workspace.editor.advance(STEP)
+        workspace.puppets.crossing.wait()
+    assert "left" in workspace.input.tool.warning and len(workspace.puppets.crossing.faces) > 2
     play([Key("w"), Key("o")], stage)
     assert (
-        desk.hand.tool.warning == "" and len(desk.puppets.crossing.faces) == 0 and not desk.puppets.silhouette
+        workspace.input.tool.warning == ""
+        and len(workspace.puppets.crossing.faces) == 0
+        and not workspace.puppets.silhouette
     )
     play([Key("w"), Key("o"), Key("enter")], stage)
-    assert desk.puppets.warn and desk.puppets.silhouette
-    assert desk.hand.tool.warning == "" and len(desk.puppets.crossing.faces) == 0
+    assert workspace.puppets.warn and workspace.puppets.silhouette
+    assert workspace.input.tool.warning == "" and len(workspace.puppets.crossing.faces) == 0
 
 
 def test_a_puppet_is_moved_turned_copied_and_deleted_as_other_shapes(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head", take="sway")
+    workspace, stage = studio(tmp_path, "head", take="sway")
     belly = OnPuppet("star", int(np.linalg.norm(star().vertices - [0.0, 0.5, 0.2], axis=1).argmin()))
     play([Key("g"), Drag((belly, Near(belly, 90, 0)))], stage)
-    moved = desk.puppets.puppet.place
+    moved = workspace.puppets.puppet.place
     assert np.linalg.norm(moved) > 0.1
     play([Key("r"), Drag((belly, Near(belly, 90, 0)))], stage)
-    assert abs(desk.puppets.puppet.turn[0]) < 0.999 and desk.editor.history.undo_name == "turn star"
+    assert abs(workspace.puppets.puppet.turn[0]) < 0.999 and workspace.editor.history.undo_name == "turn star"
     play([Key("ctrl+d"), Key("f")], stage)
     assert (
-        list(desk.editor.project.puppets) == ["star", "star 2"] and desk.editor.selection.puppet == "star 2"
+        list(workspace.editor.project.puppets) == ["star", "star 2"]
+        and workspace.editor.selection.puppet == "star 2"
     )
     play([Key("ctrl+equal"), Key("ctrl+m"), Key("ctrl+left")], stage)
     play([Key("ctrl+c"), Key("ctrl+v"), Key("ctrl+x"), Key("ctrl+v"), Key("delete")], stage)
-    assert len(desk.editor.project.puppets) == 2 and not bad(desk)
-    while desk.editor.history.undo_name is not None:
-        desk.editor.undo()
+    assert len(workspace.editor.project.puppets) == 2 and not bad(workspace)
+    while workspace.editor.history.undo_name is not None:
+        workspace.editor.undo()
     assert (
-        list(desk.editor.project.puppets) == ["star"] and not desk.editor.project.puppets["star"].place.any()
+        list(workspace.editor.project.puppets) == ["star"]
+        and not workspace.editor.project.puppets["star"].place.any()
     )
 
 
 def test_a_click_chooses_a_puppet_and_one_beside_all_none(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head")
+    workspace, stage = studio(tmp_path, "head")
     play([Key("q"), Click(Pixel(0.02, 0.9))], stage)
-    assert desk.editor.selection.puppet is None
+    assert workspace.editor.selection.puppet is None
     play([Click(Spot(0.0, 0.5, 0.0))], stage)
-    assert desk.editor.selection.puppet == "star"
+    assert workspace.editor.selection.puppet == "star"
 
 
 def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
-    desk, stage = studio(tmp_path)
-    desk.cabinet.new(desk.editor.project.without_puppet("star").with_shapes(make_limb("limb")))
-    assert desk.editor.selection.shape is None
+    workspace, stage = studio(tmp_path)
+    workspace.store.new(workspace.editor.project.without_puppet("star").with_shapes(make_limb("limb")))
+    assert workspace.editor.selection.shape is None
     play([Key("f"), Wait(1.0), Click(Spot(0.0, 0.8, 0.05)), Key("ctrl+p")], stage)
-    made = desk.editor.project.puppets["limb puppet"]
-    assert "limb" in desk.editor.project.shapes and desk.editor.selection.puppet == "limb puppet"
+    made = workspace.editor.project.puppets["limb puppet"]
+    assert "limb" in workspace.editor.project.shapes and workspace.editor.selection.puppet == "limb puppet"
     assert made.mesh.vertices[:, 1].min() == 0.0 and made.place[1] == pytest.approx(0.2)
-    desk.editor.select(shape=None, puppet=None)
+    workspace.editor.select(shape=None, puppet=None)
     play([Key("ctrl+p")], stage)
-    assert "No shape" in desk.editor.toasts.shown[-1].text
+    assert "No shape" in workspace.editor.toasts.shown[-1].text
 
 
 def test_it_plays_what_the_examples_say_and_the_project_comes_back(tmp_path) -> None:
-    desk, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
-    two_poses(desk)
-    desk.editor.solving.settle(desk.editor.project, "star")
+    workspace, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
+    two_poses(workspace)
+    workspace.editor.solving.settle(workspace.editor.project, "star")
     seen = []
     for _ in range(12):
-        desk.editor.playing = True
-        desk.editor.advance(0.1)
-        seen.append(desk.puppets.standing[0].vertices[vertex("head")])
-    assert np.ptp(np.array(seen)[:, 0]) > 0.05 and not bad(desk)
+        workspace.editor.playing = True
+        workspace.editor.advance(0.1)
+        seen.append(workspace.puppets.standing[0].vertices[vertex("head")])
+    assert np.ptp(np.array(seen)[:, 0]) > 0.05 and not bad(workspace)
     path = tmp_path / "star.enliven"
-    write_project(path, desk.editor.project)
-    assert same(read_project(path).puppets["star"], desk.puppets.puppet)
+    write_project(path, workspace.editor.project)
+    assert same(read_project(path).puppets["star"], workspace.puppets.puppet)
 
 
 def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
-    desk, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
-    two_poses(desk)
-    desk.editor.solving.settle(desk.editor.project, "star")
+    workspace, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
+    two_poses(workspace)
+    workspace.editor.solving.settle(workspace.editor.project, "star")
     found = []
     for before in (0.0, 2.5):
-        desk.editor.scrub(before)
-        _ = desk.puppets.standing
-        desk.editor.scrub(0.8)
-        found.append(desk.puppets.standing[0].vertices)
+        workspace.editor.scrub(before)
+        _ = workspace.puppets.standing
+        workspace.editor.scrub(0.8)
+        found.append(workspace.puppets.standing[0].vertices)
     assert alike(found[0], found[1], SOLVED)
 
 
 def test_a_large_mesh_is_prepared_beside_the_window(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("enliven_viewer.studio.puppets.solver.TOLD", 30_000)
-    desk, _ = studio(tmp_path)
+    workspace, _ = studio(tmp_path)
     mesh = refine(star(), 0.008)
     assert len(mesh.vertices) > 30_000
-    puppet = desk.puppets.puppet.with_changes(mesh=mesh)
-    desk.editor.edit("finer", lambda p: p.with_puppets(puppet))
-    assert np.array_equal(desk.puppets.standing[0].surface, mesh.vertices)
-    assert "takes a moment" in desk.editor.toasts.shown[-1].text
-    desk.puppets.add_point(0)
+    puppet = workspace.puppets.puppet.with_changes(mesh=mesh)
+    workspace.editor.edit("finer", lambda p: p.with_puppets(puppet))
+    assert np.array_equal(workspace.puppets.standing[0].surface, mesh.vertices)
+    assert "takes a moment" in workspace.editor.toasts.shown[-1].text
+    workspace.puppets.add_point(0)
     for _ in range(2000):
-        if desk.puppets.stage.surfaces.prepared(desk.puppets.puppet):
+        if workspace.puppets.stage.surfaces.prepared(workspace.puppets.puppet):
             break
         sleep(0.01)
-    assert "can be dragged now" in desk.editor.toasts.shown[-1].text
-    desk.puppets.drag(0, mesh.vertices[0] + [0.0, 0.2, 0.0])
-    assert np.allclose(desk.puppets.standing[0].surface[0], mesh.vertices[0] + [0.0, 0.2, 0.0])
+    assert "can be dragged now" in workspace.editor.toasts.shown[-1].text
+    workspace.puppets.drag(0, mesh.vertices[0] + [0.0, 0.2, 0.0])
+    assert np.allclose(workspace.puppets.standing[0].surface[0], mesh.vertices[0] + [0.0, 0.2, 0.0])
 
 
 def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
-    desk, stage = studio(tmp_path)
-    desk.cabinet.new()
-    assert "Ctrl+P makes one" in desk.hand.tool.hint
+    workspace, stage = studio(tmp_path)
+    workspace.store.new()
+    assert "Ctrl+P makes one" in workspace.input.tool.hint
     play([Click(Pixel(0.5, 0.5)), Key("delete"), Key("r"), Key("k"), Key("enter")], stage)
-    assert not desk.editor.project.puppets and not bad(desk)
+    assert not workspace.editor.project.puppets and not bad(workspace)
 
 
 def test_a_stroke_cuts_a_puppet_and_both_parts_go_on(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
-    two_poses(desk)
-    desk.editor.edit("pair", lambda p: change_point(p, "star", "other", joint="root"))
-    desk.editor.camera.face(0.0, 0.0)
-    desk.editor.camera.advance(10.0)
+    workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
+    two_poses(workspace)
+    workspace.editor.edit("pair", lambda p: change_point(p, "star", "other", joint="root"))
+    workspace.editor.camera.face(0.0, 0.0)
+    workspace.editor.camera.advance(10.0)
     stroke = (Spot(-0.25, 0.35), Spot(-0.25, 0.9))
     play([Key("c"), Drag(stroke)], stage)
-    assert len(desk.editor.project.puppets) == 2, [toast.text for toast in desk.editor.toasts.shown]
-    assert not bad(desk) and desk.editor.selection.puppet in desk.editor.project.puppets
-    assert len(desk.puppets.standing) == 2
-    desk.editor.undo()
-    assert list(desk.editor.project.puppets) == ["star"]
+    assert len(workspace.editor.project.puppets) == 2, [toast.text for toast in workspace.editor.toasts.shown]
+    assert not bad(workspace) and workspace.editor.selection.puppet in workspace.editor.project.puppets
+    assert len(workspace.puppets.standing) == 2
+    workspace.editor.undo()
+    assert list(workspace.editor.project.puppets) == ["star"]
 
 
 def test_a_puppet_dropped_with_shift_on_another_becomes_one_with_it(tmp_path) -> None:
-    desk, stage = studio(tmp_path, "head", "left", "right", "foot", take="sway")
-    two_poses(desk)
-    desk.editor.camera.face(0.0, 0.0)
-    desk.editor.camera.advance(10.0)
+    workspace, stage = studio(tmp_path, "head", "left", "right", "foot", take="sway")
+    two_poses(workspace)
+    workspace.editor.camera.face(0.0, 0.0)
+    workspace.editor.camera.advance(10.0)
     play([Key("ctrl+d"), Key("f"), Key("g")], stage)
     belly = int(np.linalg.norm(star().vertices - [0.0, 0.5, 0.2], axis=1).argmin())
     arm = int(np.linalg.norm(star().vertices - [0.3, 0.57, 0.1], axis=1).argmin())
     play([Drag((OnPuppet("star 2", belly), OnPuppet("star", arm)), shift=True)], stage)
-    assert list(desk.editor.project.puppets) == ["star"], [t.text for t in desk.editor.toasts.shown]
-    assert len(desk.puppets.puppet.points) >= 8 and not bad(desk)
-    desk.editor.undo()
-    assert len(desk.editor.project.puppets) == 2
+    assert list(workspace.editor.project.puppets) == ["star"], [t.text for t in workspace.editor.toasts.shown]
+    assert len(workspace.puppets.puppet.points) >= 8 and not bad(workspace)
+    workspace.editor.undo()
+    assert len(workspace.editor.project.puppets) == 2
 
 
 def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
-    desk, stage = studio(tmp_path, take="sway")
+    workspace, stage = studio(tmp_path, take="sway")
     mesh = make_limb("post").mesh
-    desk.editor.edit("post", lambda p: play_take(make_puppet(p, mesh, "post"), "post", "sway"))
+    workspace.editor.edit("post", lambda p: play_take(make_puppet(p, mesh, "post"), "post", "sway"))
     for number, joint in ((0, "root"), (len(mesh.vertices) - 1, "bone 3")):
-        desk.editor.edit("put", lambda p, n=number, j=joint: add_point(p, "post", n, j, joint=j))
-    desk.puppets.choose("post")
-    rest = desk.puppets.puppet.rest
+        workspace.editor.edit("put", lambda p, n=number, j=joint: add_point(p, "post", n, j, joint=j))
+    workspace.puppets.choose("post")
+    rest = workspace.puppets.puppet.rest
     for time, way in ((0.0, 0.0), (0.8, 0.3)):
         places = np.add(rest, [[0.0, 0.0, 0.0], [way, 0.0, 0.0]])
-        desk.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "post", "sway", t, q))
-    desk.hand.deeds.puppets.bake()
-    assert "Baking" in desk.editor.toasts.shown[-1].text and "post" in desk.editor.project.puppets
-    desk.puppets.baking.finish()
+        workspace.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "post", "sway", t, q))
+    workspace.input.commands.puppets.bake()
+    assert "Baking" in workspace.editor.toasts.shown[-1].text and "post" in workspace.editor.project.puppets
+    workspace.puppets.baking.finish()
     assert (
-        desk.editor.selection.graph == "post" and "post" not in desk.editor.project.puppets and not bad(desk)
+        workspace.editor.selection.graph == "post"
+        and "post" not in workspace.editor.project.puppets
+        and not bad(workspace)
     )
     play([Key("ctrl+z")], stage)
-    desk.puppets.choose("post")
-    desk.hand.deeds.puppets.bake()
-    desk.puppets.add_point(20)
-    desk.puppets.baking.finish()
-    assert "post" in desk.editor.project.puppets and "changed while" in bad(desk)[-1]
+    workspace.puppets.choose("post")
+    workspace.input.commands.puppets.bake()
+    workspace.puppets.add_point(20)
+    workspace.puppets.baking.finish()
+    assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
 
 
 def test_what_cannot_move_cannot_be_baked(tmp_path) -> None:
-    desk, _ = studio(tmp_path, "head", take="sway")
-    desk.hand.deeds.puppets.bake()
-    desk.puppets.baking.finish()
-    assert bad(desk) and "star" in desk.editor.project.puppets
+    workspace, _ = studio(tmp_path, "head", take="sway")
+    workspace.input.commands.puppets.bake()
+    workspace.puppets.baking.finish()
+    assert bad(workspace) and "star" in workspace.editor.project.puppets

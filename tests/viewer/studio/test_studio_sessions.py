@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from enliven.document.project import same
 from enliven.motion.layers.evaluate import Player
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import Action, Click, DeskStage, Do, Drag, Key, Pixel, play
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.session import Action, Click, Do, Drag, HeadlessStage, Key, Pixel, play
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 FILMS = Path(__file__).parents[2] / "benchmarks" / "examples" / "session_films.py"
 
@@ -30,12 +30,12 @@ def films() -> ModuleType:
     return module
 
 
-def played(films: ModuleType, name: str, folder: Path) -> Desk:
-    desk = Desk.new(Editor(films.SIZE), folder)
-    play(list(films.SESSIONS[name]()), DeskStage(desk))
-    bad = [toast.text for toast in desk.editor.toasts.shown if toast.bad]
+def played(films: ModuleType, name: str, folder: Path) -> Workspace:
+    workspace = Workspace.new(Editor(films.SIZE), folder)
+    play(list(films.SESSIONS[name]()), HeadlessStage(workspace))
+    bad = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
     assert not bad, bad
-    return desk
+    return workspace
 
 
 def closed(faces: np.ndarray) -> bool:
@@ -47,12 +47,12 @@ def closed(faces: np.ndarray) -> bool:
 
 
 def test_figure_6_keeps_every_motion(films, tmp_path) -> None:
-    desk = played(films, "figure6", tmp_path)
-    names = desk.editor.history.names
+    workspace = played(films, "figure6", tmp_path)
+    names = workspace.editor.history.names
     assert [name.split()[0] for name in names].count("add") == 2
     surgery = [name for name in names if name.split()[0] in ("merge", "cut")]
     assert surgery == ["merge chain 2", "cut", "merge chain 2"]
-    project = desk.editor.project
+    project = workspace.editor.project
     assert list(project.shapes) == ["chain"] and closed(project.shapes["chain"].mesh.faces)
     turns, _ = Player(project, "chain").sample(np.array([0.0, 1.0]))
     tip = project.shapes["chain"].skeleton.index("a1")
@@ -61,8 +61,8 @@ def test_figure_6_keeps_every_motion(films, tmp_path) -> None:
 
 
 def test_the_squid_is_one_closed_surface_with_six_moving_tentacles(films, tmp_path) -> None:
-    desk = played(films, "squid", tmp_path)
-    project = desk.editor.project
+    workspace = played(films, "squid", tmp_path)
+    project = workspace.editor.project
     assert list(project.shapes) == ["mantle"] and len(project.layers) == 6
     squid = project.shapes["mantle"]
     assert closed(squid.mesh.faces)
@@ -73,8 +73,8 @@ def test_the_squid_is_one_closed_surface_with_six_moving_tentacles(films, tmp_pa
 
 
 def test_the_mantis_stands_on_four_legs_and_reaches_with_two_arms(films, tmp_path) -> None:
-    desk = played(films, "mantis", tmp_path)
-    project = desk.editor.project
+    workspace = played(films, "mantis", tmp_path)
+    project = workspace.editor.project
     assert list(project.shapes) == ["mantis"]
     takes = sorted(layer.take for layer in project.layers.values())
     assert takes.count("reach") == 2 and takes.count("walk") >= 4
@@ -90,20 +90,20 @@ actions: st.SearchStrategy[Action] = st.one_of(
     st.builds(Key, st.sampled_from(["ctrl+m", "ctrl+equal", "ctrl+left", "ctrl+up", "ctrl+z", "space", "1"])),
     st.builds(Click, pixels, st.booleans()),
     st.builds(lambda a, b: Drag((a, b), 0.3), pixels, pixels),
-    st.builds(lambda t: Do(lambda desk: desk.editor.scrub(t)), st.floats(0, 3)),
+    st.builds(lambda t: Do(lambda workspace: workspace.editor.scrub(t)), st.floats(0, 3)),
 )
 
 
 @given(st.lists(actions, min_size=5, max_size=25))
 @settings(max_examples=15, deadline=None)
 def test_undo_after_whatever_an_artist_does_gives_back_the_document(make_scene, todo) -> None:
-    desk = make_scene()
-    first = desk.editor.project
-    play(todo, DeskStage(desk))
-    assert not any("fault of enliven" in toast.text for toast in desk.editor.toasts.shown)
-    for _ in desk.editor.history.names:
-        desk.editor.undo()
-    assert same(desk.editor.project, first)
+    workspace = make_scene()
+    first = workspace.editor.project
+    play(todo, HeadlessStage(workspace))
+    assert not any("fault of enliven" in toast.text for toast in workspace.editor.toasts.shown)
+    for _ in workspace.editor.history.names:
+        workspace.editor.undo()
+    assert same(workspace.editor.project, first)
 
 
 @pytest.fixture(scope="module")
@@ -113,11 +113,13 @@ def make_scene(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("recovery")
 
-    def make() -> Desk:
-        desk = Desk.new(Editor(), folder)
-        project = desk.editor.project.with_shapes(limb_at("limb", 0.0), limb_at("arm", 0.5))
-        desk.cabinet.new(bind_chain(project, "limb", (0, 1, 2, 3), "wave", (0, 1, 2, 3, 4, 5, 6), loop=True))
-        return desk
+    def make() -> Workspace:
+        workspace = Workspace.new(Editor(), folder)
+        project = workspace.editor.project.with_shapes(limb_at("limb", 0.0), limb_at("arm", 0.5))
+        workspace.store.new(
+            bind_chain(project, "limb", (0, 1, 2, 3), "wave", (0, 1, 2, 3, 4, 5, 6), loop=True)
+        )
+        return workspace
 
     return make
 

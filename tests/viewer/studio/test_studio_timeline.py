@@ -49,12 +49,14 @@ def test_what_is_drawn_at_a_pixel_is_found_there(offsets, data, width) -> None:
         y = bar.top + LANE / 2
         assert bar.left == pytest.approx(layout.x(offset))
         assert bar.right <= width
-        assert layout.grip(bar.right - 0.5, y) == layout.grip(bar.right + 0.5, y)
-        assert layout.grip(bar.right, y).kind == "edge" and layout.grip(bar.right, y).layers == bar.ids
+        assert layout.handle_at(bar.right - 0.5, y) == layout.handle_at(bar.right + 0.5, y)
+        assert (
+            layout.handle_at(bar.right, y).kind == "edge" and layout.handle_at(bar.right, y).layers == bar.ids
+        )
         if bar.right - bar.left > 20:
-            assert layout.grip((bar.left + bar.right) / 2, y).kind == "bar"
-        assert layout.grip(5.0, y).kind == "mute" and layout.grip(60.0, y).kind == "label"
-    assert layout.grip(LABELS + 30, RULER / 2).kind == "ruler"
+            assert layout.handle_at((bar.left + bar.right) / 2, y).kind == "bar"
+        assert layout.handle_at(5.0, y).kind == "mute" and layout.handle_at(60.0, y).kind == "label"
+    assert layout.handle_at(LABELS + 30, RULER / 2).kind == "ruler"
 
 
 @given(st.floats(-2, 10), st.floats(2, 60), st.floats(300, 3000))

@@ -16,10 +16,10 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.session import (
     Click,
-    DeskStage,
     Do,
     Drag,
-    Joint,
+    HeadlessStage,
+    JointPlace,
     Key,
     Near,
     OnBone,
@@ -30,27 +30,27 @@ from enliven_viewer.studio.session import (
     Widget,
     play,
 )
-from enliven_viewer.studio.workspace.workspace import Desk
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 Limb = Callable[..., Shape]
 
 
 @pytest.fixture
-def desk(make_limb: Limb, tmp_path) -> Desk:
-    """A desk with two limbs and the library, seen from the front."""
-    made = Desk.new(Editor(), tmp_path)
+def workspace(make_limb: Limb, tmp_path) -> Workspace:
+    """A workspace with two limbs and the library, seen from the front."""
+    made = Workspace.new(Editor(), tmp_path)
     shapes = make_limb("limb", 4), make_limb("arm", 2, 0.6, (0.7, 0.2, 0.0))
-    made.cabinet.new(made.editor.project.with_shapes(*shapes))
+    made.store.new(made.editor.project.with_shapes(*shapes))
     return made
 
 
-def do(desk: Desk, *actions) -> Desk:
-    play([Key("1"), Wait(1.0), *actions], DeskStage(desk))
-    return desk
+def do(workspace: Workspace, *actions) -> Workspace:
+    play([Key("1"), Wait(1.0), *actions], HeadlessStage(workspace))
+    return workspace
 
 
-def said(desk: Desk) -> str:
-    return " | ".join(f"{toast.text} {toast.mend}" for toast in desk.editor.toasts.shown)
+def said(workspace: Workspace) -> str:
+    return " | ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
 
 
 def moving(project: Project, shape: str = "limb", take: str = "wave") -> Project:
@@ -58,227 +58,233 @@ def moving(project: Project, shape: str = "limb", take: str = "wave") -> Project
     return bind_chain(project, shape, range(count), take, range(len(project.takes[take].skeleton)))
 
 
-def test_a_click_chooses_and_a_shift_click_chooses_the_chain(desk: Desk) -> None:
-    do(desk, Click(Joint("limb", 1)))
-    assert (desk.editor.selection.shape, desk.editor.selection.joint) == ("limb", 1)
-    do(desk, Click(Joint("limb", 4), shift=True))
-    assert desk.editor.selection.chain == (1, 2, 3, 4)
-    do(desk, Click(Pixel(0.05, 0.2)))
-    assert desk.editor.selection.shape is None and desk.editor.history.names == ()
+def test_a_click_chooses_and_a_shift_click_chooses_the_chain(workspace: Workspace) -> None:
+    do(workspace, Click(JointPlace("limb", 1)))
+    assert (workspace.editor.selection.shape, workspace.editor.selection.joint) == ("limb", 1)
+    do(workspace, Click(JointPlace("limb", 4), shift=True))
+    assert workspace.editor.selection.chain == (1, 2, 3, 4)
+    do(workspace, Click(Pixel(0.05, 0.2)))
+    assert workspace.editor.selection.shape is None and workspace.editor.history.names == ()
 
 
-def test_a_drag_of_empty_space_turns_the_view_and_changes_nothing(desk: Desk) -> None:
-    before = desk.editor.camera.view(1.5).eye
-    do(desk, Drag((Pixel(0.05, 0.3), Pixel(0.2, 0.4))))
-    assert np.linalg.norm(desk.editor.camera.view(1.5).eye - before) > 0.1
-    assert desk.editor.history.names == ()
+def test_a_drag_of_empty_space_turns_the_view_and_changes_nothing(workspace: Workspace) -> None:
+    before = workspace.editor.camera.view(1.5).eye
+    do(workspace, Drag((Pixel(0.05, 0.3), Pixel(0.2, 0.4))))
+    assert np.linalg.norm(workspace.editor.camera.view(1.5).eye - before) > 0.1
+    assert workspace.editor.history.names == ()
 
 
-def test_a_shape_is_carried_as_far_as_the_pointer_goes(desk: Desk) -> None:
-    do(desk, Key("g"), Drag((Joint("arm", 1), Near(Joint("arm", 1), 0, -80))))
-    before = desk.editor.history.project.shapes["arm"].skeleton.positions[0]
-    at = desk.editor.lens.project(np.stack([before, desk.editor.stance("arm").joints[0]]))[0]
+def test_a_shape_is_carried_as_far_as_the_pointer_goes(workspace: Workspace) -> None:
+    do(workspace, Key("g"), Drag((JointPlace("arm", 1), Near(JointPlace("arm", 1), 0, -80))))
+    before = workspace.editor.history.project.shapes["arm"].skeleton.positions[0]
+    at = workspace.editor.lens.project(np.stack([before, workspace.editor.posed("arm").joints[0]]))[0]
     assert np.abs(at[1] - at[0] - [0.0, -80.0]).max() < 1.5, "the root goes with the pointer"
-    assert desk.editor.history.names == ("move",)
+    assert workspace.editor.history.names == ("move",)
 
 
-def test_escape_drops_a_drag(desk: Desk) -> None:
-    before = desk.editor.project
-    stage = DeskStage(desk)
+def test_escape_drops_a_drag(workspace: Workspace) -> None:
+    before = workspace.editor.project
+    stage = HeadlessStage(workspace)
     play([Key("g"), Wait(0.5)], stage)
     stage.move((500.0, 300.0))
-    joint = desk.editor.lens.project(desk.editor.stance("arm").joints)[0][1]
+    joint = workspace.editor.lens.project(workspace.editor.posed("arm").joints)[0][1]
     stage.move((float(joint[0]), float(joint[1])))
     stage.button(0, True)
     stage.move((float(joint[0]), float(joint[1]) - 50))
-    assert desk.editor.project is not before
+    assert workspace.editor.project is not before
     stage.key("escape")
     stage.button(0, False)
-    assert desk.editor.project is before and desk.editor.history.names == ()
+    assert workspace.editor.project is before and workspace.editor.history.names == ()
 
 
-def test_posing_points_the_bone_at_the_pointer(desk: Desk) -> None:
-    do(desk, Key("r"), Drag((Joint("limb", 2), Near(Joint("limb", 2), 60, 30))))
-    shape = desk.editor.project.shapes["limb"]
+def test_posing_points_the_bone_at_the_pointer(workspace: Workspace) -> None:
+    do(workspace, Key("r"), Drag((JointPlace("limb", 2), Near(JointPlace("limb", 2), 60, 30))))
+    shape = workspace.editor.project.shapes["limb"]
     assert np.abs(shape.modeling[2] - [1, 0, 0, 0]).max() > 0.05
     assert np.allclose(shape.modeling[[0, 1, 3, 4]], [1, 0, 0, 0])
-    stance = desk.editor.stance("limb")
-    assert np.allclose(np.linalg.norm(np.diff(stance.joints, axis=0), axis=1), 0.25)
-    desk.editor.undo()
-    assert np.allclose(desk.editor.project.shapes["limb"].modeling, [1, 0, 0, 0])
+    posed = workspace.editor.posed("limb")
+    assert np.allclose(np.linalg.norm(np.diff(posed.joints, axis=0), axis=1), 0.25)
+    workspace.editor.undo()
+    assert np.allclose(workspace.editor.project.shapes["limb"].modeling, [1, 0, 0, 0])
 
 
-def test_posing_at_a_time_leaves_what_moves_it(desk: Desk) -> None:
-    desk.editor.edit("map", moving)
+def test_posing_at_a_time_leaves_what_moves_it(workspace: Workspace) -> None:
+    workspace.editor.edit("map", moving)
     do(
-        desk,
+        workspace,
         Do(lambda d: d.editor.scrub(0.8)),
         Key("r"),
-        Drag((Joint("limb", 4), Near(Joint("limb", 4), 50, 50))),
+        Drag((JointPlace("limb", 4), Near(JointPlace("limb", 4), 50, 50))),
     )
-    assert desk.editor.project.shapes["limb"].spans == desk.editor.history.project.shapes["limb"].spans
-    assert any(spans[0].refs for spans in desk.editor.project.shapes["limb"].spans)
-    assert desk.editor.time == pytest.approx(0.8)
+    assert (
+        workspace.editor.project.shapes["limb"].spans == workspace.editor.history.project.shapes["limb"].spans
+    )
+    assert any(spans[0].refs for spans in workspace.editor.project.shapes["limb"].spans)
+    assert workspace.editor.time == pytest.approx(0.8)
 
 
-def test_nodes_are_put_in_where_the_bone_is_clicked_and_taken_out(desk: Desk) -> None:
-    do(desk, Key("i"), Click(OnBone("limb", 2, 0.4)))
-    skeleton = desk.editor.project.shapes["limb"].skeleton
-    assert len(skeleton) == 6 and desk.editor.selection.joint == 2
+def test_nodes_are_put_in_where_the_bone_is_clicked_and_taken_out(workspace: Workspace) -> None:
+    do(workspace, Key("i"), Click(OnBone("limb", 2, 0.4)))
+    skeleton = workspace.editor.project.shapes["limb"].skeleton
+    assert len(skeleton) == 6 and workspace.editor.selection.joint == 2
     assert np.allclose(skeleton.positions[2], [0.0, 0.2 + 0.25 + 0.1, 0.0], atol=0.01)
-    do(desk, Key("x"), Click(Joint("limb", 2)))
-    restored = desk.editor.project.shapes["limb"].skeleton
+    do(workspace, Key("x"), Click(JointPlace("limb", 2)))
+    restored = workspace.editor.project.shapes["limb"].skeleton
     assert len(restored) == 5 and np.allclose(restored.positions[:, 1], [0.2, 0.45, 0.7, 0.95, 1.2])
 
 
-def test_the_root_cannot_be_taken_out_and_it_is_said_what_to_do(desk: Desk) -> None:
-    before = desk.editor.project
-    do(desk, Key("x"), Click(Joint("limb", 0)))
-    assert desk.editor.project is before and "root" in said(desk) and "Cut" in said(desk)
+def test_the_root_cannot_be_taken_out_and_it_is_said_what_to_do(workspace: Workspace) -> None:
+    before = workspace.editor.project
+    do(workspace, Key("x"), Click(JointPlace("limb", 0)))
+    assert workspace.editor.project is before and "root" in said(workspace) and "Cut" in said(workspace)
 
 
-def test_a_chain_is_mapped_by_clicking_and_flipped_with_y(desk: Desk) -> None:
-    do(desk, Click(Widget("take curl")), *map(Click, (SourceJoint(0), SourceJoint(5), Joint("limb", 0))))
-    assert desk.editor.history.names == ()
-    do(desk, Click(Joint("limb", 4)))
-    layer = desk.editor.project.layers["curl"]
+def test_a_chain_is_mapped_by_clicking_and_flipped_with_y(workspace: Workspace) -> None:
+    do(
+        workspace,
+        Click(Widget("take curl")),
+        *map(Click, (SourceJoint(0), SourceJoint(5), JointPlace("limb", 0))),
+    )
+    assert workspace.editor.history.names == ()
+    do(workspace, Click(JointPlace("limb", 4)))
+    layer = workspace.editor.project.layers["curl"]
     assert layer.take == "curl" and layer.chain == (0, 1, 2, 3, 4, 5) and layer.loop
-    desk.editor.scrub(1.2)
-    one = desk.editor.stance("limb").joints[-1]
-    do(desk, Key("y"))
-    other = desk.editor.stance("limb").joints[-1]
-    assert np.abs(one - other).max() > 0.05 and desk.editor.history.names == ("map curl",)
+    workspace.editor.scrub(1.2)
+    one = workspace.editor.posed("limb").joints[-1]
+    do(workspace, Key("y"))
+    other = workspace.editor.posed("limb").joints[-1]
+    assert np.abs(one - other).max() > 0.05 and workspace.editor.history.names == ("map curl",)
     assert np.abs((one + other)[0]) < 0.02, "the other way in the picture"
 
 
-def test_a_chain_that_is_clicked_from_its_end_runs_outwards(desk: Desk) -> None:
-    do(desk, Click(Widget("take wave")), *map(Click, (SourceJoint(0), SourceJoint(6))))
-    do(desk, Click(Joint("limb", 4)), Click(Joint("limb", 0)))
-    assert desk.editor.history.names == ("map wave",)
+def test_a_chain_that_is_clicked_from_its_end_runs_outwards(workspace: Workspace) -> None:
+    do(workspace, Click(Widget("take wave")), *map(Click, (SourceJoint(0), SourceJoint(6))))
+    do(workspace, Click(JointPlace("limb", 4)), Click(JointPlace("limb", 0)))
+    assert workspace.editor.history.names == ("map wave",)
 
 
-def test_matches_are_offered_and_one_is_accepted(desk: Desk) -> None:
-    do(desk, Click(Joint("limb", 0)), Click(Widget("take curl")), Click(Widget("find matches")))
-    mapping = desk.hand.tools["map"]
+def test_matches_are_offered_and_one_is_accepted(workspace: Workspace) -> None:
+    do(workspace, Click(JointPlace("limb", 0)), Click(Widget("take curl")), Click(Widget("find matches")))
+    mapping = workspace.input.tools["map"]
     scores = [offer.score for offer in mapping.offered]  # type: ignore[attr-defined]
     assert scores and scores == sorted(scores, reverse=True)
-    do(desk, Click(Widget("match 0")))
-    assert desk.editor.history.names == ("map curl",)
+    do(workspace, Click(Widget("match 0")))
+    assert workspace.editor.history.names == ("map curl",)
 
 
-def test_a_stroke_cuts_and_both_parts_stay_where_they_are(desk: Desk) -> None:
-    desk.editor.edit("map", moving)
-    desk.editor.scrub(0.7)
-    before = desk.editor.stance("limb").joints
+def test_a_stroke_cuts_and_both_parts_stay_where_they_are(workspace: Workspace) -> None:
+    workspace.editor.edit("map", moving)
+    workspace.editor.scrub(0.7)
+    before = workspace.editor.posed("limb").joints
     middle = OnBone("limb", 3, 0.5)
-    do(desk, Key("c"), Drag((Near(middle, -70, 0), Near(middle, 70, 0))))
-    assert set(desk.editor.project.shapes) == {"limb", "arm", "limb 2"}, said(desk)
-    assert np.allclose(desk.editor.stance("limb").joints[:3], before[:3], atol=1e-9)
-    assert np.allclose(desk.editor.stance("limb 2").joints[-2:], before[-2:], atol=1e-9)
-    assert desk.editor.selection.shape == "limb 2"
+    do(workspace, Key("c"), Drag((Near(middle, -70, 0), Near(middle, 70, 0))))
+    assert set(workspace.editor.project.shapes) == {"limb", "arm", "limb 2"}, said(workspace)
+    assert np.allclose(workspace.editor.posed("limb").joints[:3], before[:3], atol=1e-9)
+    assert np.allclose(workspace.editor.posed("limb 2").joints[-2:], before[-2:], atol=1e-9)
+    assert workspace.editor.selection.shape == "limb 2"
 
 
-def test_a_stroke_across_nothing_says_so(desk: Desk) -> None:
-    do(desk, Key("c"), Drag((Pixel(0.05, 0.2), Pixel(0.1, 0.3))))
-    assert desk.editor.history.names == () and "across a limb" in said(desk)
+def test_a_stroke_across_nothing_says_so(workspace: Workspace) -> None:
+    do(workspace, Key("c"), Drag((Pixel(0.05, 0.2), Pixel(0.1, 0.3))))
+    assert workspace.editor.history.names == () and "across a limb" in said(workspace)
 
 
-def test_a_root_dropped_on_a_node_merges_and_undo_takes_apart(desk: Desk) -> None:
-    before = desk.editor.project
-    do(desk, Key("g"), Drag((Joint("arm", 0), Joint("limb", 2))))
-    merged = desk.editor.project
+def test_a_root_dropped_on_a_node_merges_and_undo_takes_apart(workspace: Workspace) -> None:
+    before = workspace.editor.project
+    do(workspace, Key("g"), Drag((JointPlace("arm", 0), JointPlace("limb", 2))))
+    merged = workspace.editor.project
     assert list(merged.shapes) == ["limb"] and len(merged.shapes["limb"].skeleton) == 7
-    assert desk.editor.selection.shape == "limb"
-    desk.editor.undo()
-    assert set(desk.editor.project.shapes) == set(before.shapes)
-    desk.editor.redo()
-    assert list(desk.editor.project.shapes) == ["limb"]
+    assert workspace.editor.selection.shape == "limb"
+    workspace.editor.undo()
+    assert set(workspace.editor.project.shapes) == set(before.shapes)
+    workspace.editor.redo()
+    assert list(workspace.editor.project.shapes) == ["limb"]
 
 
-def test_a_root_dropped_on_a_bone_puts_a_node_there(desk: Desk) -> None:
-    do(desk, Key("g"), Drag((Joint("arm", 0), OnBone("limb", 2, 0.5))))
-    assert list(desk.editor.project.shapes) == ["limb"]
-    assert len(desk.editor.project.shapes["limb"].skeleton) == 8
+def test_a_root_dropped_on_a_bone_puts_a_node_there(workspace: Workspace) -> None:
+    do(workspace, Key("g"), Drag((JointPlace("arm", 0), OnBone("limb", 2, 0.5))))
+    assert list(workspace.editor.project.shapes) == ["limb"]
+    assert len(workspace.editor.project.shapes["limb"].skeleton) == 8
 
 
-def test_copies_have_motion_of_their_own(desk: Desk) -> None:
-    desk.editor.edit("map", moving)
-    do(desk, Click(Joint("limb", 0)), Key("ctrl+c"), Key("ctrl+v"), Key("ctrl+v"))
-    assert {"limb 2", "limb 3"} <= set(desk.editor.project.shapes)
-    assert len(desk.editor.project.layers) == 3
-    places = [desk.editor.project.shapes[name].place[0] for name in ("limb", "limb 2", "limb 3")]
+def test_copies_have_motion_of_their_own(workspace: Workspace) -> None:
+    workspace.editor.edit("map", moving)
+    do(workspace, Click(JointPlace("limb", 0)), Key("ctrl+c"), Key("ctrl+v"), Key("ctrl+v"))
+    assert {"limb 2", "limb 3"} <= set(workspace.editor.project.shapes)
+    assert len(workspace.editor.project.layers) == 3
+    places = [workspace.editor.project.shapes[name].place[0] for name in ("limb", "limb 2", "limb 3")]
     assert places[0] < places[1] < places[2], "side by side"
 
 
-def test_motion_is_copied_from_chain_to_chain(desk: Desk) -> None:
-    desk.editor.edit("map", moving)
-    do(desk, Click(Joint("limb", 0)), Click(Joint("limb", 4), shift=True), Key("ctrl+shift+c"))
-    do(desk, Click(Joint("arm", 2)), Click(Joint("arm", 0), shift=True), Key("ctrl+shift+v"))
-    assert any(spans[0].refs for spans in desk.editor.project.shapes["arm"].spans), said(desk)
-    do(desk, Key("ctrl+shift+x"))
-    assert not any(spans[0].refs for spans in desk.editor.project.shapes["arm"].spans)
+def test_motion_is_copied_from_chain_to_chain(workspace: Workspace) -> None:
+    workspace.editor.edit("map", moving)
+    do(workspace, Click(JointPlace("limb", 0)), Click(JointPlace("limb", 4), shift=True), Key("ctrl+shift+c"))
+    do(workspace, Click(JointPlace("arm", 2)), Click(JointPlace("arm", 0), shift=True), Key("ctrl+shift+v"))
+    assert any(spans[0].refs for spans in workspace.editor.project.shapes["arm"].spans), said(workspace)
+    do(workspace, Key("ctrl+shift+x"))
+    assert not any(spans[0].refs for spans in workspace.editor.project.shapes["arm"].spans)
 
 
 @pytest.mark.parametrize("key", ["ctrl+c", "ctrl+d", "ctrl+m", "ctrl+shift+c", "ctrl+shift+d", "delete"])
-def test_commands_without_a_choice_say_what_to_choose(desk: Desk, key: str) -> None:
-    before = desk.editor.project
-    do(desk, Key(key))
-    assert desk.editor.project is before and "chosen" in said(desk)
+def test_commands_without_a_choice_say_what_to_choose(workspace: Workspace, key: str) -> None:
+    before = workspace.editor.project
+    do(workspace, Key(key))
+    assert workspace.editor.project is before and "chosen" in said(workspace)
 
 
-def test_scaling_mirroring_and_turning_are_undone_one_by_one(desk: Desk) -> None:
-    before = desk.editor.project
-    do(desk, Click(Joint("arm", 0)), Key("ctrl+equal"), Key("ctrl+m"), Key("ctrl+left"))
-    assert len(desk.editor.history.names) == 3
+def test_scaling_mirroring_and_turning_are_undone_one_by_one(workspace: Workspace) -> None:
+    before = workspace.editor.project
+    do(workspace, Click(JointPlace("arm", 0)), Key("ctrl+equal"), Key("ctrl+m"), Key("ctrl+left"))
+    assert len(workspace.editor.history.names) == 3
     for _ in range(3):
-        desk.editor.undo()
-    assert desk.editor.project is before
-    desk.editor.undo()
-    assert "Nothing" in said(desk)
+        workspace.editor.undo()
+    assert workspace.editor.project is before
+    workspace.editor.undo()
+    assert "Nothing" in said(workspace)
 
 
-def test_a_closed_stroke_becomes_a_part_with_bones(desk: Desk) -> None:
+def test_a_closed_stroke_becomes_a_part_with_bones(workspace: Workspace) -> None:
     angles = np.linspace(0, 2 * np.pi, 30)
     places = tuple(Pixel(0.25 + 0.03 * np.cos(a), 0.5 + 0.25 * np.sin(a)) for a in angles)
-    do(desk, Key("s"), Drag(places, 1.5))
-    part = desk.editor.project.shapes["part"]
+    do(workspace, Key("s"), Drag(places, 1.5))
+    part = workspace.editor.project.shapes["part"]
     assert len(part.skeleton) >= 2 and part.mesh is not None
-    tall = float(np.ptp(desk.editor.lens.project(desk.editor.stance("part").surface())[0][:, 1]))
-    assert tall == pytest.approx(0.5 * desk.editor.size[1], rel=0.12)
+    tall = float(np.ptp(workspace.editor.lens.project(workspace.editor.posed("part").surface())[0][:, 1]))
+    assert tall == pytest.approx(0.5 * workspace.editor.size[1], rel=0.12)
 
 
-def test_a_dot_is_no_part(desk: Desk) -> None:
-    do(desk, Key("s"), Drag((Pixel(0.2, 0.2), Pixel(0.21, 0.2)), 0.2))
-    assert "part" not in desk.editor.project.shapes and "too short" in said(desk)
+def test_a_dot_is_no_part(workspace: Workspace) -> None:
+    do(workspace, Key("s"), Drag((Pixel(0.2, 0.2), Pixel(0.21, 0.2)), 0.2))
+    assert "part" not in workspace.editor.project.shapes and "too short" in said(workspace)
 
 
-def test_a_layer_is_dragged_in_time_and_its_speed_by_its_end(desk: Desk) -> None:
-    desk.editor.edit("map", moving)
-    do(desk, Drag((OnTimeline(0.5, 0), OnTimeline(1.1, 0))))
-    assert desk.editor.project.layers["wave"].offset == pytest.approx(0.6, abs=0.02)
-    layout = desk.timeline.layout
+def test_a_layer_is_dragged_in_time_and_its_speed_by_its_end(workspace: Workspace) -> None:
+    workspace.editor.edit("map", moving)
+    do(workspace, Drag((OnTimeline(0.5, 0), OnTimeline(1.1, 0))))
+    assert workspace.editor.project.layers["wave"].offset == pytest.approx(0.6, abs=0.02)
+    layout = workspace.timeline.layout
     bar = layout.bars()[0]
     end = layout.time(bar.right)
-    do(desk, Drag((OnTimeline(end, 0), OnTimeline(end - 1.0, 0))))
-    assert desk.editor.project.layers["wave"].speed == pytest.approx(2.0, rel=0.05)
-    assert desk.editor.history.names == ("map", "move layer", "change speed")
+    do(workspace, Drag((OnTimeline(end, 0), OnTimeline(end - 1.0, 0))))
+    assert workspace.editor.project.layers["wave"].speed == pytest.approx(2.0, rel=0.05)
+    assert workspace.editor.history.names == ("map", "move layer", "change speed")
 
 
-def test_the_ruler_scrubs_and_changes_nothing(desk: Desk) -> None:
-    do(desk, Drag((OnTimeline(0.2), OnTimeline(1.5))))
-    assert desk.editor.time == pytest.approx(1.5, abs=0.02) and desk.editor.history.names == ()
+def test_the_ruler_scrubs_and_changes_nothing(workspace: Workspace) -> None:
+    do(workspace, Drag((OnTimeline(0.2), OnTimeline(1.5))))
+    assert workspace.editor.time == pytest.approx(1.5, abs=0.02) and workspace.editor.history.names == ()
 
 
-def test_playing_begins_again_at_the_end_or_stops_there(desk: Desk) -> None:
-    desk.editor.playing = True
-    desk.editor.advance(desk.editor.length + 0.25)
-    assert desk.editor.time == pytest.approx(0.25) and desk.editor.playing
-    desk.editor.loop = False
-    desk.editor.advance(desk.editor.length)
-    assert desk.editor.time == desk.editor.length and not desk.editor.playing
+def test_playing_begins_again_at_the_end_or_stops_there(workspace: Workspace) -> None:
+    workspace.editor.playing = True
+    workspace.editor.advance(workspace.editor.length + 0.25)
+    assert workspace.editor.time == pytest.approx(0.25) and workspace.editor.playing
+    workspace.editor.loop = False
+    workspace.editor.advance(workspace.editor.length)
+    assert workspace.editor.time == workspace.editor.length and not workspace.editor.playing
 
 
-def test_every_motion_of_the_library_can_be_looped_or_stays(desk: Desk) -> None:
+def test_every_motion_of_the_library_can_be_looped_or_stays(workspace: Workspace) -> None:
     for clip in library():
         turns = np.abs((clip.turns[0] * clip.turns[-1]).sum(1))
         assert clip.id == "quarter turn" or np.allclose(turns, 1.0, atol=1e-9), clip.id
@@ -301,26 +307,28 @@ def test_a_bone_of_the_library_turns_with_the_bones_before_it() -> None:
             assert (found.inv() * total).magnitude() < 1e-9
 
 
-def test_the_best_view_shows_more_of_the_bones(desk: Desk) -> None:
-    do(desk, Click(Joint("limb", 0)), Key("7"), Wait(1.0))
+def test_the_best_view_shows_more_of_the_bones(workspace: Workspace) -> None:
+    do(workspace, Click(JointPlace("limb", 0)), Key("7"), Wait(1.0))
 
     def seen() -> float:
-        return float(np.ptp(desk.editor.lens.project(desk.editor.stance("limb").joints)[0], axis=0).max())
+        return float(
+            np.ptp(workspace.editor.lens.project(workspace.editor.posed("limb").joints)[0], axis=0).max()
+        )
 
     from_above = seen()
     do_next = [Key("v"), Wait(1.5)]
-    play(do_next, DeskStage(desk))
-    assert seen() > 2 * from_above and desk.editor.history.names == ()
+    play(do_next, HeadlessStage(workspace))
+    assert seen() > 2 * from_above and workspace.editor.history.names == ()
 
 
-def test_a_take_of_another_build_says_what_to_do_or_maps_all(desk: Desk) -> None:
-    do(desk, Click(Joint("limb", 0)), Click(Widget("take walk")), Click(Widget("whole body")))
-    assert desk.editor.history.names == ("map all of walk",) or "chain by chain" in said(desk)
+def test_a_take_of_another_build_says_what_to_do_or_maps_all(workspace: Workspace) -> None:
+    do(workspace, Click(JointPlace("limb", 0)), Click(Widget("take walk")), Click(Widget("whole body")))
+    assert workspace.editor.history.names == ("map all of walk",) or "chain by chain" in said(workspace)
 
 
-def test_a_foot_is_pinned_and_let_go(desk: Desk) -> None:
-    desk.editor.edit("map", moving)
-    do(desk, Click(Joint("limb", 4)), Key("p"))
-    assert [pin.joint for pin in desk.editor.project.shapes["limb"].pins] == ["limb 4"], said(desk)
-    do(desk, Click(Joint("limb", 4)), Key("p"))
-    assert desk.editor.project.shapes["limb"].pins == ()
+def test_a_foot_is_pinned_and_let_go(workspace: Workspace) -> None:
+    workspace.editor.edit("map", moving)
+    do(workspace, Click(JointPlace("limb", 4)), Key("p"))
+    assert [pin.joint for pin in workspace.editor.project.shapes["limb"].pins] == ["limb 4"], said(workspace)
+    do(workspace, Click(JointPlace("limb", 4)), Key("p"))
+    assert workspace.editor.project.shapes["limb"].pins == ()

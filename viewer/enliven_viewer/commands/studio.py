@@ -41,12 +41,12 @@ def studio(
     # Heavy modules are imported only here, so that the help is quick.
     from enliven_viewer.studio import StudioSettings, StudioWindow
     from enliven_viewer.studio.editor import Editor
-    from enliven_viewer.studio.workspace import Desk
+    from enliven_viewer.studio.workspace import Workspace
 
     chosen = load_settings(StudioSettings, settings) if settings else StudioSettings()
-    desk = Desk.new(Editor(chosen))
+    workspace = Workspace.new(Editor(chosen))
     for file in files or []:
-        desk.open(file)
-    if desk.cabinet.recoverable():
-        desk.ask("recover")
-    StudioWindow(desk).run(seconds=seconds)
+        workspace.open(file)
+    if workspace.store.recoverable():
+        workspace.ask("recover")
+    StudioWindow(workspace).run(seconds=seconds)

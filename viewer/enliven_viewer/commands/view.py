@@ -92,24 +92,26 @@ def _film(
 def _window(
     take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, hud: bool
 ) -> None:
-    from enliven_viewer.live import App, Controls
+    from enliven_viewer.live import App, KeyBindings
     from enliven_viewer.playback import Document, Timeline
 
     feed = _feed(take, address)
     document = Document(Timeline(settings.playback, bounded=take is None))
     with contextlib.closing(feed):
-        App(feed, document, settings, take=take.name if take else "", hud=hud).run(seconds, listen=Controls)
+        App(feed, document, settings, take=take.name if take else "", hud=hud).run(
+            seconds, listen=KeyBindings
+        )
 
 
 def _feed(take: Path | None, address: str):  # type: ignore[no-untyped-def]
     """The take's feed, or the edge's."""
     if take is not None:
-        from enliven_viewer.link import Take
+        from enliven_viewer.link import TakeFeed
 
-        return Take(take)
-    from enliven_viewer.link import EdgeFeed, Link
+        return TakeFeed(take)
+    from enliven_viewer.link import EdgeClient, EdgeFeed
 
-    return EdgeFeed(Link([address]))
+    return EdgeFeed(EdgeClient([address]))
 
 
 def _address(edge: str, port: int | None, control_port: int | None) -> str:

@@ -1,4 +1,4 @@
-"""Films and picture sheets of what the viewer shows, encoded beside the drawing."""
+"""Films and contact sheets of what the viewer shows; a thread encodes while the next picture is drawn."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Pictures to a film: an MP4 file by PyAV, H.264 where there is an encoder for it."""
+"""Writes pictures as an MP4 file with PyAV, in H.264 where there is an encoder for it."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class FilmWriter:
         self.count += 1
 
     def close(self) -> None:
-        """Write what is held back, and the index."""
+        """Write the pictures that the encoder holds back, and the index."""
         if self.count:
             for packet in self._stream.encode():
                 self._file.mux(packet)

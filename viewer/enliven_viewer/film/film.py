@@ -1,4 +1,4 @@
-"""A film without a window: every pose in sensor time, drawn off-screen, into MP4 and a contact sheet."""
+"""Films without a window: every pose, in sensor time, drawn off-screen into an MP4 and a contact sheet."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.link import Feed
-from enliven_viewer.live import cards_of, clock, draw_cards
-from enliven_viewer.playback import NS, Document, Moment, Surfaces
-from enliven_viewer.render import EMPTY_BOX, FilmCamera, Look, Renderer, scene_of
+from enliven_viewer.live import cards_of, draw_cards, time_text
+from enliven_viewer.playback import NS, Document, SolvedSurfaces, TimelineMoment
+from enliven_viewer.render import EMPTY_BOX, FilmCamera, Renderer, SceneStyle, scene_of
 from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.render.overlay import Canvas
 from enliven_viewer.settings import ViewerSettings
 
 _IDLE = 0.005
+"""Seconds of sleep where the feed has nothing new: short beside the 33 ms between two poses."""
 _QUIET_END = 3.0
-"""Seconds without a pose after which an edge whose heart does not beat either is taken for gone."""
+"""Seconds without a pose or a heartbeat after which the edge counts as gone: six heartbeats are missed."""
 ENDED = "ended"
 
 
 @dataclass(frozen=True)
 class FilmReport:
-    """What was made: pictures, seconds of film, the encoder, and the mean milliseconds a picture took."""
+    """A report of a film: its pictures, its seconds, the encoder, and the mean milliseconds of a picture."""
 
     pictures: int
     seconds: float
@@ -71,10 +72,10 @@ def make_film(
         task = progress.add_task("Waiting for the first pose", total=seconds, told="")
         for moment, second in _moments(feed, document, studio.settings, seconds):
             strip.add(second, studio.draw(moment, second))
-            told = f"{clock(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
+            told = f"{time_text(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
             progress.update(task, description="Filming", completed=second, told=told)
     if sheet:
-        subtitle = f"{clock(studio.count / studio.settings.film.rate)} of sensor time"
+        subtitle = f"{time_text(studio.count / studio.settings.film.rate)} of sensor time"
         write_sheet(sheet, studio.tiles.chosen(), studio.settings.film.columns, title, subtitle)
     length = studio.count / studio.settings.film.rate
     draw_ms = 1000 * studio.draw_seconds / max(studio.count, 1)
@@ -82,7 +83,7 @@ def make_film(
 
 
 class _Studio:
-    """The renderer, the camera and the look of a film, from one picture to the next."""
+    """The renderer, the camera and the scene style of a film, from one picture to the next."""
 
     def __init__(self, document: Document, settings: ViewerSettings, caption: bool) -> None:
         self.document, self.settings = document, settings
@@ -91,7 +92,7 @@ class _Studio:
         self._text = max(round(settings.height / 40), 10)
         self._canvas = Canvas(self._renderer.ctx, (self._text,)) if caption else None
         self._camera = FilmCamera(settings.render.opening)
-        self._surfaces = Surfaces(wait=True)
+        self._surfaces = SolvedSurfaces(wait=True)
         self._possessed_at: float | None = None
         film = settings.film
         self.tiles = Tiles(film.columns * film.rows, film.tile_width)
@@ -102,10 +103,10 @@ class _Studio:
         film = self.settings.film
         return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder)
 
-    def draw(self, moment: Moment, second: float) -> UInt8:
+    def draw(self, moment: TimelineMoment, second: float) -> UInt8:
         """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""
         began = time.perf_counter()
-        scene = scene_of(self.document, moment, self._look(moment, second), self._surfaces)
+        scene = scene_of(self.document, moment, self._style(moment, second), self._surfaces)
         aspect = self.size[0] / self.size[1]
         self._camera.follow(scene.box or EMPTY_BOX, 1 / self.settings.film.rate, aspect)
         view = self._camera.view(aspect)
@@ -119,11 +120,11 @@ class _Studio:
         self.draw_seconds += time.perf_counter() - began
         return picture
 
-    def _look(self, moment: Moment, second: float) -> Look:
+    def _style(self, moment: TimelineMoment, second: float) -> SceneStyle:
         """Body and attachments until some seconds after possession, then the mesh alone."""
         if not moment.possessed:
             self._possessed_at = None
-            return Look()
+            return SceneStyle()
         if self._possessed_at is None:
             self._possessed_at = second
         since = second - self._possessed_at - self.settings.film.overlay_seconds
@@ -132,14 +133,14 @@ class _Studio:
         # Whoever plays along without a mesh has nothing else to be seen by.
         holding = sum(cues.state == "possessed" for cues in moment.cues.values())
         playing = moment.props is not None and len(moment.bodies) > holding
-        return Look(body=1.0 if playing else shown, reveal=shown, cues=shown)
+        return SceneStyle(body=1.0 if playing else shown, reveal=shown, cues=shown)
 
-    def _caption(self, moment: Moment, second: float) -> None:
-        """The time, and whether somebody holds the mesh, in the lower right corner."""
+    def _caption(self, moment: TimelineMoment, second: float) -> None:
+        """Write the time, and whether the mesh is possessed, in the lower right corner."""
         assert self._canvas is not None
         margin, line = 1.4 * self._text, self._text
         word = "possessed" if moment.possessed else "free"
-        text = f"{clock(second)}  ·  {word}"
+        text = f"{time_text(second)}  ·  {word}"
         if moment.props is not None and moment.props.note:
             text = f"{moment.props.note}  ·  {text}"
         right, top = self.size[0] - margin, self.size[1] - margin - line
@@ -150,7 +151,7 @@ class _Studio:
 
 def _moments(
     feed: Feed, document: Document, settings: ViewerSettings, seconds: float | None
-) -> Iterator[tuple[Moment, float]]:
+) -> Iterator[tuple[TimelineMoment, float]]:
     """(moment, second of the film) at the film's rate of sensor time, as fast as the feed brings them."""
     timeline, rate = document.timeline, settings.film.rate
     _await_first(feed, document, settings.film.patience)
@@ -177,7 +178,7 @@ def _moments(
 
 
 def _await_first(feed: Feed, document: Document, patience: float) -> None:
-    """Wait until there is a moment and every character that it names."""
+    """Wait for the first moment and for the characters in it."""
     deadline = time.monotonic() + patience
     while True:
         arrived = feed.poll(document)

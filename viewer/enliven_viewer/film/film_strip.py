@@ -1,4 +1,4 @@
-"""What becomes of a film's pictures: encoded, and chosen for the sheet, in a thread beside the drawing."""
+"""Encodes the pictures of a film and chooses those of its sheet, in a thread beside the drawing."""
 
 from __future__ import annotations
 

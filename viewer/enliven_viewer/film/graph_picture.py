@@ -15,23 +15,43 @@ from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
 from enliven.errors import ResourceError
 from enliven_viewer.film.sheet import INK, PAPER, QUIET
-from enliven_viewer.render import Actor, Box, Look, OrbitCamera, Renderer, Scene, View, linear
+from enliven_viewer.render import (
+    Box,
+    CameraView,
+    OrbitCamera,
+    Renderer,
+    Scene,
+    SceneCharacter,
+    SceneStyle,
+    linear_from_srgb,
+)
 from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.render.overlay import Tubes, tube_rows
 
-CLAY = (112, 116, 126)
-NODE, EDGE = (236, 244, 255), (92, 178, 255)
-BRIDGE, WEAK, CUT = (255, 74, 52), (255, 190, 64), (255, 96, 214)
-"""sRGB of nodes, edges, bridges, other edges where E_rig acts, and cut vertices."""
+MESH_COLOUR = (112, 116, 126)
+"""sRGB of the mesh: grey, so that every colour of the graph stands out."""
+NODE = (236, 244, 255)
+"""sRGB of nodes: nearly white, the brightest on the grey."""
+EDGE = (92, 178, 255)
+"""sRGB of ordinary edges: cold, since no term acts on them alone."""
+BRIDGE = (255, 74, 52)
+"""sRGB of bridges, which part the graph: red, since a limb hangs by one edge."""
+WEAK = (255, 190, 64)
+"""sRGB of the other edges where E_rig acts: amber, a weaker warning than a bridge."""
+CUT = (255, 96, 214)
+"""sRGB of cut vertices, which part the graph too: apart from the red of bridges."""
 SIDES = (math.radians(-24), math.radians(96), math.radians(216))
-"""How far each view is turned from the front right."""
-HEADER, _FOOTER = 88, 72
+"""Radians that each view is turned from the front right: a third of a round apart."""
+HEADER = 88
+"""Pixels of the title above the panels: one line of 30 pixels with room."""
+_FOOTER = 72
+"""Pixels of the legend below the panels: one line of 20 pixels with room."""
 _SIZE = 1.75
 """Metres: the largest extent of what is drawn, whatever the mesh's own size."""
 
 
 class Counts(NamedTuple):
-    """What the picture shows: how many, and the radius R in metres."""
+    """The numbers of a graph that its picture shows; ``radius`` is R in metres."""
 
     nodes: int
     edges: int
@@ -59,7 +79,7 @@ def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, 
     renderer = Renderer(offscreen_context(), panel)
     tubes = Tubes(renderer.ctx)
     spacing = scale * math.sqrt(_area(character) / len(nodes))
-    scene = Scene((Actor(shown, shown.rest_pose()),), (), Look(body=0, reveal=0, cues=0))
+    scene = Scene((SceneCharacter(shown, shown.rest_pose()),), (), SceneStyle(body=0, reveal=0, cues=0))
     box = (shown.vertices.min(0).astype(float), shown.vertices.max(0).astype(float))
     return [_view(renderer, tubes, scene, box, graph, nodes, spacing, turn) for turn in SIDES]
 
@@ -84,7 +104,7 @@ def _view(
     return renderer.pixels()
 
 
-def view_of(box: Box, aspect: float, turn: float) -> View:
+def view_of(box: Box, aspect: float, turn: float) -> CameraView:
     """The camera that has the box in its picture, turned by ``turn`` radians from the front right."""
     camera = OrbitCamera(math.radians(24))
     camera.orbit(turn, math.radians(3))
@@ -101,12 +121,12 @@ def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: flo
         pixel: metres that a pixel spans at the mesh.
     """
     thin = max(0.026 * spacing, 0.8 * pixel)
-    edge_tints = np.tile(linear(np.array(EDGE)), (len(graph.edges), 1))
-    edge_tints[graph.rigid] = linear(np.array(WEAK))
-    edge_tints[graph.bridges] = linear(np.array(BRIDGE))
+    edge_tints = np.tile(linear_from_srgb(np.array(EDGE)), (len(graph.edges), 1))
+    edge_tints[graph.rigid] = linear_from_srgb(np.array(WEAK))
+    edge_tints[graph.bridges] = linear_from_srgb(np.array(BRIDGE))
     edge_radii = np.where(graph.rigid, 1.9, 1.0) * thin
-    node_tints = np.tile(linear(np.array(NODE)), (len(nodes), 1))
-    node_tints[graph.cut_vertices] = linear(np.array(CUT))
+    node_tints = np.tile(linear_from_srgb(np.array(NODE)), (len(nodes), 1))
+    node_tints[graph.cut_vertices] = linear_from_srgb(np.array(CUT))
     node_radii = np.where(graph.cut_vertices, 3.4, 2.3) * thin
     starts, ends = nodes[graph.edges[:, 0]], nodes[graph.edges[:, 1]]
     return np.concatenate(
@@ -119,7 +139,7 @@ def fitted(character: Character, graph: DeformationGraph) -> tuple[Character, Fl
     low, high = character.vertices.min(0), character.vertices.max(0)
     scale = _SIZE / max(float((high - low).max()), 1e-12)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], np.float64)
-    colours = np.tile(np.array(CLAY, np.uint8), (len(character.vertices), 1))
+    colours = np.tile(np.array(MESH_COLOUR, np.uint8), (len(character.vertices), 1))
     nodes = (graph.positions - foot) * scale
     vertices = ((character.vertices - foot) * scale).astype(np.float32)
     return (

@@ -1,4 +1,4 @@
-"""A contact sheet of a motion: the performer above, what the model makes of it below, at the same times."""
+"""A contact sheet of a motion: a row of the performer above a row of the model, at the same times."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ from enliven.mapping import Retargeted
 from enliven.meshes import Mesh
 from enliven.motion.layers import Player
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.render import Actor, Box, Look, OrbitCamera, Renderer, Scene
+from enliven_viewer.render import Box, OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.gl import offscreen_context
 
 STICK = (120, 190, 255)
 """sRGB of the performer."""
 SIDE = math.radians(38)
 """How far the camera stands from the front towards the left."""
-_ABOVE, _FLAT = (math.radians(12), math.radians(38)), 0.5
-"""How far the camera looks down on what is tall, and on what lies flat: below this share of its extent."""
+_ABOVE = (math.radians(12), math.radians(38))
+"""Radians that the camera looks down on a tall subject, and on one that lies flat."""
+_FLAT = 0.5
+"""Height over the largest extent below which a subject begins to count as flat."""
 _TALL = 1.75
 """Metres of the largest extent of what is drawn: light and floor are made for people."""
 
 
 @dataclass(frozen=True)
-class Film:
-    """A character in its poses, and the side that it is seen from.
+class MotionRow:
+    """A row of a motion sheet: a character in several poses, all seen from one side.
 
     Attributes:
         azimuth: radians about +Y.
@@ -67,19 +69,19 @@ def write_motion_sheet(
     write_sheet(path, tiles, frames, title, f"{made.duration:.1f} s, {len(made.plan.chains)} chains")
 
 
-def _model(made: Retargeted, times: Float) -> Film:
+def _model(made: Retargeted, times: Float) -> MotionRow:
     player = Player(made.project, made.shape_id)
     shape = made.project.shape(made.shape_id)
-    return Film(character_of(shape), [player.pose(t) for t in times], made.model_facing + SIDE)
+    return MotionRow(character_of(shape), [player.pose(t) for t in times], made.model_facing + SIDE)
 
 
-def _take(made: Retargeted, times: Float) -> Film:
+def _take(made: Retargeted, times: Float) -> MotionRow:
     shape = stick_shape("performer", made.clip.skeleton)
     project, shape = playing(Project(), shape, made.clip)
     if not made.plan.travel:
         project = project.with_shapes(shape.with_changes(travel=None))
     player = Player(project, shape.id)
-    return Film(character_of(shape), [player.pose(t) for t in times], made.take_facing + SIDE)
+    return MotionRow(character_of(shape), [player.pose(t) for t in times], made.take_facing + SIDE)
 
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:
@@ -118,7 +120,7 @@ def _double_pyramid(start: Float, along: Float, size: float) -> Float:
     return np.stack([start, waist + u, waist + v, waist - u, waist - v, start + along])
 
 
-def pictures_of(renderer: Renderer, film: Film) -> list[UInt8]:
+def pictures_of(renderer: Renderer, film: MotionRow) -> list[UInt8]:
     """All poses from one place, with everything that they reach in the picture."""
     surfaces = film.surfaces or [skin_vertices(film.character, pose) for pose in film.poses]
     reached = np.stack(surfaces)
@@ -140,7 +142,7 @@ def pictures_of(renderer: Renderer, film: Film) -> list[UInt8]:
         placed = replace(pose, positions=((pose.positions - foot) * scale).astype(np.float32))
         solved = ((surface - foot) * scale).astype(np.float32) if film.surfaces else None
         renderer.draw(
-            Scene((Actor(character, placed, vertices=solved),), (), Look(0, 0, 0), extent=box),
+            Scene((SceneCharacter(character, placed, vertices=solved),), (), SceneStyle(0, 0, 0), extent=box),
             camera.view(aspect),
         )
         pictures.append(renderer.pixels())

@@ -1,4 +1,4 @@
-"""A contact sheet of a puppet: the performer above, what the puppet makes of it below, at the same times."""
+"""A contact sheet of a puppet: a row of the performer above a row of the puppet, at the same times."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.examples import clock, in_world, motion_of, pose_of_state, state_of
 from enliven.formats.rig import playing
 from enliven.mapping import facing_of
 from enliven.motion.layers import Player
-from enliven_viewer.film.motion_sheet import SIDE, Film, pictures_of, stick_shape
+from enliven_viewer.film.motion_sheet import SIDE, MotionRow, pictures_of, stick_shape
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.render import Renderer
 from enliven_viewer.render.gl import offscreen_context
@@ -51,8 +51,8 @@ def write_puppet_sheet(
     write_sheet(path, tiles, frames, puppet.id, f"{span[1] - span[0]:.1f} s, {said}")
 
 
-def _performer(project: Project, puppet: Puppet, times: Float) -> Film:
-    """Who performs the lowest layer that is heard, at the frames that it plays."""
+def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:
+    """The row of the performer of the lowest unmuted layer, at the frames that it plays."""
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
     layer, motion = puppet.layers[number], motion_of(project, puppet, number)
     clip = project.takes[layer.take]
@@ -61,13 +61,13 @@ def _performer(project: Project, puppet: Puppet, times: Float) -> Film:
         shown = shown.with_shapes(shape.with_changes(travel=None))
     player = Player(shown, shape.id)
     poses = [player.pose(clock(layer, motion, time)[0] * clip.step) for time in times]
-    return Film(character_of(shape), poses, facing_of(clip.skeleton) + SIDE)
+    return MotionRow(character_of(shape), poses, facing_of(clip.skeleton) + SIDE)
 
 
-def _puppet(project: Project, puppet: Puppet, times: Float) -> Film:
+def _puppet(project: Project, puppet: Puppet, times: Float) -> MotionRow:
     held, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
     surface = PuppetSurface(puppet.mesh, held, weights, puppet.surface)
     states = [state_of(project, puppet, time) for time in times]
     surfaces = [in_world(puppet, state, surface.settle(state.places)).astype(np.float32) for state in states]
     poses = [pose_of_state(puppet, state) for state in states]
-    return Film(character_of_puppet(puppet), poses, SIDE, surfaces)
+    return MotionRow(character_of_puppet(puppet), poses, SIDE, surfaces)

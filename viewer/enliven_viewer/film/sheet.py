@@ -10,10 +10,18 @@ from PIL import Image, ImageDraw, ImageFont
 
 from enliven.arrays import UInt8
 from enliven.errors import ResourceError
-from enliven_viewer.live import clock
+from enliven_viewer.live import time_text
 
-PAPER, INK, QUIET = (19, 21, 27), (240, 241, 244), (160, 167, 180)
-_GAP, _TITLE = 10, 64
+PAPER = (19, 21, 27)
+"""sRGB of the background: as dark as the stage, so that the pictures are the brightest."""
+INK = (240, 241, 244)
+"""sRGB of titles."""
+QUIET = (160, 167, 180)
+"""sRGB of subtitles: dimmer than titles."""
+_GAP = 10
+"""Pixels between two pictures and around all."""
+_TITLE = 64
+"""Pixels above the pictures for one line of title."""
 _PACKED = 3
 """Of 9, how hard a PNG is packed: a ninth larger than at the usual 6, in a third of the time."""
 
@@ -54,7 +62,7 @@ class Tiles:
         self._seen += 1
 
     def chosen(self) -> list[Tile]:
-        """At most the wanted number, the first and the last kept picture among them, as large as wanted."""
+        """The tiles of the sheet: at most the wanted number, the first and the last picture among them."""
         count = min(self._wanted, len(self._kept))
         last = len(self._kept) - 1
         numbers = [round(k * last / max(count - 1, 1)) for k in range(count)]
@@ -88,7 +96,7 @@ def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitl
     for index, tile in enumerate(tiles):
         x, y = _GAP + index % columns * (width + _GAP), _TITLE + index // columns * (height + _GAP)
         sheet.paste(Image.fromarray(tile.picture), (x, y))
-        _stamp(draw, x + 8, y + height - 30, clock(tile.seconds))
+        _stamp(draw, x + 8, y + height - 30, time_text(tile.seconds))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         sheet.save(path, compress_level=_PACKED)

@@ -1,6 +1,6 @@
 from .edge_feed import EdgeFeed
-from .edges import Link
+from .edges import EdgeClient
 from .feed import Feed
-from .take_feed import Take
+from .take_feed import TakeFeed
 
-__all__ = ["EdgeFeed", "Feed", "Link", "Take"]
+__all__ = ["EdgeClient", "EdgeFeed", "Feed", "TakeFeed"]

@@ -1,4 +1,4 @@
-"""How far an edge's wall clock is from this machine's, so that latencies hold across machines.
+"""Estimates the offset of an edge's wall clock from this machine's, to measure latency across machines.
 
 A request sent at s, answered at e by the edge's clock and back at r puts the offset between e - r and e - s,
 since nothing arrives before it was sent; every heartbeat adds a lower bound. The bounds of different messages
@@ -41,7 +41,7 @@ class ClockEstimate:
 
     @property
     def offset_ns(self) -> int:
-        """The middle of what is possible; 0 where that is possible too, or before the first answer."""
+        """Nanoseconds, the middle of the possible offsets; 0 where that is possible, or nothing is known."""
         if not self.known:
             return 0
         low, high = max(self._lower), min(self._upper)
@@ -49,7 +49,7 @@ class ClockEstimate:
 
     @property
     def uncertainty_ns(self) -> int:
-        """Half the width of what is possible."""
+        """Nanoseconds, half the range of the possible offsets."""
         return (min(self._upper) - max(self._lower)) // 2 if self.known else 0
 
     def _mend(self) -> None:

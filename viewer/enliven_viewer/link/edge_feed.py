@@ -6,12 +6,14 @@ import time
 from collections.abc import Callable
 
 from enliven.wire import Done, Look, Mode, messages_to_health
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.link.received import ReceivedCues, ReceivedPose
-from enliven_viewer.playback import Cues, Document, EdgeState
+from enliven_viewer.playback import CueFrame, Document, EdgeState
 
 _NOTICE_SECONDS = 5.0
+"""Seconds that a notice is shown: long enough to read two lines."""
 _BARE_SECONDS = 3.0
+"""Seconds without characters after which the control port is said to be wrong: fetching takes less."""
 _HEARD = ("connected", "on rate", "ended")
 _EASE = 0.1
 """Share of a new latency in the shown one, which would flicker otherwise."""
@@ -20,12 +22,12 @@ _EASE = 0.1
 class EdgeFeed:
     """A ``Feed`` over a ``Link`` to one edge."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: EdgeClient) -> None:
         self._link = link
         self._shown_cues: dict[str, ReceivedCues] = {}
         self._notice, self._notice_until = "", 0.0
         self._edge_ms: float | None = None
-        self._way_ms: float | None = None
+        self._link_ms: float | None = None
         self._bare_since: float | None = None
         self._look: Look | None = None
         self._told_instance: int | None = None
@@ -53,23 +55,23 @@ class EdgeFeed:
     def possess(
         self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
     ) -> None:
-        """Ask that a performer, or whoever is in view, takes hold of a character."""
+        """Ask the edge to let a performer, or the one in view, possess a character."""
         self._link.possess(character_id, body, parts, mode=mode)
 
     def release(self, character_id: str, body: int | None = None) -> None:
-        """Ask that a performer, or whoever holds it, lets a character go."""
+        """Ask the edge to release a character from a performer, or from every performer."""
         self._link.release(character_id, body=body)
 
     def smooth(self, body: int, amount: float | None = None) -> None:
-        """Ask that a performer be smoothed by so much: 0 not at all, None as the edge's settings say."""
+        """Ask for an amount of smoothing of a performer: 0 for none, None for the edge's settings."""
         self._link.smooth(body, amount)
 
     def lock(self, on: bool, then: Callable[[], None]) -> None:
-        """Ask that only who is followed now performs; or, with False, everybody who comes."""
+        """Ask that only the performers who are followed now perform, or with False all who come."""
         self._link.lock(on, lambda answer: then() if isinstance(answer, Done) else None)
 
     def look(self, look: Look) -> None:
-        """Say from where the viewer looks: what a pose means is decided on the screen."""
+        """Tell the edge the direction of view, since matches are ranked as they are seen on the screen."""
         self._look = look
         self._link.look(look)
 
@@ -85,14 +87,14 @@ class EdgeFeed:
         """Cues that are new, each at its own time; none for what the edge has forgotten."""
         current = self._link.cues
         for cues in self._link.take_cues():
-            shown = Cues(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
+            shown = CueFrame(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
             document.set_cues(shown, cues.time_ns)
         for name in self._shown_cues.keys() - current.keys():
             document.forget_cues(name)
         self._shown_cues = current
 
     def _look_again(self) -> None:
-        """An edge that has restarted does not know from where the viewer looks."""
+        """Tell the direction of view again to an edge that has restarted."""
         instance = self._link.edges[0].instance
         if instance != self._told_instance and self._link.status is not None:
             self._told_instance = instance
@@ -100,7 +102,7 @@ class EdgeFeed:
                 self._link.look(self._look)
 
     def _lacks_characters(self, connected: bool, now: float) -> bool:
-        """Whether the edge is heard, but has not told its characters for a while: often a wrong port."""
+        """Whether the edge is heard but has sent no characters for a while, often because of a wrong port."""
         if not connected or self._link.characters:
             self._bare_since = None
             return False
@@ -111,10 +113,10 @@ class EdgeFeed:
         edge, whole = newest.sensor_to_pose_ms, newest.age_ms()
         way = max(whole - edge, 0.0)
         self._edge_ms = edge if self._edge_ms is None else self._edge_ms + _EASE * (edge - self._edge_ms)
-        self._way_ms = way if self._way_ms is None else self._way_ms + _EASE * (way - self._way_ms)
+        self._link_ms = way if self._link_ms is None else self._link_ms + _EASE * (way - self._link_ms)
 
     def _state(self) -> EdgeState:
-        """What the link and the edge say, in the viewer's words."""
+        """The state of the link and of the edge, as the window shows it."""
         endpoint, health = next(iter(self._link.health.items()))
         now = time.monotonic()
         for notice in self._link.take_notices():
@@ -132,6 +134,6 @@ class EdgeFeed:
             phase=status.phase if status is not None else "",
             message=message,
             sensor_to_pose_ms=self._edge_ms,
-            pose_to_screen_ms=self._way_ms,
+            pose_to_screen_ms=self._link_ms,
             health=tuple(messages_to_health(status.health)) if status is not None and connected else (),
         )

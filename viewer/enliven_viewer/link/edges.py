@@ -27,14 +27,14 @@ from enliven.wire import (
     parse_endpoint,
     warm_up,
 )
-from enliven_viewer.link.one_edge import EdgeLink
+from enliven_viewer.link.one_edge import EdgeConnection
 from enliven_viewer.link.received import Health, Notice, ReceivedBodies, ReceivedCues, ReceivedPose
 
 _ALIVE = 1.6
 """Seconds without a heartbeat (three of them) after which an edge of the same name is not a rival."""
 
 
-class Link:
+class EdgeClient:
     """Follows one edge or several: polled from the thread that draws, it never waits.
 
     Start it before or after its edges, and restart them as you like: characters and state are fetched by
@@ -56,7 +56,7 @@ class Link:
         name: of this viewer, for the edges.
 
     Attributes:
-        edges: one :class:`EdgeLink` an endpoint, in the order given.
+        edges: one :class:`EdgeConnection` an endpoint, in the order given.
 
     Raises:
         InputError: for an address that is none, or no address at all.
@@ -78,7 +78,7 @@ class Link:
         def label(edge: str, character: str) -> str:
             return f"{edge}/{character}" if several else character
 
-        self.edges = [EdgeLink(self._context, e, name[:64], label, self._notices.append) for e in found]
+        self.edges = [EdgeConnection(self._context, e, name[:64], label, self._notices.append) for e in found]
 
     def poll(self) -> None:
         """Take in everything that has arrived and ask for what is missing; returns at once."""
@@ -88,7 +88,7 @@ class Link:
 
     @property
     def characters(self) -> dict[str, Character]:
-        """By id, as the edges have them; an object is replaced when its edge publishes a new revision."""
+        """The characters by id; an object is replaced when its edge publishes a new revision."""
         return {name: held.character for edge in self.edges for name, held in edge.held.items()}
 
     @property
@@ -98,7 +98,7 @@ class Link:
 
     @property
     def bodies(self) -> ReceivedBodies | None:
-        """The newest bodies: of the first edge that has sent any."""
+        """The newest bodies of the first edge that has sent any."""
         return next((e.latest_bodies for e in self.edges if e.latest_bodies is not None), None)
 
     @property
@@ -108,7 +108,7 @@ class Link:
 
     @property
     def health(self) -> dict[Endpoint, Health]:
-        """How each edge is."""
+        """The health of each edge, by endpoint."""
         return {edge.endpoint: edge.health() for edge in self.edges}
 
     @property
@@ -129,15 +129,15 @@ class Link:
         return [cues for edge in self.edges for cues in _emptied(edge.new_cues)]
 
     def take_props(self) -> list[Props]:
-        """What was loose in every frame since the last call, each edge's in its order."""
+        """The props of every frame since the last call, each edge's in its order."""
         return [props for edge in self.edges for props in _emptied(edge.props)]
 
     def take_boards(self) -> list[Board]:
-        """What there was to choose from in every frame since the last call, each edge's in its order."""
+        """The boards of matches of every frame since the last call, each edge's in its order."""
         return [board for edge in self.edges for board in _emptied(edge.boards)]
 
     def look(self, look: Look) -> None:
-        """Tell every edge from where the viewer looks; one that is not there needs not know."""
+        """Tell every connected edge the viewer's direction of view."""
         for edge in self.edges:
             if edge.status is not None:
                 edge.command(look, None)
@@ -158,12 +158,12 @@ class Link:
         on_reply: Callable[[Answer], None] | None = None,
         mode: Mode = "alone",
     ) -> None:
-        """Ask that a body take hold of a character; a refusal comes as a notice.
+        """Ask the edge to let a body possess a character; a refusal comes as a notice.
 
         Args:
-            body: the performer's id; None: whoever is in view.
+            body: the performer's id; None: the performer in view.
             parts: names of :data:`enliven.person.body.PARTS`, joined with "+".
-            on_reply: called from a later :meth:`poll` with Done or Refused, or at once where nobody is there.
+            on_reply: called from a later :meth:`poll` with Done or Refused; at once without an edge.
             mode: who else holds it then, see :class:`~enliven.wire.messages.Possess`.
         """
         self._command(character, lambda own: Possess(own, body, parts, mode), on_reply)
@@ -174,18 +174,18 @@ class Link:
         on_reply: Callable[[Answer], None] | None = None,
         body: int | None = None,
     ) -> None:
-        """Ask that a performer, or everybody, lets a character go; see :meth:`possess`."""
+        """Ask for a character to be released by a performer, or by every performer; see :meth:`possess`."""
         self._command(character, lambda own: Release(own, body), on_reply)
 
     def smooth(
         self, body: int, amount: float | None = None, on_reply: Callable[[Answer], None] | None = None
     ) -> None:
-        """Ask that a performer be smoothed by another amount: 0 not at all, None as the settings say."""
+        """Ask for an amount of smoothing of a performer: 0 for none, None for the settings."""
         for edge in self.edges:
             edge.command(Smooth(body, amount), on_reply)
 
     def lock(self, on: bool, on_reply: Callable[[Answer], None] | None = None) -> None:
-        """Ask that only who is followed now performs; or, with False, everybody who comes."""
+        """Ask that only the performers who are followed now perform, or with False all who come."""
         for edge in self.edges:
             edge.command(Lock(on), on_reply)
 
@@ -214,7 +214,7 @@ class Link:
             on_reply(refused)
 
     def _find_clashes(self) -> None:
-        """Edges of one name that are alive at once; a restart is none, for the old one falls silent first."""
+        """Mark edges of one name that are alive at once; after a restart the old one is silent."""
         now = time.monotonic()
         for edge in self.edges:
             if edge.status is not None and now - edge.last_heard < _ALIVE:
@@ -239,7 +239,7 @@ class Link:
 
 
 def _emptied(queue: deque[Any]) -> list[Any]:
-    """What was in the queue."""
+    """Empty a queue and return what was in it."""
     taken = list(queue)
     queue.clear()
     return taken

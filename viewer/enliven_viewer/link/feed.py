@@ -1,4 +1,4 @@
-"""Where a viewer's document is filled from: a link to an edge, or a take on disk."""
+"""The protocol of sources that fill a viewer's document: an edge, or a take on disk."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ class Feed(Protocol):
     def possess(
         self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
     ) -> None:
-        """Ask that a performer takes hold of a character.
+        """Ask for a performer to possess a character.
 
         Args:
-            body: who; None: whoever is in view.
+            body: the performer's id; None: the performer in view.
             parts: what of the body, as in :data:`enliven.person.body.PARTS`.
             mode: who else holds it then; "preview": only show what would be held.
         """
         ...
 
     def release(self, character_id: str, body: int | None = None) -> None:
-        """Ask that a performer, or whoever holds it, lets a character go."""
+        """Ask for a character to be released by a performer, or by every performer."""
         ...
 
     def smooth(self, body: int, amount: float | None = None) -> None:
-        """Ask that a performer be smoothed by so much: 0 not at all, None as the edge's settings say."""
+        """Ask for an amount of smoothing of a performer: 0 for none, None for the edge's settings."""
         ...
 
     def lock(self, on: bool, then: Callable[[], None]) -> None:
-        """Ask that only who is followed now performs; or, with False, everybody who comes.
+        """Ask that only the performers who are followed now perform, or with False all who come.
 
         Args:
             then: called from a later :meth:`poll` once it is so.
@@ -50,7 +50,7 @@ class Feed(Protocol):
         ...
 
     def look(self, look: Look) -> None:
-        """Say from where the viewer looks: what a pose means is decided on the screen."""
+        """Tell the edge the direction of view, since matches are ranked as they are seen on the screen."""
         ...
 
     def browse(self, character_id: str, step: int = 1) -> None:

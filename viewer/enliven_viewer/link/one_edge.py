@@ -53,16 +53,25 @@ from enliven_viewer.link.received import Health, Notice, ReceivedBodies, Receive
 from enliven_viewer.link.requests import Requests
 
 _MOST_PER_POLL = 5000
+"""Messages that one poll takes at most, so that a flood of them does not stop the drawing."""
 _KEPT = 4000
 """Poses, and frames of bodies, kept for a caller that does not take them: two minutes of one character."""
 _SILENT_AFTER = 2.0
+"""Seconds without a message after which an edge counts as silent: four heartbeats."""
 _ASK_EVERY = 1.0
+"""Seconds between two requests for the same thing while the streams arrive."""
 _ASK_FIRST_EVERY = 0.1
+"""Seconds between two requests before the streams arrive: each makes the edge publish a heartbeat."""
 _REPLY_WITHIN = 1.0
+"""Seconds after which a hello or a ping is given up: an edge answers within a frame."""
 _CHARACTER_WITHIN = 10.0
+"""Seconds after which the request of a character is given up: it may be megabytes over a slow network."""
 _FETCHED_AT_ONCE = 4
+"""Characters that are requested at the same time, so that poses and heartbeats are not held up."""
 _COMMAND_WITHIN = 3.0
+"""Seconds after which a command is given up and the user is told that the edge does not answer."""
 _RATE_OVER = 2.0
+"""Seconds over which the rate of poses is counted: steady to read, and soon right."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +81,8 @@ class _Held:
     codec: PoseCodec
 
 
-class EdgeLink:
-    """One SUB and one DEALER socket, and what was heard over them; a Link polls it.
+class EdgeConnection:
+    """One SUB and one DEALER socket to an edge, and the messages that came; an EdgeClient polls it.
 
     Args:
         endpoint: where the edge is, or will be.
@@ -132,7 +141,7 @@ class EdgeLink:
         return self.status.edge if self.status else str(self.endpoint)
 
     def health(self) -> Health:
-        """How the edge is."""
+        """The health of the edge."""
         now = time.monotonic()
         while self._arrivals and now - self._arrivals[0] > _RATE_OVER:
             self._arrivals.popleft()
@@ -141,7 +150,7 @@ class EdgeLink:
         return Health(state, text, rate, self._rejects.total, self._lost)
 
     def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
-        """Ask the edge to do something; whatever comes of it is a notice, and ``on_reply`` gets the reply."""
+        """Send a command; a refusal becomes a notice, and ``on_reply`` gets the reply."""
 
         def replied(answer: Answer | None) -> None:
             answer = answer or Refused(f"{self.name} does not answer")
@@ -159,7 +168,7 @@ class EdgeLink:
         self._stream.close(linger=0)
 
     def _state(self, now: float, rate: float) -> tuple[Any, str]:
-        """The word and the sentence of :class:`Health`."""
+        """The state and the text of :class:`Health`."""
         if self._other_version is not None:
             return "version mismatch", (
                 f"the edge at {self.endpoint} speaks version {self._other_version} of the wire and this "
@@ -179,7 +188,7 @@ class EdgeLink:
         return "connected", f"{self.name}: {self.status.phase}"
 
     def _begin(self, instance: int | None) -> None:
-        """An edge's first start, or its next: what was counted or asked of the one before is void.
+        """Reset counters and requests for an edge that was started, or started again.
 
         Its characters stay on the screen until the new one says what it has.
         """
@@ -194,14 +203,14 @@ class EdgeLink:
         self._requests.forget()
 
     def _reject(self, error: Malformed) -> None:
-        """Count what cannot be read; another version is something the user must know."""
+        """Count a message that cannot be read; tell the user where it is of another version."""
         if isinstance(error, OtherVersion) and self._other_version != error.version:
             self._other_version = error.version
             self._notify(Notice("error", self._state(0.0, 0.0)[1]))
         self._rejects.add(error)
 
     def _receive(self, data: bytes, latched: bool) -> None:
-        """One stream message; what contradicts itself is dropped like what cannot be read."""
+        """Take one stream message; drop it where it contradicts itself."""
         try:
             _, message = unpack_stream(data)
             if not latched:
@@ -326,7 +335,7 @@ class EdgeLink:
             self.clock.answered(answer.sent_ns, answer.edge_ns, time.time_ns())
 
     def _welcomed(self, answer: Answer | None) -> None:
-        """What there is; characters that the edge does not have any more go."""
+        """Take the edge's list of characters; those that it does not have any more are removed."""
         if not isinstance(answer, Welcome):
             return
         self._take_status(answer.status)
@@ -342,7 +351,7 @@ class EdgeLink:
             self._receive(message, latched=True)
 
     def _take_character(self, answer: Answer | None) -> None:
-        """A character, and the poses that waited for it; one that cannot be used leaves the old one."""
+        """Take a character and the poses that waited for it; an unusable one leaves the old character."""
         if not isinstance(answer, CharacterMessage):
             return
         shown = self._label(self.name, answer.id)

@@ -1,4 +1,4 @@
-"""What the link hands on: poses, bodies and cues with their times, notices for people, an edge's health."""
+"""What the link delivers: poses, bodies and cues with their times, notices for the user, an edge's health."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ReceivedPose:
 
 @dataclass(frozen=True)
 class ReceivedBodies:
-    """Everybody in view at one moment of the sensor's clock; ``captured_ns`` as in :class:`ReceivedPose`."""
+    """The bodies in view at one moment of the sensor's clock; ``captured_ns`` as in :class:`ReceivedPose`."""
 
     edge: str
     time_ns: int
@@ -60,16 +60,16 @@ class ReceivedBodies:
 
 @dataclass(frozen=True)
 class ReceivedCues:
-    """What of a character is held, or would be.
+    """The nodes of a character that are held, or would be.
 
     Attributes:
         character: its id.
         state: "free", "preview" or "possessed".
         nodes: (K,) int32 indices of pivots.
         strengths: (K,) float32 in [0, 1].
-        body: the performer's id, the first of several; -1 for nobody.
+        body: the performer's id, the first of several; -1 for none.
         time_ns: the sensor's clock.
-        owners: (K,) whose each node is, by id; empty where nobody said.
+        owners: (K,) ids of the performers that hold the nodes; empty where the edge does not tell.
         held: how many of the first nodes are held, the others would be; None: all or, in a preview, none.
     """
 
@@ -93,7 +93,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class Health:
-    """How an edge is, as far as it can be heard.
+    """The health of an edge, as the link hears it.
 
     Attributes:
         state: "waiting": never heard. "connected": its heart beats. "on rate": and poses come as fast as it

@@ -32,7 +32,7 @@ class _Pending:
 
 
 class Requests:
-    """A DEALER socket and what is still unanswered."""
+    """A DEALER socket and its unanswered requests."""
 
     def __init__(self, context: zmq.Context[Any], endpoint: Endpoint) -> None:
         self._socket = make_socket(context, zmq.DEALER, REPLY.max_bytes + 64)
@@ -43,7 +43,7 @@ class Requests:
         self._last = 0
 
     def under_way(self, prefix: str) -> int:
-        """How many requests whose key begins so are unanswered."""
+        """Number of unanswered requests with a key that begins with ``prefix``."""
         return sum(p.key.startswith(prefix) for p in self._pending.values())
 
     def send(self, body: Ask, key: str, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
@@ -63,7 +63,7 @@ class Requests:
         return True
 
     def poll(self, malformed: Callable[[Malformed], None], most: int = 256) -> None:
-        """Hand replies to those who asked, and None to those whose time is up."""
+        """Call back each request that was answered, with its reply, and each that timed out, with None."""
         for _ in range(most):
             try:
                 parts = self._socket.recv_multipart(zmq.DONTWAIT)
@@ -84,7 +84,7 @@ class Requests:
             self._pending.pop(number).on_reply(None)
 
     def forget(self) -> None:
-        """Give up on every reply: the edge that was asked is gone."""
+        """Give up every unanswered request, since the edge is gone."""
         pending, self._pending = self._pending, {}
         for each in pending.values():
             each.on_reply(None)

@@ -1,4 +1,4 @@
-"""A take from a file: a recording whose topics hold the messages that went over the wire."""
+"""Plays a take from a file: a recording of the messages that went over the wire, by topic."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ from enliven.wire import (
     message_to_pose,
     message_to_props,
 )
-from enliven_viewer.playback import Cues, Document, EdgeState
+from enliven_viewer.playback import CueFrame, Document, EdgeState
 
 log = logging.getLogger(__name__)
 
 TOPICS = ("character", "bodies", "pose", "props", "matches", "cues")
 """The topics of a take; messages of one time are applied in this order."""
 _BATCH = 96
+"""Messages that one poll applies: about a second of a take, so that the window draws while it is read."""
 
 
-class Take:
+class TakeFeed:
     """A :class:`~enliven_viewer.link.feed.Feed` that reads a take a little further with every poll.
 
     A message that cannot be read is left out; the first such is logged. A take holds copies of each
@@ -86,22 +87,22 @@ class Take:
     def possess(
         self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
     ) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def release(self, character_id: str, body: int | None = None) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def smooth(self, body: int, amount: float | None = None) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def lock(self, on: bool, then: Callable[[], None]) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def look(self, look: Look) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def browse(self, character_id: str, step: int = 1) -> None:
-        """A take is what was performed and never changes."""
+        """Do nothing, since a recorded take does not change."""
 
     def close(self) -> None:
         """Nothing stays open between polls."""
@@ -130,13 +131,13 @@ class Take:
             document.add_board(message_to_board(msgspec.msgpack.decode(data, type=MatchesMessage)))
         else:
             cues = msgspec.msgpack.decode(data, type=CuesMessage)
-            shown = Cues(
+            shown = CueFrame(
                 cues.character, *message_to_cues(cues), cues.state, message_to_owners(cues), cues.held
             )
             document.set_cues(shown, cues.time_ns)
 
     def _introduce(self, document: Document, data: bytes) -> None:
-        """The character of a message into the document, where it is not shown already."""
+        """Put the character of a message into the document, unless it is there already."""
         made = msgspec.msgpack.decode(data, type=CharacterMessage)
         if self._revisions.get(made.id) != made.revision:
             character = message_to_character(made)
@@ -145,7 +146,7 @@ class Take:
             document.add_character(character)
 
     def _look_ahead(self, document: Document, character_id: str, revision: int) -> None:
-        """A copy of a character that has not come yet: the one that should have was damaged."""
+        """Search a later copy of a character, where its first copy is damaged."""
         if (character_id, revision) in self._searched:
             return
         self._searched.add((character_id, revision))

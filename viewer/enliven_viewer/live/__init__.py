@@ -1,4 +1,4 @@
-"""The live window: keys, captions and cards over the stage."""
+"""The live window: keys, the head-up display and match cards over the stage."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
 from .app import App
-from .hud import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT, clock, wrapped
-from .keys import Controls
+from .hud import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT, time_text, wrapped
+from .keys import KeyBindings
 from .match_cards import cards_of, draw_cards
 
 __all__ = [
@@ -12,9 +12,9 @@ __all__ = [
     "QUIET",
     "WAIT",
     "App",
-    "Controls",
+    "KeyBindings",
     "cards_of",
-    "clock",
     "draw_cards",
+    "time_text",
     "wrapped",
 ]

@@ -14,21 +14,22 @@ from enliven.wire import Mode
 from enliven_viewer.link import Feed
 from enliven_viewer.live.hud import Hud, HudState, timeline_area
 from enliven_viewer.live.match_cards import cards_of
-from enliven_viewer.live.possession_choice import Grasp
-from enliven_viewer.live.view_report import Gaze, hidden, turn_to_bones
-from enliven_viewer.playback import NS, Document, Playhead, Surfaces
-from enliven_viewer.render import Look, OrbitCamera, Renderer, Scene, scene_of
+from enliven_viewer.live.possession_choice import PossessionChoice
+from enliven_viewer.live.view_report import ViewReporter, hidden, turn_to_bones
+from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
+from enliven_viewer.render import OrbitCamera, Renderer, Scene, SceneStyle, scene_of
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.window import open_window
 
 _MINIMISED_PAUSE = 0.05
+"""Seconds of sleep per turn of the loop while the window is minimised and nothing is drawn."""
 _ROOM = 1.14
-"""Leaves the timeline's bar below the subject's feet."""
+"""Size of the picture over that of the subject: the bar of the timeline fits below the feet."""
 
 
 class App:
-    """One window on one feed.
+    """A window that shows what one feed brings.
 
     Args:
         feed: where the document is filled from.
@@ -48,11 +49,11 @@ class App:
         self.settings = settings or ViewerSettings()
         self.playhead = Playhead(document.timeline, live=not take, loop=bool(take))
         self.camera = OrbitCamera(self.settings.render.opening)
-        self.look, self.help, self.scale = Look(), False, 1.0
+        self.style, self.help, self.scale = SceneStyle(), False, 1.0
         self._take, self._with_hud = take, hud
-        self.grasp = Grasp()
-        self._gaze = Gaze()
-        self._surfaces = Surfaces()
+        self.possession = PossessionChoice()
+        self._view_reporter = ViewReporter()
+        self._surfaces = SolvedSurfaces()
         self._framed: tuple[str, ...] | None = None
         self._size = (1, 1)
         self._scene = Scene()
@@ -92,35 +93,35 @@ class App:
                 last = now
 
     def possess(self, mode: Mode = "alone") -> None:
-        """Ask the feed that the chosen performer takes hold of every character with the chosen parts."""
+        """Ask the feed to let the chosen performer possess every character with the chosen parts."""
         for name in self.document.characters:
-            self.feed.possess(name, self.grasp.body, self.grasp.parts, mode)
+            self.feed.possess(name, self.possession.body, self.possession.parts, mode)
 
     def release(self) -> None:
-        """Ask the feed that the chosen performer, or everybody, lets go of every character."""
+        """Ask the feed to release every character from the chosen performer, or from all."""
         for name in self.document.characters:
-            self.feed.release(name, self.grasp.body)
+            self.feed.release(name, self.possession.body)
 
     def choose_parts(self, number: int) -> None:
-        """What the next possession takes hold with, and is previewed with from now on."""
-        self.grasp.choose(number)
+        """Choose the parts of the next possession, which are previewed from now on."""
+        self.possession.choose(number)
         self.possess("preview")
 
     def choose_performer(self) -> None:
-        """Who the next possession is of: the next one in view, or whoever comes."""
-        self.grasp.next_performer(body.id for body in self._scene.bodies)
+        """Choose the performer of the next possession: the next one in view, or the first that comes."""
+        self.possession.next_performer(body.id for body in self._scene.bodies)
         self.possess("preview")
 
     def smoother(self, step: int) -> None:
-        """Ask the feed that the chosen performer, or everybody in view, be smoothed more (1) or less (-1)."""
+        """Ask the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
         present = [body.id for body in self._scene.bodies]
-        for body, amount in self.grasp.smoother(step, present).items():
+        for body, amount in self.possession.smoother(step, present).items():
             self.feed.smooth(body, amount)
 
     def toggle_lock(self) -> None:
-        """Ask the feed that only who is there now performs, or everybody who comes again."""
-        wanted = not self.grasp.locked
-        self.feed.lock(wanted, lambda: setattr(self.grasp, "locked", wanted))
+        """Ask the feed that only the present performers perform, or all who come again."""
+        wanted = not self.possession.locked
+        self.feed.lock(wanted, lambda: setattr(self.possession, "locked", wanted))
 
     def frame_all(self) -> None:
         """Bring everything into the picture, seen from the front right."""
@@ -128,7 +129,7 @@ class App:
             self.camera.frame(self._scene.box, self._aspect, reset=True, room=_ROOM)
 
     def browse(self, step: int) -> None:
-        """Ask the feed for another match with the pose, of every character from which somebody chooses."""
+        """Ask the feed for another match, for every character that waits for one to be chosen."""
         for name in self._scene.boards:
             self.feed.browse(name, step)
 
@@ -136,11 +137,11 @@ class App:
         """Turn the camera to where most of the bones of the characters can be seen."""
         turn_to_bones(self.camera, self._scene)
 
-    def tell_gaze(self) -> None:
-        """Tell the feed from where the user looks, where somebody chooses, and where that is new."""
+    def report_view(self) -> None:
+        """Tell the feed the direction of view where a match is being chosen and the view has changed."""
         if not self._scene.boards:
             return
-        look = self._gaze.changed(self.camera.view(self._aspect), time.monotonic())
+        look = self._view_reporter.changed(self.camera.view(self._aspect), time.monotonic())
         if look is not None:
             self.feed.look(look)
 
@@ -154,7 +155,7 @@ class App:
         return self._size[0] / max(self._size[1], 1)
 
     def _step(self, window: Any, renderer: Renderer, hud: Hud, elapsed: float) -> None:
-        """One turn of the loop."""
+        """Do one turn of the loop: poll, move the playhead, draw, show."""
         glfw.poll_events()
         self.feed.poll(self.document)
         self.playhead.advance(elapsed)
@@ -165,9 +166,9 @@ class App:
             return
         self._fps += (1 / max(elapsed, 1e-3) - self._fps) * min(elapsed * 2, 1.0)
         renderer.resize(self._size)
-        self._scene = scene_of(self.document, self.playhead.moment(), self.look, self._surfaces)
-        self._frame_newcomers()
-        self.tell_gaze()
+        self._scene = scene_of(self.document, self.playhead.moment(), self.style, self._surfaces)
+        self._frame_new_subjects()
+        self.report_view()
         renderer.draw(self._scene, self.camera.view(self._aspect))
         if self._with_hud:
             self.scale = max(glfw.get_window_content_scale(window)[0], 1.0)
@@ -176,8 +177,8 @@ class App:
         renderer.present(renderer.ctx.screen)
         glfw.swap_buffers(window)
 
-    def _frame_newcomers(self) -> None:
-        """Look at everything when the first, or another, character or performer comes."""
+    def _frame_new_subjects(self) -> None:
+        """Frame everything when a character or the first performer appears."""
         present = (*self.document.characters, *("body" for _ in self._scene.bodies[:1]))
         if self._framed != present and self._scene.box is not None:
             first = self._framed is None
@@ -198,19 +199,19 @@ class App:
             speed=head.speed,
             notice=self._notice(),
             help=self.help,
-            grasp="" if self._take else self._grasp_words(),
+            possession="" if self._take else self._possession_words(),
             cards=cards_of(self._scene, self.camera.view(self._aspect)),
             score=self._scene.props.note if self._scene.props is not None else "",
         )
 
-    def _grasp_words(self) -> str:
-        """What the next possession takes, or what keeps the user from seeing it."""
+    def _possession_words(self) -> str:
+        """The text about the next possession, or about why it cannot be seen."""
         if hidden(self._scene, self.camera.view(self._aspect)):
             return "some bones point at you: V shows more of them"
-        return self.grasp.words
+        return self.possession.words
 
     def _notice(self) -> str:
-        """What to say in the middle of an empty picture."""
+        """The text in the middle of an empty picture."""
         if self.document.characters or len(self.document.timeline):
             return ""
         edge = self.document.edge

@@ -1,4 +1,4 @@
-"""What is written over the picture: the state of the link, the pace, the timeline, and the keys."""
+"""The head-up display: the state of the link, the pace, the timeline, and the keys."""
 
 from __future__ import annotations
 
@@ -36,21 +36,29 @@ KEYS = (
 """The keys and what they do, as the help lists them."""
 
 INK: Colour = (0.95, 0.96, 0.98, 0.96)
+"""Text: bright on the dark panels."""
 QUIET: Colour = (0.78, 0.81, 0.86, 0.85)
+"""Text of less weight."""
 GLASS: Colour = (0.05, 0.06, 0.085, 0.58)
+"""Panels: dark enough to read on, and the stage shows through."""
 ACCENT: Colour = (1.0, 0.69, 0.30, 1.0)
+"""Amber: what is active or live."""
 GOOD: Colour = (0.42, 0.86, 0.56, 1.0)
+"""Green: all is well."""
 WAIT: Colour = (1.0, 0.74, 0.30, 1.0)
+"""Yellow: a warning, or something that is waited for."""
 BAD: Colour = (1.0, 0.36, 0.33, 1.0)
+"""Red: an error."""
 TRACK: Colour = (1.0, 1.0, 1.0, 0.20)
+"""The part of the timeline that was not played yet."""
 
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
-"""The colour of what is wrong."""
+"""The colour of a health message by its severity."""
 
 
 @dataclass(frozen=True)
 class HudState:
-    """Everything that the HUD says.
+    """The contents of the head-up display.
 
     Attributes:
         edge: state of the link; None when a take is played.
@@ -61,7 +69,7 @@ class HudState:
         live, paused, speed: of the playhead.
         notice: one line for the middle of the picture, or empty.
         help: whether the keys are listed.
-        grasp: what the next possession takes, or empty.
+        possession: what the next possession takes, or empty.
         score: what is said of loose things, or empty.
         cards: the matches of a pose that are to choose from.
     """
@@ -77,7 +85,7 @@ class HudState:
     speed: float = 1.0
     notice: str = ""
     help: bool = False
-    grasp: str = ""
+    possession: str = ""
     score: str = ""
     cards: tuple[Card, ...] = ()
 
@@ -89,7 +97,7 @@ def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, fl
 
 
 def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -> float | None:
-    """Where on the timeline a pixel is, 0..1; None when it is not near the track."""
+    """The place of a pixel on the timeline, 0..1; None where it is not near the track."""
     left, top, width, height = timeline_area(size, scale)
     reach = 14 * scale
     if not (left - reach <= x <= left + width + reach and top - reach <= y <= top + height + reach):
@@ -154,7 +162,7 @@ class Hud:
         return 16 * s + height
 
     def _health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
-        """Under the state: what is wrong and what to do, the gravest first; what has no room is counted."""
+        """Draw below the state the problems and what to do, the gravest first; count those without room."""
         s, canvas = self.scale, self._canvas
         line, gap = canvas.line_height(self._small), 8 * s
         width = min(430 * s, size[0] - 32 * s)
@@ -188,13 +196,13 @@ class Hud:
         canvas.rectangle(x, y, width * state.fraction, height, ACCENT, height / 2)
         canvas.disc(x + width * state.fraction, y + height / 2, 8 * s, INK)
         top = y + height / 2 - 0.62 * self._small
-        canvas.text(x - 18 * s, top, clock(state.shown_s), self._small, INK, align=1.0)
+        canvas.text(x - 18 * s, top, time_text(state.shown_s), self._small, INK, align=1.0)
         if state.live:
             canvas.disc(x + width + 22 * s, y + height / 2, 4 * s, GOOD)
             canvas.text(x + width + 32 * s, top, "live", self._small, INK)
         else:
             mode = "paused" if state.paused else f"{state.speed:g}x"
-            canvas.text(x + width + 20 * s, top, f"{mode} · {clock(state.length_s)}", self._small, INK)
+            canvas.text(x + width + 20 * s, top, f"{mode} · {time_text(state.length_s)}", self._small, INK)
 
     def _notice(self, size: tuple[int, int], notice: str) -> None:
         """The middle of the picture: one line."""
@@ -243,8 +251,8 @@ def _state_lines(state: HudState) -> list[str]:
         if edge.pose_to_screen_ms is not None:
             text += f", to screen {edge.sensor_to_pose_ms + edge.pose_to_screen_ms:.0f} ms"
         lines.append(text)
-    if edge is not None and edge.connected and state.grasp:
-        lines.append(state.grasp)
+    if edge is not None and edge.connected and state.possession:
+        lines.append(state.possession)
     if state.score:
         lines.append(state.score[:58])
     if edge is not None and edge.message:
@@ -252,7 +260,7 @@ def _state_lines(state: HudState) -> list[str]:
     return lines
 
 
-def clock(seconds: float) -> str:
+def time_text(seconds: float) -> str:
     """Seconds as m:ss.t."""
     tenths = max(round(seconds * 10), 0)
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

@@ -10,15 +10,15 @@ import glfw
 from enliven_viewer.live.app import App
 from enliven_viewer.live.hud import timeline_fraction
 from enliven_viewer.live.possession_choice import PARTS
+from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.window import toggle_full_screen
 
-_TURN = 0.008
-"""Radians a pixel of dragging."""
 _KEY_TURN = 0.12
+"""Radians that the camera turns per press of an arrow key with Shift: seven degrees."""
 
 
-class Controls:
-    """Listens to a window on behalf of an app."""
+class KeyBindings:
+    """Turns the keys and the mouse of a window into calls of an app."""
 
     def __init__(self, app: App, window: Any) -> None:
         self._app, self._window = app, window
@@ -71,7 +71,7 @@ class Controls:
         if self._scrubbing:
             self._app.playhead.scrub(self._fraction_along(x))
         elif self._held == glfw.MOUSE_BUTTON_LEFT and not self._shift():
-            self._app.camera.orbit(-_TURN * across, _TURN * down)
+            self._app.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
         else:
             self._app.camera.pan(-across / height, down / height)
 
@@ -107,17 +107,17 @@ _TURNS = {
 
 
 def _toggle(name: str) -> Any:
-    """Switch one overlay of the look on or off."""
+    """The action of a key that switches one overlay on or off."""
 
     def act(app: App) -> None:
-        app.look = replace(app.look, **{name: 0.0 if getattr(app.look, name) > 0 else 1.0})
+        app.style = replace(app.style, **{name: 0.0 if getattr(app.style, name) > 0 else 1.0})
 
     return act
 
 
 def _toggle_skeleton(app: App) -> None:
-    shown = 0.0 if app.look.body > 0 else 1.0
-    app.look = replace(app.look, body=shown, reveal=shown, cues=shown)
+    shown = 0.0 if app.style.body > 0 else 1.0
+    app.style = replace(app.style, body=shown, reveal=shown, cues=shown)
 
 
 def _toggle_help(app: App) -> None:

@@ -1,4 +1,4 @@
-"""The matches of a pose as cards: a small picture of the skeleton each, what would be driven in colour."""
+"""The matches of a pose as cards: each a small picture of the skeleton, the driven bones in colour."""
 
 from __future__ import annotations
 
@@ -9,18 +9,29 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.matching import Board
-from enliven_viewer.render import Actor, Scene, View
+from enliven_viewer.render import CameraView, Scene, SceneCharacter
 from enliven_viewer.render.overlay import TINTS, Canvas, Colour
 
-WIDTH, HEIGHT, GAP, PAD = 124.0, 92.0, 8.0, 10.0
-"""Pixels of a card on a plain screen, the space between two, and within one."""
+WIDTH = 124.0
+"""Pixels of a card on a plain screen: nine fit beside one another in 1280."""
+HEIGHT = 92.0
+"""Pixels of a card: a line of title, the picture and a line of score."""
+GAP = 8.0
+"""Pixels between two cards."""
+PAD = 10.0
+"""Pixels between the edge of a card and its text."""
 WIDE = 2.0
 """How much wider than high the picture on a card is."""
 _GLASS: Colour = (0.05, 0.06, 0.085, 0.62)
+"""The card: a little denser than the panels, for the thin lines on it."""
 _MEANT: Colour = (1.0, 0.69, 0.30, 0.95)
+"""Frame of the match that would be taken, and how long the pose was held: amber."""
 _BONE: Colour = (0.78, 0.81, 0.86, 0.42)
+"""Bones that no limb of the performer drives: faint."""
 _INK: Colour = (0.95, 0.96, 0.98, 0.92)
+"""The title of a card."""
 _QUIET: Colour = (0.78, 0.81, 0.86, 0.85)
+"""The score of a card: dimmer than the title."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +55,8 @@ class Card:
     held: float = 0.0
 
 
-def cards_of(scene: Scene, view: View) -> tuple[Card, ...]:
-    """The cards of the first character from which somebody chooses, as it is seen; none where nobody does."""
+def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
+    """The cards of the first character that has matches to choose from, as the camera sees it; else none."""
     for actor in scene.actors:
         board = scene.boards.get(actor.character.id)
         if board is not None and board.state == "choosing":
@@ -53,7 +64,7 @@ def cards_of(scene: Scene, view: View) -> tuple[Card, ...]:
     return ()
 
 
-def _cards(actor: Actor, board: Board, view: View) -> tuple[Card, ...]:
+def _cards(actor: SceneCharacter, board: Board, view: CameraView) -> tuple[Card, ...]:
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
     every = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
     seen = view.project(np.concatenate(every)) * [1.0, -1.0]

@@ -1,4 +1,4 @@
-"""What is asked of the edge for a performer: who takes hold, with what, how smoothly, and who may come."""
+"""The choices of the next possession: the performer, the parts, the smoothing, and who may join."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ PARTS = (
 SMOOTHING = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Amounts that the keys go through: 0 is off, 1 is gentle."""
 _USUAL = 2
+"""The place in SMOOTHING of the amount that the keys start from: gentle."""
 
 
-class Grasp:
-    """A choice of performer and parts.
+class PossessionChoice:
+    """The performer and the parts that the next possession takes.
 
     Attributes:
-        body: the performer's id; None: whoever comes next.
+        body: the performer's id; None: the next performer that comes.
         parts: what takes hold.
         locked: whether only those performers count who were there when it was asked for.
     """
@@ -43,13 +44,13 @@ class Grasp:
         self.parts = PARTS[number]
 
     def next_performer(self, present: Iterable[int]) -> None:
-        """The next of those in view, after the last of them whoever comes."""
+        """Choose the next performer in view; after the last of them, the next one that comes."""
         order: list[int | None] = [None, *sorted(set(present))]
         at = order.index(self.body) if self.body in order else 0
         self.body = order[(at + 1) % len(order)]
 
     def smoother(self, step: int, present: Iterable[int]) -> dict[int, float]:
-        """Another amount of smoothing for the chosen performer, or for everybody in view: by id."""
+        """Choose the next amount of smoothing for the chosen performer, or for all in view; by id."""
         amounts = {}
         for body in [self.body] if self.body is not None else present:
             at = min(max(self._smoothing.get(body, _USUAL) + step, 0), len(SMOOTHING) - 1)

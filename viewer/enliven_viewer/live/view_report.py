@@ -1,4 +1,4 @@
-"""From where the viewer looks, for the edge that ranks what a pose means; and from where to look better."""
+"""Reports the direction of view to the edge, which ranks matches by it, and finds a better direction."""
 
 from __future__ import annotations
 
@@ -8,40 +8,42 @@ import numpy as np
 
 from enliven.matching import views
 from enliven.wire import Look
-from enliven_viewer.render import OrbitCamera, Scene, View
+from enliven_viewer.render import CameraView, OrbitCamera, Scene
 
 _EVERY = 0.1
 """Seconds between two words about it at least."""
 _END_ON = 0.3
 """A chain of which less than this share of the way from end to end is seen points at the eye."""
-_TURNED, _MOVED = 0.005, 0.02
-"""Radians, and metres, that are worth a word."""
+_TURNED = 0.005
+"""Entry of the rotation matrix, about radians: smaller turns do not change the ranking of matches."""
+_MOVED = 0.02
+"""Metres that the eye moves before it is reported: less does not change the ranking either."""
 
 
-class Gaze:
-    """What the edge was told last."""
+class ViewReporter:
+    """Remembers the view that was reported last, and reports a new one."""
 
     def __init__(self) -> None:
-        self._told: View | None = None
+        self._told: CameraView | None = None
         self._when = -math.inf
 
-    def changed(self, view: View, seconds: float) -> Look | None:
-        """What to tell the edge at a time of the wall clock, or None where that would be nothing new."""
+    def changed(self, view: CameraView, seconds: float) -> Look | None:
+        """The view to report at a time of the wall clock, seconds; None where it has not changed."""
         if seconds - self._when < _EVERY or (self._told is not None and _alike(view, self._told)):
             return None
         self._told, self._when = view, seconds
         return look_of(view)
 
 
-def look_of(view: View) -> Look:
+def look_of(view: CameraView) -> Look:
     """A camera as the wire says it."""
     rows = view.camera_from_world[:3, :3]
     forward, up, eye = (tuple(float(x) for x in row) for row in (-rows[2], rows[1], view.eye))
     return Look(forward, up, eye)  # type: ignore[arg-type]
 
 
-def hidden(scene: Scene, view: View) -> bool:
-    """Whether a chain from which somebody chooses points at the eye, so that its direction cannot be seen."""
+def hidden(scene: Scene, view: CameraView) -> bool:
+    """Whether a chain that may be chosen points at the eye, so that its direction cannot be seen."""
     rows = view.camera_from_world[:3, :3]
     for board in scene.boards.values():
         for row in board.rows if board.state == "choosing" else ():
@@ -63,6 +65,6 @@ def turn_to_bones(camera: OrbitCamera, scene: Scene) -> None:
     camera.face(math.atan2(back[0], back[2]), math.asin(float(np.clip(back[1], -1.0, 1.0))))
 
 
-def _alike(one: View, other: View) -> bool:
+def _alike(one: CameraView, other: CameraView) -> bool:
     turned = np.abs(one.camera_from_world[:3, :3] - other.camera_from_world[:3, :3]).max()
     return bool(turned < _TURNED and np.abs(one.eye - other.eye).max() < _MOVED)

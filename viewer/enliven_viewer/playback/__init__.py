@@ -1,4 +1,4 @@
-"""Playback: the document of what is shown, its timeline, and poses between two messages."""
+"""Playback: the document that is shown, its timeline, and interpolation between two messages."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What the viewer knows: characters, the timeline of what they did, and the state of the edge."""
+"""The viewer's document: characters, the timeline of their motion, and the state of the edge."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from enliven.document import Character, Pose, Props
 from enliven.health import HealthState
 from enliven.matching import Board
 from enliven.person import Body
-from enliven_viewer.playback.timeline import Cues, Timeline
+from enliven_viewer.playback.timeline import CueFrame, Timeline
 
 
 @dataclass(frozen=True)
 class EdgeState:
-    """What the edge says of itself, and what the link says of the edge.
+    """The state of the edge, as it reports itself and as the link hears it.
 
     Attributes:
         connected: messages arrive.
         address: where the edge is looked for.
-        phase: the edge's own word, such as "waiting", "possessed" or "ended".
+        phase: as the edge names it, such as "waiting", "possessed" or "ended".
         message: one sentence for the user, or empty.
         sensor_to_pose_ms: milliseconds from the sensor's frame to its published pose, or None.
         pose_to_screen_ms: milliseconds from publishing to here, or None.
-        health: what the edge says is wrong, the gravest first.
+        health: problems that the edge reports, the gravest first.
     """
 
     connected: bool = False
@@ -63,19 +63,19 @@ class Document:
         self.timeline.add_bodies(time_ns, bodies)
 
     def add_props(self, props: Props) -> None:
-        """Put what is loose at one moment on the timeline."""
+        """Put the props of one moment on the timeline."""
         self.timeline.add_props(props)
 
     def add_board(self, board: Board) -> None:
-        """Put what there is to choose from on a character on the timeline."""
+        """Put a board of matches of a character on the timeline."""
         self.timeline.add_board(board)
 
-    def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
-        """Say what of a character is held, from a time on or from the newest moment; no nodes: nothing."""
+    def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
+        """Set the cues of a character from a time on, or from the newest moment; no nodes: none held."""
         self.timeline.set_cues(cues, time_ns)
 
     def forget_cues(self, character_id: str) -> None:
-        """Nothing of a character is held from the newest moment on."""
+        """Remove the cues of a character from the newest moment on."""
         self.timeline.forget_cues(character_id)
 
 

@@ -96,9 +96,9 @@ def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], share: float
 
 
 def blend_props(before: Props | None, after: Props | None, share: float, time_ns: int) -> Props | None:
-    """What is loose between two moments, by id; what only one moment has, or what leapt, is the nearer's.
+    """The props between two moments, by id; those in one moment only, or that leapt, are the nearer's.
 
-    Where one of the two moments says nothing, the other's.
+    Where one of the two moments has no props, those of the other.
     """
     if before is None or after is None:
         return before or after
@@ -127,7 +127,7 @@ def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float
 
 
 def _blend_row(first: Row, last: Row, share: float) -> Row:
-    """The same limbs a little later; other limbs are no later place of these."""
+    """The same limbs between two moments; the earlier ones where the limbs differ."""
     if [len(line) for line in first.lines] != [len(line) for line in last.lines]:
         return first
     pairs = list(zip(first.lines, last.lines, strict=True))

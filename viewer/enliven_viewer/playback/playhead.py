@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from enliven_viewer.playback.timeline import NS, Moment, Timeline
+from enliven_viewer.playback.timeline import NS, Timeline, TimelineMoment
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+"""Seconds of the timeline per second, as the keys step through them; 1 is as it happened."""
 
 
 class Playhead:
-    """Where on the timeline the screen is.
+    """The place on a timeline that the screen shows.
 
     Live follows the newest moment. Every other mode keeps a time inside the timeline, which moves by
     ``speed`` seconds a second unless it is paused.
@@ -33,12 +34,12 @@ class Playhead:
 
     @property
     def fraction(self) -> float:
-        """Where the shown time is between the timeline's start (0) and end (1)."""
+        """The shown time as a share of the timeline, from its start (0) to its end (1)."""
         length = self.timeline.end_ns - self.timeline.start_ns
         return (self.time_ns - self.timeline.start_ns) / length if length else 1.0
 
-    def moment(self) -> Moment | None:
-        """What is to be drawn now; None when nothing was received."""
+    def moment(self) -> TimelineMoment | None:
+        """The moment to draw now; None where nothing was received."""
         return self.timeline.at(self.time_ns)
 
     def advance(self, seconds: float) -> None:

@@ -1,4 +1,4 @@
-"""Surfaces of puppets: an edge sends control points, and what is between them is solved here.
+"""Surfaces of puppets: an edge sends control points, and the viewer solves the surface between them.
 
 surfaces = Surfaces()
 vertices = surfaces.vertices(character, pose)     # (V, 3) metres in the world; None: draw it rigidly
@@ -32,11 +32,11 @@ _BUDGET = 0.012
 _FAILURES = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
 """What solving a mesh may come to: what a stranger sends ends no viewer."""
 _SETTLING = 12
-"""Pictures for which a surface whose control points do not move is still solved, until it is at rest."""
+"""Pictures for which a surface is still solved after its control points stopped: then it is at rest."""
 
 
-class Surfaces:
-    """The surfaces of everybody's puppets, from picture to picture.
+class SolvedSurfaces:
+    """The surfaces of all puppets, from picture to picture.
 
     A mesh is prepared in a thread; until then, and where it cannot be, it is drawn as one rigid piece.
 
@@ -46,7 +46,7 @@ class Surfaces:
 
     def __init__(self, *, wait: bool = False) -> None:
         self._wait = wait
-        self._known: dict[str, _Surface] = {}
+        self._known: dict[str, _SolvedSurface] = {}
 
     def vertices(self, character: Character, pose: Pose) -> Float32 | None:
         """(V, 3) metres in the world of a puppet in a pose; None for what its transforms alone move."""
@@ -54,7 +54,7 @@ class Surfaces:
             return None
         known = self._known.get(character.id)
         if known is None or known.character is not character:
-            known = _Surface(character)
+            known = _SolvedSurface(character)
             self._known[character.id] = known
         return known.vertices(pose, wait=self._wait)
 
@@ -64,7 +64,7 @@ class Surfaces:
         self._known = {name: known for name, known in self._known.items() if name in names}
 
 
-class _Surface:
+class _SolvedSurface:
     """One puppet's surface: prepared, then solved as its control points move."""
 
     def __init__(self, character: Character) -> None:
@@ -105,7 +105,7 @@ class _Surface:
         return self._world
 
     def _surface(self, wait: bool) -> PuppetSurface | None:
-        """What was prepared, once it is; why it could not be is said once."""
+        """The prepared surface; None before it is ready. An error is logged once."""
         if not wait and not self._prepared.done():
             return None
         try:
@@ -128,7 +128,7 @@ class _Surface:
         return self._alike < _SETTLING
 
     def _solve(self, surface: PuppetSurface, places: Float, wait: bool) -> None:
-        """The next frame: now, or beside the pictures where it takes longer than one may."""
+        """Solve the next frame: now, or in a thread where it takes longer than a picture may."""
         if wait or (self._seconds < _BUDGET and self._local is not None):
             self._local = self._solved(surface, places)
         else:
@@ -147,13 +147,13 @@ class _Surface:
         return made.astype(np.float32)
 
     def _take(self) -> None:
-        """What was solved beside the pictures, once it is there."""
+        """Take the surface that a thread has solved, once it is there."""
         if self._solving is not None and self._solving.done():
             self._local, self._solving = self._solving.result(), None
 
 
 def _beside(work: Callable[[], T]) -> Future[T]:
-    """What comes of some work that no picture waits for, nor the program's end."""
+    """The future of a function that runs in a daemon thread: the program's end does not wait for it."""
     future: Future[T] = Future()
 
     def run() -> None:

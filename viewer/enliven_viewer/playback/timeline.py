@@ -1,4 +1,4 @@
-"""A timeline of moments: everything that was received or loaded, by the sensor's clock."""
+"""A timeline of moments, received or loaded, in the order of the sensor's clock."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, bl
 from enliven_viewer.settings import PlaybackSettings
 
 NS = 1_000_000_000
+"""Nanoseconds of a second: the unit of the sensor's clock."""
 
 
 @dataclass(frozen=True)
-class Cues:
-    """Where the performer holds a character.
+class CueFrame:
+    """The pivots of a character that performers hold at one moment.
 
     Attributes:
         character: the id of the character.
         nodes: (A,) int32 pivots that the body is attached to.
         strengths: (A,) float32 in [0, 1], how firmly.
         state: "possessed"; or "preview", what would be held if the body took hold now.
-        owners: (A,) whose each pivot is, by id; empty: everything is one performer's.
+        owners: (A,) ids of the performers that hold the pivots; empty where one performer holds all.
         held: how many of the first pivots are held, the others are a preview; None: as the state says.
     """
 
@@ -46,19 +47,19 @@ class Cues:
 
 
 @dataclass(frozen=True)
-class Moment:
+class TimelineMoment:
     """Everything at one time of the sensor's clock: poses, cues, boards by character, bodies, props."""
 
     time_ns: int
     poses: dict[str, Pose] = field(default_factory=dict)
     bodies: tuple[Body, ...] = ()
-    cues: dict[str, Cues] = field(default_factory=dict)
+    cues: dict[str, CueFrame] = field(default_factory=dict)
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
 
     @property
     def possessed(self) -> bool:
-        """Whether anybody held any character."""
+        """Whether any character was possessed."""
         return any(cues.state == "possessed" for cues in self.cues.values())
 
 
@@ -73,8 +74,8 @@ class Timeline:
         self.generation = 0
         self._bounded = bounded
         self._times: list[int] = []
-        self._moments: list[Moment] = []
-        self._cues: dict[str, Cues] = {}
+        self._moments: list[TimelineMoment] = []
+        self._cues: dict[str, CueFrame] = {}
 
     def __len__(self) -> int:
         return len(self._moments)
@@ -99,16 +100,16 @@ class Timeline:
         self._put(replace(self._at(time_ns), bodies=tuple(bodies)))
 
     def add_props(self, props: Props) -> None:
-        """Put what is loose at its time; it replaces what was of the same time."""
+        """Put the props of one time; they replace earlier ones of the same time."""
         self._put(replace(self._at(props.time_ns), props=props))
 
     def add_board(self, board: Board) -> None:
-        """Put what there is to choose from on a character at its time."""
+        """Put a board of matches at its time."""
         old = self._at(board.time_ns)
         self._put(replace(old, boards={**old.boards, board.character: board}))
 
-    def set_cues(self, cues: Cues, time_ns: int | None = None) -> None:
-        """Say what of a character is held from a time on (the newest moment's where None) until said anew."""
+    def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
+        """Set the cues of a character from a time on (None: the newest moment's) until they are set again."""
         self._cues = {**self._cues, cues.character: cues}
         first = len(self._times) - 1 if time_ns is None else bisect.bisect_left(self._times, time_ns)
         for i in range(max(first, 0), len(self._moments)):
@@ -116,16 +117,16 @@ class Timeline:
             self._moments[i] = replace(moment, cues={**moment.cues, cues.character: cues})
 
     def forget_cues(self, character_id: str) -> None:
-        """Say that nothing of a character is held in the newest moment and all that follow."""
+        """Remove the cues of a character from the newest moment and all that follow."""
         self._hold({name: cues for name, cues in self._cues.items() if name != character_id})
 
     def clear(self) -> None:
-        """Forget everything, and tell the playhead by a new generation."""
+        """Remove all moments; a new generation tells the playhead."""
         self._times.clear()
         self._moments.clear()
         self.generation += 1
 
-    def at(self, time_ns: int) -> Moment | None:
+    def at(self, time_ns: int) -> TimelineMoment | None:
         """The moment at a time: blended between its neighbours, the nearer one across a gap.
 
         Outside the timeline the first or last moment; None when the timeline is empty.
@@ -153,11 +154,11 @@ class Timeline:
         return self._times[min(max(index, 0), len(self._times) - 1)]
 
     def drop_before(self, time_ns: int) -> None:
-        """Forget the moments that no time from ``time_ns`` on needs."""
+        """Remove the moments that no time from ``time_ns`` on needs."""
         count = max(bisect.bisect_right(self._times, time_ns) - 1, 0)
         del self._times[:count], self._moments[:count]
 
-    def _between(self, before: Moment, after: Moment, time_ns: int) -> Moment:
+    def _between(self, before: TimelineMoment, after: TimelineMoment, time_ns: int) -> TimelineMoment:
         """The moment between two neighbours."""
         share = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
         if after.time_ns - before.time_ns > self.settings.gap * NS:
@@ -172,15 +173,15 @@ class Timeline:
         bodies = blend_bodies(before.bodies, after.bodies, share)
         props = blend_props(before.props, after.props, share, time_ns)
         boards = blend_boards(before.boards, after.boards, share)
-        return Moment(time_ns, poses, bodies, before.cues, props, boards)
+        return TimelineMoment(time_ns, poses, bodies, before.cues, props, boards)
 
-    def _hold(self, cues: dict[str, Cues]) -> None:
-        """Cues of the newest moment and all that follow."""
+    def _hold(self, cues: dict[str, CueFrame]) -> None:
+        """Set the cues of the newest moment and all that follow."""
         self._cues = cues
         if self._moments:
             self._moments[-1] = replace(self._moments[-1], cues=cues)
 
-    def _at(self, time_ns: int) -> Moment:
+    def _at(self, time_ns: int) -> TimelineMoment:
         """The moment at exactly this time, or an empty one."""
         index = bisect.bisect_left(self._times, time_ns)
         found = index < len(self._times) and self._times[index] == time_ns
@@ -188,15 +189,17 @@ class Timeline:
             return self._moments[index]
         # Boards come after the poses of their time, and must not vanish meanwhile.
         boards = self._moments[index - 1].boards if index else {}
-        return Moment(time_ns, cues=self._cues, props=self._still_loose(index, time_ns), boards=boards)
+        return TimelineMoment(
+            time_ns, cues=self._cues, props=self._still_loose(index, time_ns), boards=boards
+        )
 
     def _still_loose(self, index: int, time_ns: int) -> Props | None:
-        """What was loose a moment ago: it does not vanish while a moment's own props are on their way."""
+        """The props of the moment before, so that they stay visible until the moment's own props arrive."""
         props = self._moments[index - 1].props if index else None
         fresh = props is not None and time_ns - props.time_ns <= self.settings.gap * NS
         return props if fresh else None
 
-    def _put(self, moment: Moment) -> None:
+    def _put(self, moment: TimelineMoment) -> None:
         """Insert or replace; start anew where the clock went back; drop the oldest beyond the bounds."""
         if self._times and moment.time_ns < self._times[-1] - self.settings.restart * NS and self._bounded:
             self.clear()

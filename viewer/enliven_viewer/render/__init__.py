@@ -1,4 +1,4 @@
-"""The renderer: a scene of characters, bodies, props and marks becomes one picture."""
+"""The renderer: it draws a scene of characters, bodies, props and marks into one picture."""
 
 import lazy_loader
 

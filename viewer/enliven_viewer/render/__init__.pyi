@@ -1,18 +1,20 @@
-from .camera import Box, FilmCamera, OrbitCamera, View
+from .camera import DRAG_TURN, Box, CameraView, FilmCamera, OrbitCamera
 from .renderer import EMPTY_BOX, Renderer
-from .scene import Actor, Look, Scene, scene_of
-from .skinned import linear
+from .scene import PLAIN, Scene, SceneCharacter, SceneStyle, scene_of
+from .skinned import linear_from_srgb
 
 __all__ = [
+    "DRAG_TURN",
     "EMPTY_BOX",
-    "Actor",
+    "PLAIN",
     "Box",
+    "CameraView",
     "FilmCamera",
-    "Look",
     "OrbitCamera",
     "Renderer",
     "Scene",
-    "View",
-    "linear",
+    "SceneCharacter",
+    "SceneStyle",
+    "linear_from_srgb",
     "scene_of",
 ]

@@ -14,13 +14,21 @@ Box = tuple[Float, Float]
 """Lowest and highest corner, (3,) each, metres, world frame."""
 
 FRONT_RIGHT = math.radians(32)
+"""Radians about +Y from the front, where every view begins: a face and a side are seen."""
 SLIGHTLY_ABOVE = math.radians(13)
+"""Radians above the horizon, where every view begins: the floor shows where feet stand."""
 MARGIN = 0.96
-LOWEST, HIGHEST = math.radians(1.0), math.radians(88)
+"""Share of the box that must fit: a subject does not reach the corners of its box."""
+LOWEST = math.radians(1.0)
+"""Radians above the horizon at least: the floor has no underside."""
+HIGHEST = math.radians(88)
+"""Radians above the horizon at most: straight down, there is no upright direction."""
+DRAG_TURN = 0.008
+"""Radians that the camera turns per pixel of dragging: half a turn across 400 pixels."""
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """A camera at one moment.
 
     Attributes:
@@ -118,7 +126,7 @@ class OrbitCamera:
 
     @property
     def target(self) -> Float:
-        """(3,) metres, what the camera looks at now."""
+        """(3,) metres, the point that the camera looks at now."""
         return self._now[:3].copy()
 
     def face(self, azimuth: float, elevation: float) -> None:
@@ -156,15 +164,17 @@ class OrbitCamera:
             self._now[:] = self._goal
 
     def advance(self, seconds: float) -> None:
-        """Ease towards the goal: what is left halves every 60 milliseconds."""
+        """Ease towards the goal: the distance to it halves every 60 milliseconds."""
         self._now += (self._goal - self._now) * (1 - 0.5 ** (seconds / 0.06))
 
-    def view(self, aspect: float) -> View:
-        """Where the camera is now."""
+    def view(self, aspect: float) -> CameraView:
+        """The camera at this moment."""
         eye, target = self._eye_and_target(self._now)
         distance = math.exp(self._now[5])
         near = max(0.02, distance * 0.02)
-        return View(eye, look_at(eye, target), perspective(self.field_of_view, aspect, near, distance + 80))
+        return CameraView(
+            eye, look_at(eye, target), perspective(self.field_of_view, aspect, near, distance + 80)
+        )
 
     @staticmethod
     def _eye_and_target(state: Float) -> tuple[Float, Float]:
@@ -224,6 +234,6 @@ class FilmCamera:
         self._orbit.orbit(self._drift * math.sin(phase), 0.25 * self._drift * math.sin(0.7 * phase))
         self._orbit.advance(10.0)
 
-    def view(self, aspect: float) -> View:
-        """Where the camera is now."""
+    def view(self, aspect: float) -> CameraView:
+        """The camera at this moment."""
         return self._orbit.view(aspect)

@@ -7,24 +7,37 @@ import numpy as np
 
 from enliven.arrays import Float32, Int32
 from enliven.person import BONES, Body, Joint
-from enliven_viewer.render.skinned import linear
+from enliven_viewer.render.skinned import linear_from_srgb
 
 MAX_BONES = 64
 """Capsules that the mesh shader looks at; shaders/mesh.frag has the same number."""
 REVEAL_RADIUS = 0.04
 """Metres, the radius of a bone as KinEtre takes it (section 4.3)."""
-TINTS = linear(np.array([(96, 226, 222), (255, 196, 92), (196, 160, 255), (150, 235, 130)]))
+TINTS = linear_from_srgb(np.array([(96, 226, 222), (255, 196, 92), (196, 160, 255), (150, 235, 130)]))
 """(4, 3) linear light, by the order of the bodies."""
 
-_SLIM, _WRIST = 0.026, 0.019
+_SLIM = 0.026
+"""Metres, radius at most joints; this and those below are of a person 1.75 m tall, slimmer than life."""
+_WRIST = 0.019
+"""Metres, radius at wrists and ankles, the thinnest places of a limb."""
+_HAND = 0.022
+"""Metres, radius at hands and feet."""
+_TRUNK = 0.034
+"""Metres, radius along the spine."""
+_HEAD_RADIUS = 0.092
+"""Metres, radius of the ball of the head."""
 _JOINT_RADII = np.full(len(Joint), _SLIM)
 _JOINT_RADII[[Joint.WRIST_LEFT, Joint.WRIST_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] = _WRIST
-_JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = 0.022
-_JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.034
-_HEAD_RADIUS = 0.092
-_SEGMENTS, _RINGS = 18, 5
-_SHADOW_SEGMENTS, _SHADOW_RINGS = 10, 3
-"""Of what casts a shadow: its blur is wider than the corners are sharp."""
+_JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = _HAND
+_JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = _TRUNK
+_SEGMENTS = 18
+"""Faces around a capsule: its outline looks round at any distance that the camera allows."""
+_RINGS = 5
+"""Rings of vertices from the middle of a half ball to its pole."""
+_SHADOW_SEGMENTS = 10
+"""Faces around a capsule that casts a shadow: the blur is wider than its corners are sharp."""
+_SHADOW_RINGS = 3
+"""Rings of a half ball that casts a shadow, for the same reason."""
 
 
 def capsules_of(bodies: tuple[Body, ...], opacity: float) -> Float32:
@@ -68,7 +81,7 @@ def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]
     return block, len(filled)
 
 
-class Capsules:
+class CapsulePass:
     """Instanced capsules on the GPU: limbs between two balls, and balls.
 
     Args:
@@ -115,7 +128,7 @@ class Capsules:
                 self._instances[number].write(np.ascontiguousarray(some))
 
     def render(self) -> None:
-        """Draw what was loaded."""
+        """Draw the loaded rows."""
         for array, count in zip(self._arrays, self._counts, strict=True):
             if count:
                 array.render(moderngl.TRIANGLES, instances=count)

@@ -18,7 +18,7 @@ Patch = tuple[Float, Float]
 """Lowest and highest x and z, (2,) each, metres: a rectangle of the floor."""
 
 
-class Ground:
+class GroundPass:
     """Draws the floor and the backdrop.
 
     Only a patch of the floor can be in a shadow; the maps of shadows are not looked at around it.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import moderngl
 
 from enliven_viewer.render.capsules import bone_block
-from enliven_viewer.render.gl import BLOCKS, UNITS, Picture, load_program, set_uniform
+from enliven_viewer.render.gl import BLOCKS, UNITS, RenderTarget, load_program, set_uniform
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
 from enliven_viewer.settings import RenderSettings
@@ -25,10 +25,10 @@ class MeshPass:
         self._bones = ctx.buffer(reserve=3 * 64 * 16, dynamic=True)
         self._programs: dict[tuple[bool, bool], moderngl.Program] = {}
 
-    def draw(self, picture: Picture, meshes: Sequence[SkinnedMesh], scene: Scene) -> None:
+    def draw(self, picture: RenderTarget, meshes: Sequence[SkinnedMesh], scene: Scene) -> None:
         """Draw them before what the picture shows, which is seen through them where they are transparent."""
-        block, count = bone_block(scene.bodies, scene.look.reveal)
-        revealing = count > 0 and scene.look.reveal > 0
+        block, count = bone_block(scene.bodies, scene.style.reveal)
+        revealing = count > 0 and scene.style.reveal > 0
         if revealing:
             self._bones.write(block.tobytes())
             self._bones.bind_to_uniform_block(BLOCKS["Bones"])

@@ -1,4 +1,4 @@
-"""Vertices that were solved, not skinned: with smooth normals of where they are, as the GPU draws them."""
+"""Solved vertices for the GPU: their positions, each with a smooth normal."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.kernels import njit
-from enliven_viewer.render.surface import Surface
+from enliven_viewer.render.surface import DrawnSurface
 
 
-def placed(vertices: Float32, faces: Int32, surface: Surface) -> Float32:
+def solved_rows(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float32:
     """(N, 6) float32 position and unit normal of each drawn vertex.
 
     Faces count in a normal by their angle at rest, so that a mesh at rest looks as a skinned one does, and
@@ -49,7 +49,7 @@ def _summed(vertices: Float32, faces: Int32, groups: Int, angles: Float, sums: F
 
 @njit(cache=True, nogil=True)
 def _rows(vertices: Float32, source: Int, group: Int, rest: Float32, sums: Float, rows: Float32) -> None:
-    """Positions and normals: that at rest where faces have no area, the origin for what is no number."""
+    """Fill the rows: the normal at rest where faces have no area, the origin for vertices not finite."""
     for n in range(len(source)):
         for c in range(3):
             value = vertices[source[n], c]

@@ -7,10 +7,12 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.document import BALL, BOX, Props
-from enliven_viewer.render.skinned import linear
+from enliven_viewer.render.skinned import linear_from_srgb
 
-_BEVEL, _MOST_BEVEL = 0.07, 0.012
-"""Of a box's edges: share of its least half edge, and metres at most."""
+_BEVEL = 0.07
+"""Bevel of a box's edges as a share of its least half edge: enough to catch the light."""
+_MOST_BEVEL = 0.012
+"""Metres of bevel at most, so that a large box stays a box."""
 _FINENESS = {BOX: 2, BALL: 6}
 """Points from the middle of a template's side to its edge."""
 
@@ -28,11 +30,11 @@ def prop_rows(props: Props | None, shape: int) -> Float32:
     )
     rows[:, 4:8] = np.roll(props.turns[shown], -1, 1)
     rows[:, 8:11] = half
-    rows[:, 11:] = linear(props.colours[shown])
+    rows[:, 11:] = linear_from_srgb(props.colours[shown])
     return rows
 
 
-class LooseThings:
+class PropPass:
     """The props of a scene on the GPU, for one program.
 
     Args:
@@ -62,7 +64,7 @@ class LooseThings:
             )
 
     def load(self, props: Props | None) -> None:
-        """Take what is loose, or nothing."""
+        """Load the props, or none."""
         for shape, buffer in self._rows.items():
             rows = prop_rows(props, shape)
             self._counts[shape] = len(rows)
@@ -71,7 +73,7 @@ class LooseThings:
                 buffer.write(rows)
 
     def render(self) -> None:
-        """Draw what was loaded."""
+        """Draw the loaded rows."""
         for shape, array in self._arrays.items():
             if self._counts[shape]:
                 array.render(moderngl.TRIANGLES, instances=self._counts[shape])

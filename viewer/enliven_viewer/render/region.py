@@ -1,4 +1,4 @@
-"""Where in the picture, in the maps of shadows and on the floor anything is: work is done only there."""
+"""Regions of the picture, of the shadow maps and of the floor that are not empty: only they are drawn."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.document import Props
-from enliven_viewer.render.gl import Region, whole
+from enliven_viewer.render.gl import Region, full_region
 from enliven_viewer.render.overlay import CUE_RADIUS
 from enliven_viewer.render.scene import Scene, corners
 
@@ -20,7 +20,7 @@ _UNIT = corners((np.full(3, -1.0), np.ones(3)))
 _SQRT3 = math.sqrt(3.0)
 
 
-def around(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
+def ball_corners(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
     """(8 N, 3) the corners of boxes around balls: (N, 3) middles, radii (N,) or one, metres."""
     sizes = np.broadcast_to(np.asarray(radii, np.float64), len(middles))
     return np.asarray((middles[:, None] + sizes[:, None, None] * _UNIT).reshape(-1, 3), np.float64)
@@ -33,18 +33,20 @@ def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
         capsules: (C, 12) rows of the bodies.
         surfaces: (K, 3) of each mesh, as :meth:`~enliven_viewer.render.skinned.SkinnedMesh.hull` says.
     """
-    bodies = [around(capsules[:, 0:3], capsules[:, 3]), around(capsules[:, 4:7], capsules[:, 7])]
+    bodies = [ball_corners(capsules[:, 0:3], capsules[:, 3]), ball_corners(capsules[:, 4:7], capsules[:, 7])]
     return np.concatenate([*surfaces, *bodies, _filled_by_props(scene.props)])
 
 
 def marks_of(scene: Scene) -> Float:
     """(N, 3) metres, points that hold between them the marks of a scene."""
-    if scene.look.cues <= 0 and scene.look.graph <= 0:
+    if scene.style.cues <= 0 and scene.style.graph <= 0:
         return np.zeros((0, 3))
-    return np.concatenate([np.zeros((0, 3)), *(around(a.pose.positions, CUE_RADIUS) for a in scene.actors)])
+    return np.concatenate(
+        [np.zeros((0, 3)), *(ball_corners(a.pose.positions, CUE_RADIUS) for a in scene.actors)]
+    )
 
 
-def seen_in(points: Float, clip_from_world: Float, size: tuple[int, int], room: int = ROOM) -> Region:
+def visible_region(points: Float, clip_from_world: Float, size: tuple[int, int], room: int = ROOM) -> Region:
     """The pixels that hold the hull of (N, 3) points; all where one is beside or behind the eye.
 
     Args:
@@ -53,17 +55,17 @@ def seen_in(points: Float, clip_from_world: Float, size: tuple[int, int], room: 
     if not len(points):
         return 0, 0, 0, 0
     if not np.isfinite(points).all():
-        return whole(size)
+        return full_region(size)
     clip = points @ clip_from_world[:, :3].T + clip_from_world[:, 3]
     if clip[:, 3].min() <= _NEAREST:
-        return whole(size)
+        return full_region(size)
     pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * size
     low = np.clip(np.floor(pixels.min(0)) - room, 0, size)
     high = np.clip(np.ceil(pixels.max(0)) + room, low, size)
     return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
 
 
-def shaded_by(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
+def shadow_bounds(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
     """Lowest and highest x and z, (2,) each, of the floor under the hull of (N, 3) points and its shadow.
 
     Args:
@@ -80,8 +82,8 @@ def shaded_by(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
 
 
 def _filled_by_props(props: Props | None) -> Float:
-    """(N, 3) the corners around what is loose."""
+    """(N, 3) metres, the corners of boxes around the props."""
     if props is None:
         return np.zeros((0, 3))
     shown = np.isfinite(props.positions).all(1)
-    return around(props.positions[shown], _SQRT3 * np.asarray(props.sizes[shown]).max(1, initial=0.0))
+    return ball_corners(props.positions[shown], _SQRT3 * np.asarray(props.sizes[shown]).max(1, initial=0.0))

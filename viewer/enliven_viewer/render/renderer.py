@@ -1,4 +1,4 @@
-"""One picture of a scene: skin, shadows, floor, body, mesh, marks, in this order."""
+"""Draws a picture of a scene: skin, shadows, floor, body, mesh, marks, in this order."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, UInt8
-from enliven_viewer.render.camera import Box, View
-from enliven_viewer.render.capsules import Capsules, capsules_of
+from enliven_viewer.render.camera import Box, CameraView
+from enliven_viewer.render.capsules import CapsulePass, capsules_of
 from enliven_viewer.render.gl import (
     BLOCKS,
     UNITS,
-    Picture,
+    RenderTarget,
     Size,
     SoftMap,
     load_program,
     reach_of,
     set_uniform,
 )
-from enliven_viewer.render.ground import STAGE_RADIUS, Ground, Patch
+from enliven_viewer.render.ground import STAGE_RADIUS, GroundPass, Patch
 from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
 from enliven_viewer.render.mesh_pass import MeshPass
 from enliven_viewer.render.overlay import Marks, Tubes, match_rows
-from enliven_viewer.render.props import LooseThings
-from enliven_viewer.render.region import casters_of, marks_of, seen_in, shaded_by
+from enliven_viewer.render.props import PropPass
+from enliven_viewer.render.region import casters_of, marks_of, shadow_bounds, visible_region
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned import SkinnedMesh
 from enliven_viewer.settings import RenderSettings
@@ -34,11 +34,14 @@ EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
 """What the camera and the light look at while there is nothing."""
 _ALPHA_TO_COVERAGE = 0x809E
 """GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
-_SHADOW_BLUR, _CONTACT_BLUR = (2.0,), (1.0, 2.2)
-"""Texels between the taps of each blur; the contact's spans decimetres."""
+_SHADOW_BLUR = (2.0,)
+"""Texels between the taps of the key light's blur: a soft edge without steps."""
+_CONTACT_BLUR = (1.0, 2.2)
+"""Texels between the taps of the two blurs of the contact map, which span decimetres."""
 _SLANT = 1.0 / float(TO_KEY[1])
 """How much longer a texel of the key light's map is on the floor."""
 _FRAME_BYTES = 4 * (4 * 16 + 4 * 4)
+"""Bytes of the uniform block Frame: four matrices and four vectors of float32."""
 
 
 class Renderer:
@@ -52,7 +55,7 @@ class Renderer:
     def __init__(self, ctx: moderngl.Context, size: Size, settings: RenderSettings | None = None) -> None:
         self.ctx = ctx
         self.settings = settings or RenderSettings()
-        self.picture = Picture(ctx, size, self.settings.samples)
+        self.picture = RenderTarget(ctx, size, self.settings.samples)
         self._shadow = SoftMap(ctx, self.settings.shadow_size)
         self._contact = SoftMap(ctx, self.settings.contact_size)
         self._frame = ctx.buffer(reserve=_FRAME_BYTES, dynamic=True)
@@ -61,16 +64,16 @@ class Renderer:
         self._caster = load_program(ctx, "caster.vert", "caster.frag")
         self._body = load_program(ctx, "capsule.vert", "capsule.frag")
         self._body_caster = load_program(ctx, "capsule.vert", "caster.frag")
-        self._capsules = Capsules(ctx, self._body, open_limbs=True)
-        self._shadow_capsules = Capsules(ctx, self._body_caster, open_limbs=True, casting=True)
+        self._capsules = CapsulePass(ctx, self._body, open_limbs=True)
+        self._shadow_capsules = CapsulePass(ctx, self._body_caster, open_limbs=True, casting=True)
         self._prop = load_program(ctx, "prop.vert", "prop.frag")
         self._prop_caster = load_program(ctx, "prop.vert", "caster.frag")
-        self._props, self._shadow_props = LooseThings(ctx, self._prop), LooseThings(ctx, self._prop_caster)
+        self._props, self._shadow_props = PropPass(ctx, self._prop), PropPass(ctx, self._prop_caster)
         self._marks = Marks(ctx)
         self._tubes: Tubes | None = None
         self._present = load_program(ctx, "screen.vert", "present.frag")
         self._present_quad = ctx.vertex_array(self._present, [])
-        self._ground = Ground(ctx)
+        self._ground = GroundPass(ctx)
         self._meshes: dict[str, SkinnedMesh] = {}
         self._stage: Float | None = None
 
@@ -82,17 +85,17 @@ class Renderer:
     def resize(self, size: Size) -> None:
         """Change the picture's size; sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
-            before, self.picture = self.picture, Picture(self.ctx, size, self.settings.samples)
+            before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
             self.picture.drawn.use()  # moderngl binds anew what was bound, so that must still be there
             before.release()
 
-    def draw(self, scene: Scene, view: View) -> None:
+    def draw(self, scene: Scene, view: CameraView) -> None:
         """Draw a scene into :attr:`picture` and resolve it."""
         self.picture.drawn.use()  # without a framebuffer OpenGL refuses even what draws nothing
         meshes = self._skinned(scene)
         box = scene.lit_box or EMPTY_BOX
         stage = self._write_frame(box, view)
-        capsules = capsules_of(scene.bodies if scene.look.body > 0 else (), scene.look.body)
+        capsules = capsules_of(scene.bodies if scene.style.body > 0 else (), scene.style.body)
         self._capsules.load(capsules)
         self._shadow_capsules.load(capsules)
         self._props.load(scene.props)
@@ -103,7 +106,7 @@ class Renderer:
         self._contact.texture.use(UNITS["contact_map"])
         self._ground.draw(self.picture.ground, stage, self._shaded(casters))
         filled = np.concatenate([casters, marks_of(scene)])
-        self.picture.begin(seen_in(filled, view.clip_from_world, self.size))
+        self.picture.begin(visible_region(filled, view.clip_from_world, self.size))
         self._draw_props()
         self._draw_bodies()
         self._mesh_pass.draw(self.picture, meshes, scene)
@@ -113,8 +116,8 @@ class Renderer:
         self._draw_matches(scene)
 
     def _draw_matches(self, scene: Scene) -> None:
-        """The chains that a pose means, or that are driven, over everything."""
-        rows, deepest = match_rows(scene.boards if scene.look.cues > 0 else {})
+        """Draw the matched or driven chains over everything."""
+        rows, deepest = match_rows(scene.boards if scene.style.cues > 0 else {})
         if len(rows):
             self._tubes = self._tubes or Tubes(self.ctx)
             self._tubes.draw(self.picture, rows, deepest)
@@ -151,8 +154,8 @@ class Renderer:
                 known.place(actor.vertices)
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
-    def _write_frame(self, box: Box, view: View) -> Float:
-        """Fill the uniform block that every shader shares; (3,) where the pool of light is.
+    def _write_frame(self, box: Box, view: CameraView) -> Float:
+        """Fill the uniform block that every shader shares; returns (3,) the middle of the pool of light.
 
         It follows the scene slowly.
         """
@@ -170,7 +173,7 @@ class Renderer:
         return self._stage
 
     def _draw_shadows(self, meshes: list[SkinnedMesh], casters: Float) -> None:
-        """The key light's map and the floor's contact map, blurred."""
+        """Draw and blur the key light's map and the floor's contact map."""
         passes = (
             (self._shadow, self._light, _SHADOW_BLUR, 1.0),
             (self._contact, self._below, _CONTACT_BLUR, 0.0),
@@ -186,25 +189,25 @@ class Renderer:
                 mesh.render(self._caster, coarse=contact)
             self._shadow_capsules.render()
             self._shadow_props.render()
-            target.blur(blur, seen_in(casters, clip, (target.size, target.size), reach_of(blur)))
+            target.blur(blur, visible_region(casters, clip, (target.size, target.size), reach_of(blur)))
 
     def _shaded(self, casters: Float) -> Patch:
-        """The floor on which the casters' shadows may fall, blurred as they are."""
+        """The part of the floor that blurred shadows of the casters may reach."""
         texels = (
             (self._light, self.settings.shadow_size, _SHADOW_BLUR),
             (self._below, self.settings.contact_size, _CONTACT_BLUR),
         )
         room = max(2 / float(np.linalg.norm(clip[0])) / size * reach_of(blur) for clip, size, blur in texels)
-        return shaded_by(casters, TO_KEY, _SLANT * room)
+        return shadow_bounds(casters, TO_KEY, _SLANT * room)
 
     def _draw_props(self) -> None:
-        """What is loose; the depth test sorts it out with the rest."""
+        """Draw the props; the depth test orders them among the rest."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._prop, "casting", False)
         self._props.render()
 
     def _draw_bodies(self) -> None:
-        """Faint bodies cover a share of each pixel's samples, so that what is behind them needs no order."""
+        """Draw the bodies; faint ones cover a share of each pixel's samples, so that no order is needed."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._body, "casting", False)
         set_uniform(self._body, "hidden", False)
@@ -213,8 +216,8 @@ class Renderer:
         self.ctx.disable_direct(_ALPHA_TO_COVERAGE)
 
     def _draw_hidden_bodies(self, scene: Scene) -> None:
-        """The body faintly through whatever covers it; the brighter of the two stays, so nothing adds up."""
-        if scene.look.body <= 0:
+        """Draw the bodies faintly through what covers them; the brighter value stays, so nothing adds up."""
+        if scene.style.body <= 0:
             return
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
         self.ctx.blend_equation = moderngl.MAX  # type: ignore[assignment]
@@ -226,6 +229,6 @@ class Renderer:
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
 
     def _write_depth(self, on: bool) -> None:
-        """Whether what is drawn next hides what is behind it; moderngl takes the mask over with a bind."""
+        """Turn writing to the depth buffer on or off; moderngl applies the mask with a bind."""
         self.picture.drawn.depth_mask = on
         self.picture.drawn.use()

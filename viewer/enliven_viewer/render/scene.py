@@ -1,4 +1,4 @@
-"""What is to be drawn: characters in their poses, bodies, cues, and how strongly each is shown."""
+"""A scene: characters in their poses, bodies, cues, and how strongly each is shown."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from enliven.arrays import Float, Float32
 from enliven.document import BOX, Character, Pose, Props
 from enliven.matching import Board
 from enliven.person import Body
-from enliven_viewer.playback import Cues, Document, Moment, Surfaces, bounds_of
+from enliven_viewer.playback import CueFrame, Document, SolvedSurfaces, TimelineMoment, bounds_of
 from enliven_viewer.render.camera import Box
 
-_BOX_REACH, _SHADOW_REACH = 0.7, 1.4
-"""Metres from characters and bodies within which boxes belong into the picture, and things have shadows."""
+_BOX_REACH = 0.7
+"""Metres from characters and bodies within which the camera keeps loose boxes in the picture."""
+_SHADOW_REACH = 1.4
+"""Metres from characters and bodies within which loose things have shadows: twice the reach of the camera."""
 
 
 @dataclass(frozen=True)
-class Look:
-    """How strongly each overlay is shown, 0 (not at all) to 1.
+class SceneStyle:
+    """The strength of each overlay in a scene, 0 (not shown) to 1.
 
     Attributes:
         body: the performer's skeleton.
@@ -34,8 +36,12 @@ class Look:
     graph: float = 0.0
 
 
+PLAIN = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
+"""Meshes alone, without overlays: how the studio shows shapes and puppets."""
+
+
 @dataclass(frozen=True)
-class Actor:
+class SceneCharacter:
     """One character in one pose.
 
     Attributes:
@@ -45,40 +51,40 @@ class Actor:
 
     character: Character
     pose: Pose
-    cues: Cues | None = None
+    cues: CueFrame | None = None
     vertices: Float32 | None = None
 
     @property
     def extent(self) -> Float32:
-        """(N, 3) metres, what is filled: the solved surface, or the pivots."""
+        """(N, 3) metres, points of the character: the solved surface, or the pivots."""
         return self.pose.positions if self.vertices is None else self.vertices
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything of one picture."""
+    """The contents of one picture."""
 
-    actors: tuple[Actor, ...] = ()
+    actors: tuple[SceneCharacter, ...] = ()
     bodies: tuple[Body, ...] = ()
-    look: Look = field(default_factory=Look)
+    style: SceneStyle = field(default_factory=SceneStyle)
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
     extent: Box | None = None
-    """What is filled beyond the pivots, where that is known; shadows reach as far."""
+    """Lowest and highest corner of all surfaces, where known; shadows reach as far."""
 
     @property
     def box(self) -> Box | None:
-        """What a camera should have in its picture; None when there is nothing."""
+        """The box that a camera should show; None where the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
         return self._around(boxes, _BOX_REACH)  # balls come and go too fast for a camera
 
     @property
     def lit_box(self) -> Box | None:
-        """Where shadows are drawn: a little more than :attr:`box`."""
+        """The box where shadows are drawn: a little more than :attr:`box`."""
         return self._around(None if self.props is None else self.props.positions, _SHADOW_REACH)
 
     def _around(self, loose: Float | None, reach: float) -> Box | None:
-        """A box with room around characters, bodies, and what of the loose things is within reach of them."""
+        """A box with room around characters, bodies, and the loose things within reach of them."""
         points = [actor.extent for actor in self.actors] + [body.joints for body in self.bodies]
         if self.extent is not None:
             points.append(np.stack(self.extent))
@@ -86,7 +92,7 @@ class Scene:
         if bounds is None:
             return None
         if loose is not None and len(loose):
-            bounds = bounds_of([np.stack(bounds), _drawn_in(loose, bounds, reach)]) or bounds
+            bounds = bounds_of([np.stack(bounds), _pulled_towards(loose, bounds, reach)]) or bounds
         margin = np.array([0.12, 0.12, 0.12])
         low, high = bounds[0] - margin, bounds[1] + margin
         low[1] = min(low[1], 0.0)
@@ -94,7 +100,10 @@ class Scene:
 
 
 def scene_of(
-    document: Document, moment: Moment | None, look: Look, surfaces: Surfaces | None = None
+    document: Document,
+    moment: TimelineMoment | None,
+    style: SceneStyle,
+    surfaces: SolvedSurfaces | None = None,
 ) -> Scene:
     """The scene of one moment; a character without a pose, or with one that does not fit, stands at rest.
 
@@ -108,19 +117,19 @@ def scene_of(
             pose = character.rest_pose()
         cues = moment.cues.get(character.id) if moment else None
         vertices = None if surfaces is None else surfaces.vertices(character, pose)
-        actors.append(Actor(character, pose, cues, vertices))
+        actors.append(SceneCharacter(character, pose, cues, vertices))
     if surfaces is not None:
         surfaces.forget_but(document.characters.values())
     bodies = moment.bodies if moment else ()
     present = tuple(b for b in bodies if np.isfinite(b.joints).all())
     boards = {name: b for name, b in moment.boards.items() if name in document.characters} if moment else {}
-    return Scene(tuple(actors), present, look, moment.props if moment else None, boards)
+    return Scene(tuple(actors), present, style, moment.props if moment else None, boards)
 
 
-def _drawn_in(positions: Float, box: Box, reach: float) -> Float:
-    """(N, 3) positions; those outside the box by more than ``reach`` are drawn in, the farther the more.
+def _pulled_towards(positions: Float, box: Box, reach: float) -> Float:
+    """(N, 3) positions, pulled towards the box where they are farther from it than ``reach``.
 
-    So what rolls away lets go of the camera gently, and at twice the reach it is forgotten.
+    A thing that rolls away is followed less and less, and not at all beyond twice the reach.
     """
     inside = np.clip(positions, box[0], box[1])
     out = positions - inside

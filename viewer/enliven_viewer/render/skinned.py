@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose
 from enliven_viewer.render.gl import UNITS
-from enliven_viewer.render.normals import placed
+from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.scene import corners
 from enliven_viewer.render.surface import (
     clustered_faces,
@@ -27,7 +27,7 @@ _FINE = 0.07
 _COARSE = 0.03
 """Metres: detail of what is drawn for the contact map."""
 DEFAULT_COLOUR = (226, 142, 84)
-"""sRGB of a mesh that brings no colours: warm clay."""
+"""sRGB of a mesh that brings no colours: warm, on the cold stage."""
 
 
 class SkinnedMesh:
@@ -84,9 +84,9 @@ class SkinnedMesh:
         self._skin.transform(self._skinned, moderngl.POINTS, vertices=self.count)
 
     def place(self, vertices: Float32) -> None:
-        """Put the vertices (V, 3), metres in the world, where somebody solved them to be."""
+        """Put the vertices (V, 3), metres in the world, where a solver put them."""
         if vertices is not self._placed:
-            self._skinned.write(placed(vertices, self.character.faces, self._surface))
+            self._skinned.write(solved_rows(vertices, self.character.faces, self._surface))
         self._placed = vertices
 
     def hull(self) -> Float:
@@ -160,9 +160,9 @@ def _linear_colours(character: Character) -> Float32:
     colours = character.colours
     if colours is None:
         colours = np.tile(np.array(DEFAULT_COLOUR, np.uint8), (len(character.vertices), 1))
-    return linear(colours)
+    return linear_from_srgb(colours)
 
 
-def linear(srgb: np.ndarray) -> Float32:
+def linear_from_srgb(srgb: np.ndarray) -> Float32:
     """Linear light, float32, of sRGB values 0..255."""
     return np.asarray((np.asarray(srgb, np.float64) / 255) ** 2.2, dtype=np.float32)

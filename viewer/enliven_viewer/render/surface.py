@@ -23,7 +23,7 @@ _CURVE_BITS = 10
 
 
 @dataclass(frozen=True)
-class Surface:
+class DrawnSurface:
     """Vertices as the GPU wants them.
 
     Attributes:
@@ -43,7 +43,7 @@ class Surface:
     group: Int
 
 
-def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(45)) -> Surface:
+def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(45)) -> DrawnSurface:
     """Smooth normals that break where two faces meet at more than ``crease`` radians.
 
     Two faces share a normal at a vertex when a fan of faces with milder edges joins them. Vertices at the
@@ -62,7 +62,7 @@ def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(
     drawn = summed(group, groups, normals, angles)[group[first]]
     length = np.linalg.norm(drawn, axis=1, keepdims=True)
     unit = np.where(length > 1e-12, drawn / np.maximum(length, 1e-12), [0.0, 1.0, 0.0])
-    return Surface(
+    return DrawnSurface(
         faces.reshape(-1)[first].astype(np.int64),
         unit.astype(np.float32),
         corner.reshape(-1, 3),
@@ -73,7 +73,7 @@ def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(
 
 
 def is_closed(vertices: Float32, faces: Int32) -> bool:
-    """Whether the mesh has an inside, and its faces turn outwards: then their backs are never seen."""
+    """Whether the mesh is closed with its faces outwards, so that the backs of faces are never seen."""
     if not bounds_something(np.array(faces, np.int32), len(vertices)):
         return False
     a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))

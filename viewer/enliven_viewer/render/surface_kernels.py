@@ -22,7 +22,7 @@ def _room(count):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _slot(keys, key):  # type: ignore[no-untyped-def]
-    """Where a key is, or the empty place where it belongs."""
+    """The place of a key in the table, or the empty place where it belongs."""
     mask = np.uint64(len(keys) - 1)
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     at = (mixed ^ (mixed >> np.uint64(32))) & mask

@@ -11,9 +11,10 @@ from enliven_viewer.film import FilmWriter, Tiles, write_sheet
 from enliven_viewer.studio.session import STEP, Action, steps
 from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.window import KEYS, StudioWindow
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _BIT_RATE = 6.0
+"""Mbit/s of the film: the small text of panels stays readable."""
 
 
 class WindowStage:
@@ -22,7 +23,7 @@ class WindowStage:
     pace = 0.35
 
     def __init__(self, window: StudioWindow) -> None:
-        self._window, self.desk = window, window.desk
+        self._window, self.workspace = window, window.workspace
         self.at: Point = (0.0, 0.0)
         self._up: list[imgui.Key] = []
 
@@ -55,11 +56,11 @@ class WindowStage:
         imgui.get_io().add_input_characters_utf8(text)
 
     def activate(self, name: str) -> bool:
-        """It is there to be clicked."""
+        """A widget in a window is clicked."""
         return False
 
     def rename(self, name: str) -> bool:
-        """There is a field to type into."""
+        """A window has a field to type into."""
         return False
 
     def viewport(self) -> Point:
@@ -73,24 +74,24 @@ class WindowStage:
         return self._corner("timeline")
 
     def widget(self, name: str) -> Point:
-        left, top, right, bottom = self.desk.widget(name)
+        left, top, right, bottom = self.workspace.widget(name)
         return (left + right) / 2, (top + bottom) / 2
 
     def _corner(self, name: str) -> Point:
-        left, top, _, _ = self.desk.widget(name)
+        left, top, _, _ = self.workspace.widget(name)
         return left, top
 
 
 def film(
     actions: Iterable[Action],
-    desk: Desk,
+    workspace: Workspace,
     path: Path,
     *,
     title: str = "",
     every: int = 1,
     tiles: int = 12,
 ) -> int:
-    """Play a session in the window and write what is seen, with a contact sheet beside it.
+    """Play a session in the window and write a film of it, with a contact sheet beside it.
 
     Args:
         every: only each so-many-th picture goes into the film (at 30 pictures a second).
@@ -99,10 +100,10 @@ def film(
     Returns:
         How many pictures the film has.
     """
-    window = StudioWindow(desk, STEP)
+    window = StudioWindow(workspace, STEP)
     chosen = Tiles(tiles, 640)
     playing: list[Iterator[None]] = []
-    settings = desk.editor.settings
+    settings = workspace.editor.settings
     size = (settings.width, settings.height)
     with FilmWriter(path, size, 1 / STEP / every, _BIT_RATE) as writer:
 

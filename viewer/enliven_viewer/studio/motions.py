@@ -16,6 +16,7 @@ from enliven.document import Clip, Skeleton
 from enliven.rotation import IDENTITY, from_rotation_vector, multiply
 
 STEP = 1 / 30
+"""Seconds between two frames of a motion, as cameras have them."""
 _SIDE = np.array([0.0, 0.0, 1.0])
 _FORTH = np.array([1.0, 0.0, 0.0])
 
@@ -103,7 +104,7 @@ def _chain(bones: int, length: float) -> Skeleton:
 
 
 def _clip(name: str, skeleton: Skeleton, seconds: float, bends: Bends) -> Clip:
-    """The world turns of a chain whose bones bend against one another."""
+    """Make a clip of a chain from the bends of its bones, each in the axes of the bone before."""
     frames = round(seconds / STEP) + 1
     bent = from_rotation_vector(np.array([bends(frame / (frames - 1)) for frame in range(frames)]))
     turns = np.tile(IDENTITY, (frames, len(skeleton), 1))

@@ -1,12 +1,21 @@
-"""Where the panels are in a window, pixels: fixed around the viewport, so that nothing covers the work."""
+"""The layout of the panels in a window, in pixels: around the viewport, so that nothing covers the work."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-MENU, TOOLS, SIDE, TIMELINE = 23.0, 92.0, 288.0, 196.0
-STRIP, PERFORMER = 142.0, 0.36
-"""With a puppet: height of the strip of key poses, and the share of the picture that the performer has."""
+MENU = 23.0
+"""Pixels, height of the menu bar: a line of text."""
+TOOLS = 92.0
+"""Pixels, width of the toolbar: a button of 72 with room."""
+SIDE = 288.0
+"""Pixels, width of the side panel: two buttons of 126 side by side."""
+TIMELINE = 196.0
+"""Pixels, height of the timeline: the transport, the ruler and five lanes."""
+STRIP = 142.0
+"""Pixels, height of the strip of key poses with a puppet: a title and a row of tiles."""
+PERFORMER = 0.36
+"""Share of the picture that the performer has with a puppet: the puppet stays the larger."""
 
 
 class Area(NamedTuple):

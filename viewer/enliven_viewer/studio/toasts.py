@@ -9,7 +9,7 @@ from enliven.errors import EnlivenError
 
 @dataclass(frozen=True)
 class Toast:
-    """One message: what was said, what to do about it (or nothing), whether it is bad, seconds it stays."""
+    """One message: its text, what to do about it (or empty), whether it is bad, seconds that it stays."""
 
     text: str
     mend: str

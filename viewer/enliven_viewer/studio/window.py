@@ -15,7 +15,7 @@ from enliven_viewer.studio.panels import (
     apply_style,
     draw_dialogs,
     draw_menu,
-    draw_over,
+    draw_overlay,
     draw_side,
     draw_source,
     draw_timeline,
@@ -27,8 +27,8 @@ from enliven_viewer.studio.panels.examples import draw_examples, draw_performer,
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
-from enliven_viewer.studio.tools import Map, picture_of
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.tools import MapTool, picture_of
+from enliven_viewer.studio.workspace import Workspace
 
 _LONGEST_STEP = 0.1
 """Seconds: after a longer picture the playhead goes on from where it was."""
@@ -56,15 +56,15 @@ KEYS = {
 
 
 class StudioWindow:
-    """One window on a desk.
+    """One window on a workspace.
 
     Args:
-        desk: what is edited.
+        workspace: what is edited.
         step: seconds that each picture takes, for films; None for the clock's.
     """
 
-    def __init__(self, desk: Desk, step: float | None = None) -> None:
-        self.desk, self.step = desk, step
+    def __init__(self, workspace: Workspace, step: float | None = None) -> None:
+        self.workspace, self.step = workspace, step
         self.pictures = 0
         self._viewport: Viewport | None = None
         self._source: Viewport | None = None
@@ -89,7 +89,7 @@ class StudioWindow:
             before, after: called before and after every picture, to give input and to take the picture.
             register_tests: scripted tests of the window, for ImGui's own test engine.
         """
-        settings = self.desk.editor.settings
+        settings = self.workspace.editor.settings
         runner = hello_imgui.RunnerParams()
         runner.app_window_params.window_title = "enliven studio"
         runner.app_window_params.window_geometry.size = (settings.width, settings.height)
@@ -127,7 +127,7 @@ class StudioWindow:
         try:
             hello_imgui.run(runner)
         except BaseException:
-            self.desk.cabinet.keep_now()
+            self.workspace.store.autosave_now()
             raise
 
     def close(self) -> None:
@@ -135,12 +135,12 @@ class StudioWindow:
         hello_imgui.get_runner_params().app_shall_exit = True
 
     def _may_close(self) -> bool:
-        """Whether the window's own button may close it; where work would be lost, it is asked for."""
-        self.desk.ask("quit")
-        return self.desk.over
+        """Whether the window's own button may close it; with unsaved work a dialogue opens instead."""
+        self.workspace.ask("quit")
+        return self.workspace.ended
 
     def pixels(self) -> UInt8:
-        """(H, W, 3) sRGB of what is on the screen, top row first; to be asked for after a picture."""
+        """(H, W, 3) sRGB of the screen, top row first; to be called after a picture."""
         assert self._viewport is not None
         width, height = self._framebuffer_size()
         raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
@@ -149,19 +149,21 @@ class StudioWindow:
 
     @property
     def places(self) -> Places:
-        """Where the panels are."""
+        """The layout of the panels at the window's size."""
         size = imgui.get_io().display_size
-        return places_in(size.x, size.y, puppet=self._acts)
+        return places_in(size.x, size.y, puppet=self._edits_puppet)
 
     @property
-    def _acts(self) -> bool:
-        """Whether a puppet is worked on: then its performer and its key poses are shown."""
-        return self.desk.puppets.puppet is not None and not isinstance(self.desk.hand.tool, Map)
+    def _edits_puppet(self) -> bool:
+        """Whether a puppet is edited; its performer and its key poses are shown then."""
+        return self.workspace.puppets.puppet is not None and not isinstance(
+            self.workspace.input.tool, MapTool
+        )
 
     def _start(self) -> None:
         # Keys are the tools': Space must not press the button that was clicked last.
         imgui.get_io().config_flags &= ~imgui.ConfigFlags_.nav_enable_keyboard
-        settings = self.desk.editor.settings
+        settings = self.workspace.editor.settings
         context = window_context()
         self._screen = context.detect_framebuffer()  # now, while the window's own is bound
         self._viewport = Viewport(context, (64, 64), settings.render)
@@ -175,12 +177,12 @@ class StudioWindow:
         return round(io.display_size.x * scale.x), round(io.display_size.y * scale.y)
 
     def _picture(self) -> None:
-        """The 3-D picture, in the middle of the window."""
+        """Draw the 3-D picture in the middle of the window."""
         assert self._viewport is not None
         now = time.monotonic()
         elapsed = min(now - self._last, _LONGEST_STEP) if self.step is None else self.step
         self._last = now
-        editor, area = self.desk.editor, self.places.viewport
+        editor, area = self.workspace.editor, self.places.viewport
         editor.size = (area.width, area.height)
         if not self._framed:
             self._framed = True
@@ -192,13 +194,13 @@ class StudioWindow:
         renderer = self._viewport.renderer
         renderer.resize(size)
         self._viewport.draw(
-            editor.stances,
+            editor.posed_shapes,
             editor.lens,
             editor.selection,
-            self.desk.hand.tool.overlay(),
+            self.workspace.input.tool.overlay(),
             possessed=editor.possessed if editor.show_meshes else (),
             puppets=editor.puppets.standing if editor.show_meshes else (),
-            over=picture_of(self.desk.hand.tool),
+            over=picture_of(self.workspace.input.tool),
             meshes=editor.show_meshes,
             bones=editor.show_bones,
         )
@@ -207,21 +209,21 @@ class StudioWindow:
         self._screen.viewport = (0, 0, *self._framebuffer_size())
 
     def _draw_source(self) -> None:
-        """The picture of the take, while motion is mapped; of the performer, while a puppet is worked on."""
-        tool = self.desk.hand.tool
-        if self._acts:
+        """Draw the take while motion is mapped, or the performer while a puppet is edited."""
+        tool = self.workspace.input.tool
+        if self._edits_puppet:
             self._draw_performer()
             return
-        stance = tool.source.stance() if isinstance(tool, Map) else None
-        if not isinstance(tool, Map) or stance is None or self._source is None:
+        posed = tool.source.posed() if isinstance(tool, MapTool) else None
+        if not isinstance(tool, MapTool) or posed is None or self._source is None:
             return
         scale = imgui.get_io().display_framebuffer_scale.y
         wide, high = tool.source.size
         self._source.renderer.resize((max(round(wide * scale), 1), max(round(high * scale), 1)))
-        self._source.draw([stance], tool.source.lens, tool.source.selection, tool.source.overlay())
+        self._source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
 
     def _draw_performer(self) -> None:
-        view = self.desk.performer
+        view = self.workspace.performer
         view.follow()
         if self._thumbnails is not None:
             self._thumbnails.work()
@@ -233,50 +235,50 @@ class StudioWindow:
             self._performer.draw(figure, view.lens, view.paired(), view.hovered)
 
     def _gui(self) -> None:
-        """The panels, and what the pointer does where none is."""
+        """Draw the panels, and pass the input beside them to the viewport."""
         places = self.places
-        draw_menu(self.desk)
-        draw_toolbar(self.desk, places.tools)
-        tool = self.desk.hand.tool
-        if isinstance(tool, Map) and self._source is not None:
+        draw_menu(self.workspace)
+        draw_toolbar(self.workspace, places.tools)
+        tool = self.workspace.input.tool
+        if isinstance(tool, MapTool) and self._source is not None:
             above, below = split_side(places.side)
-            draw_side(self.desk, above)
+            draw_side(self.workspace, above)
             texture = self._source.renderer.picture.texture.glo
-            draw_source(self.desk, tool, below, places.viewport, texture)
+            draw_source(self.workspace, tool, below, places.viewport, texture)
         elif places.performer is not None and self._performer is not None:
             texture = self._performer.renderer.picture.texture.glo
-            draw_performer(self.desk, places.performer, texture)
-            draw_examples(self.desk, places.side)
+            draw_performer(self.workspace, places.performer, texture)
+            draw_examples(self.workspace, places.side)
             if places.strip is not None and self._thumbnails is not None:
-                draw_strip(self.desk, places.strip, self._thumbnails)
+                draw_strip(self.workspace, places.strip, self._thumbnails)
         else:
-            draw_side(self.desk, places.side)
-        draw_timeline(self.desk, places.timeline)
-        draw_over(self.desk, places.viewport)
-        draw_dialogs(self.desk)
+            draw_side(self.workspace, places.side)
+        draw_timeline(self.workspace, places.timeline)
+        draw_overlay(self.workspace, places.viewport)
+        draw_dialogs(self.workspace)
         self._listen(places.viewport)
-        self.desk.cabinet.keep()
-        self.desk.exporting.poll()
-        if self.desk.over:
-            self.desk.cabinet.close()
+        self.workspace.store.autosave()
+        self.workspace.exporting.poll()
+        if self.workspace.ended:
+            self.workspace.store.close()
             self.close()
 
     def _listen(self, area: Area) -> None:
-        io, hand = imgui.get_io(), self.desk.hand
+        io, user_input = imgui.get_io(), self.workspace.input
         at = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
         held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}
         free = area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
-        if at != hand.at and (free or hand.busy):
-            hand.move(at, **held)
+        if at != user_input.at and (free or user_input.busy):
+            user_input.move(at, **held)
         for button in (0, 1, 2):
             if free and imgui.is_mouse_clicked(button):
-                hand.press(at, button, **held)
-            if hand.busy and imgui.is_mouse_released(button):
-                hand.release(at, button, **held)
+                user_input.press(at, button, **held)
+            if user_input.busy and imgui.is_mouse_released(button):
+                user_input.release(at, button, **held)
         if free and io.mouse_wheel:
-            hand.wheel(io.mouse_wheel)
-        if not io.want_text_input and not self.desk.asking:
+            user_input.wheel(io.mouse_wheel)
+        if not io.want_text_input and not self.workspace.asking:
             modifiers = "ctrl+" * io.key_ctrl + "shift+" * io.key_shift
             for name, key in KEYS.items():
                 if imgui.is_key_pressed(key, repeat=name in ("left", "right")):
-                    hand.key(modifiers + name)
+                    user_input.key(modifiers + name)

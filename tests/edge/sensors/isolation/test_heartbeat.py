@@ -21,7 +21,7 @@ from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
-from enliven_viewer.link.edges import Link
+from enliven_viewer.link.edges import EdgeClient
 
 BEATS = 3
 """Heartbeats that are waited for while a trouble lasts: one that stops the edge lets none through."""
@@ -31,7 +31,7 @@ class Viewer:
     """A real viewer's link; notes every heartbeat."""
 
     def __init__(self, endpoint) -> None:
-        self.link, self.beats = Link([endpoint]), []
+        self.link, self.beats = EdgeClient([endpoint]), []
 
     def hear(self) -> dict[str, str]:
         """What is wrong, by kind, as the newest heartbeat says it."""

@@ -1,4 +1,4 @@
-"""An OpenGL 3.3 core context without a window, or a clear word about what is missing."""
+"""Makes OpenGL 3.3 core contexts, or raises an error that says what is missing."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import moderngl
 from enliven.errors import ResourceError
 
 GL_VERSION = 330
+"""OpenGL 3.3 core, as moderngl counts: the oldest with instanced drawing, which every platform offers."""
 MEND = {
     "linux": "Install it: apt install libegl1 libgl1 libgl1-mesa-dri",
     "win32": "Install the driver of the graphics card.",

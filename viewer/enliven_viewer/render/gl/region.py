@@ -6,13 +6,13 @@ Region = tuple[int, int, int, int]
 """Left, lower, width and height in pixels, from the lower left of the picture."""
 
 
-def whole(size: tuple[int, int]) -> Region:
+def full_region(size: tuple[int, int]) -> Region:
     """All of a picture of this size."""
     return 0, 0, *size
 
 
-def beside(region: Region, size: tuple[int, int]) -> list[Region]:
-    """What of a picture is not in a region: at most four others."""
+def regions_around(region: Region, size: tuple[int, int]) -> list[Region]:
+    """The rest of a picture around a region, as at most four regions."""
     x, y, width, height = region
     right, top = x + width, y + height
     rest = [

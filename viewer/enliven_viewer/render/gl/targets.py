@@ -9,14 +9,14 @@ import numpy as np
 
 from enliven.arrays import UInt8
 from enliven_viewer.render.gl.program import UNITS, load_program
-from enliven_viewer.render.gl.region import Region, beside, whole
+from enliven_viewer.render.gl.region import Region, full_region, regions_around
 
 Size = tuple[int, int]
 _OUTERMOST = 3.23
 """Taps of shaders/blur.frag from its middle to its outermost fetch."""
 
 
-class Picture:
+class RenderTarget:
     """A picture to read, draw over or show, and a multisampled framebuffer where its edges are drawn.
 
     The ground is drawn with one sample a pixel. Where anything stands before it, :attr:`drawn` takes it
@@ -34,7 +34,7 @@ class Picture:
         near = ctx.depth_renderbuffer(size)
         self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], near)
         self._own: list[object] = [self.texture, near, self.ground]
-        self.region = whole(size)
+        self.region = full_region(size)
         self._seen: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         if self.samples:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
@@ -51,9 +51,9 @@ class Picture:
 
     def widen(self) -> None:
         """Draw over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
-        for rest in beside(self.region, self.size):
+        for rest in regions_around(self.region, self.size):
             self._take_over(rest)
-        self.region = self.drawn.scissor = whole(self.size)
+        self.region = self.drawn.scissor = full_region(self.size)
         self.drawn.use()
 
     def _take_over(self, region: Region) -> None:
@@ -71,7 +71,7 @@ class Picture:
             self.resolved.use()  # else the next framebuffer would be cleared in this region only
 
     def behind(self) -> moderngl.Texture:
-        """What was drawn so far, to look through what is drawn next."""
+        """The picture so far as a texture, which a transparent mesh drawn next shows."""
         if self.drawn is not self.ground:
             self.resolve()
             self.drawn.use()
@@ -130,14 +130,14 @@ class SoftMap:
     def begin(self, value: float) -> None:
         """Clear to (value, value) and draw here until :meth:`blur`."""
         for buffer in reversed(self._buffers):
-            buffer.scissor = whole((self.size, self.size))
+            buffer.scissor = full_region((self.size, self.size))
             buffer.use()
             self.ctx.clear(value, value, value, value, depth=1.0)
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "<"
 
     def blur(self, widths: tuple[float, ...], drawn: Region) -> None:
-        """Blur with nine-tap Gaussians whose taps are ``widths`` texels apart, one after the other.
+        """Blur by nine-tap Gaussians one after the other, their taps ``widths`` texels apart.
 
         Args:
             drawn: holds what was drawn, with :func:`reach_of` the widths around it.
@@ -154,5 +154,5 @@ class SoftMap:
 
 
 def reach_of(widths: tuple[float, ...]) -> int:
-    """Texels by which :meth:`SoftMap.blur` spreads what was drawn."""
+    """Texels by which :meth:`SoftMap.blur` spreads a drawing."""
     return sum(math.ceil(_OUTERMOST * width) + 1 for width in widths)

@@ -1,4 +1,4 @@
-"""What is drawn over a picture: flat shapes and text, glowing marks, lines of matches, tubes of graphs."""
+"""Overlays on a picture: flat shapes and text, glowing marks, lines of matches, tubes of graphs."""
 
 import lazy_loader
 

@@ -76,7 +76,7 @@ class Canvas:
         self._quads.append(rows)
 
     def text(self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0) -> float:
-        """One line of text whose top is at ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.
+        """Add a line of text below ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.
 
         Returns:
             its width in pixels.

@@ -11,6 +11,7 @@ from enliven.arrays import UInt8
 
 CHARACTERS = "".join(chr(code) for code in range(32, 127)) + "°·±é…"
 _ATLAS_WIDTH = 1024
+"""Pixels: the texture of glyphs is this wide, which every OpenGL 3.3 allows."""
 _MISSING = "?"
 
 

@@ -9,21 +9,26 @@ import numpy as np
 
 from enliven.arrays import Float32
 from enliven_viewer.render.gl import load_program, set_uniform
-from enliven_viewer.render.scene import Actor, Scene
+from enliven_viewer.render.scene import Scene, SceneCharacter
 
 CUE_TINT = (1.0, 0.74, 0.22)
+"""Linear light of attachment points where one performer holds a mesh: amber."""
 CUE_TINTS = ((0.22, 0.90, 0.86), (1.0, 0.70, 0.20), (0.72, 0.52, 1.0), (0.50, 0.95, 0.36))
-"""Where several performers hold a mesh: of the first, second, ... body, as its skeleton's."""
+"""Linear light of attachment points where several performers hold a mesh: as their skeletons, in order."""
 NODE_TINT = (0.30, 0.62, 1.0)
+"""Linear light of a graph's nodes: cold, apart from attachment points."""
 EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
+"""Linear light and opacity of a graph's edges: fainter than its nodes."""
 CUE_RADIUS = 0.030
+"""Metres, radius of an attachment point at full strength: as thick as a wrist."""
 NODE_RADIUS = 0.012
+"""Metres, radius of a node: small, since a graph has hundreds of them."""
 POINT_RADIUS = 0.020
-"""Metres: of the control points of a puppet."""
+"""Metres, radius of a control point of a puppet, which has only a few."""
 _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 
-def cue_rows(actor: Actor, strength: float, bodies: Sequence[int] = ()) -> Float32:
+def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32:
     """(A, 8) float32 of an actor's attachment points: xyz and radius, rgb and strength.
 
     Args:
@@ -47,7 +52,7 @@ def cue_rows(actor: Actor, strength: float, bodies: Sequence[int] = ()) -> Float
     return rows
 
 
-def node_rows(actor: Actor, strength: float) -> Float32:
+def node_rows(actor: SceneCharacter, strength: float) -> Float32:
     """(N, 8) float32 of all of an actor's nodes, as :func:`cue_rows`; of a puppet, its control points."""
     points = actor.character.kind == "points"
     places = actor.pose.positions[1:] if points else actor.pose.positions
@@ -58,7 +63,7 @@ def node_rows(actor: Actor, strength: float) -> Float32:
 
 
 class Marks:
-    """Draws the marks of a scene over what is already in the picture."""
+    """Draws the marks of a scene over its picture."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
@@ -73,17 +78,17 @@ class Marks:
         self._lines = ctx.vertex_array(self._line, [(self._points, "3f", "in_position")])
 
     def draw(self, scene: Scene) -> None:
-        """Graphs as far as the look shows them, then attachment points; hidden ones fainter."""
+        """Draw graphs as strongly as the scene's style says, then attachment points; hidden ones fainter."""
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-        if scene.look.graph > 0:
+        if scene.style.graph > 0:
             for actor in scene.actors:
-                self._draw_graph(actor, scene.look.graph)
+                self._draw_graph(actor, scene.style.graph)
         bodies = [body.id for body in scene.bodies]
-        rows = [cue_rows(actor, scene.look.cues, bodies) for actor in scene.actors]
+        rows = [cue_rows(actor, scene.style.cues, bodies) for actor in scene.actors]
         self._draw_dots(np.concatenate(rows) if rows else np.zeros((0, 8), np.float32), 3.0, 1.1)
 
-    def _draw_graph(self, actor: Actor, strength: float) -> None:
+    def _draw_graph(self, actor: SceneCharacter, strength: float) -> None:
         ends = actor.pose.positions[actor.character.edges.reshape(-1)].astype(np.float32)
         if (
             len(ends) and actor.character.kind != "points"

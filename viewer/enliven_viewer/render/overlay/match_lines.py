@@ -1,4 +1,4 @@
-"""The bones that a pose means, on the model: a tube along each chain, a colour for each limb."""
+"""The matched bones on the model: a tube along each chain, a colour for each limb."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A graph as tubes and balls over a picture that is drawn already; what the mesh covers is fainter."""
+"""Draws a graph as tubes and balls over a finished picture, fainter where the mesh covers it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven_viewer.render.capsules import Capsules
-from enliven_viewer.render.gl import Picture, load_program
+from enliven_viewer.render.capsules import CapsulePass
+from enliven_viewer.render.gl import RenderTarget, load_program
 
 FAINT = 0.2
 """Opacity of what the mesh covers."""
@@ -29,7 +29,7 @@ def tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float
 
 
 class Tubes:
-    """Draws tubes over what a renderer drew last, seen from where it was drawn.
+    """Draws tubes over the last picture of a renderer, with the same camera.
 
     Args:
         ctx: the renderer's context.
@@ -38,9 +38,9 @@ class Tubes:
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self._program = load_program(ctx, "tube.vert", "tube.frag")
-        self._capsules = Capsules(ctx, self._program)
+        self._capsules = CapsulePass(ctx, self._program)
 
-    def draw(self, picture: Picture, rows: Float32, bias: float) -> None:
+    def draw(self, picture: RenderTarget, rows: Float32, bias: float) -> None:
         """Draw the (N, 12) rows of :func:`tube_rows` and resolve the picture.
 
         Args:

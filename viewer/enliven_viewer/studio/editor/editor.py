@@ -1,4 +1,4 @@
-"""The editor without a window: the project with its past, time, camera, selection and the tool in hand."""
+"""The editor without a window: the project with its past, time, camera and selection."""
 
 from __future__ import annotations
 
@@ -15,28 +15,29 @@ from enliven.examples import length_of_puppets
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, Box, OrbitCamera
 from enliven_viewer.studio.examples import Solving
-from enliven_viewer.studio.puppets import PuppetDesk
+from enliven_viewer.studio.puppets import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport import (
-    Company,
     Lens,
+    Players,
+    PosedShape,
     Possessed,
     Selection,
-    Stance,
     end_of_streams,
     length_of,
-    mended,
     possessed_of,
+    valid_selection,
 )
 
 log = logging.getLogger(__name__)
 Edit = Callable[[Project], Project]
 _ROOM = 1.25
+"""Size of the picture over that of all shapes when they are framed: room to drag their ends."""
 
 
 class Editor:
-    """Everything that an artist changes, and how it is seen.
+    """The project with its history, the time, the camera and the selection.
 
     An edit is a function Project -> Project; :meth:`edit` does it and remembers what was before. While
     something is dragged :attr:`draft` is what is shown, and nothing is remembered until it is dropped.
@@ -52,15 +53,15 @@ class Editor:
         self.toasts = Toasts(self.settings.toast)
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.show_bones, self.show_meshes = True, True
-        self.puppets = PuppetDesk(self)
+        self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
-        self._company = Company()
+        self._players = Players()
         self._possessed: tuple[Project, float, tuple[Possessed, ...]] | None = None
-        self._stances: tuple[Project, float, tuple[Stance, ...]] | None = None
+        self._posed_shapes: tuple[Project, float, tuple[PosedShape, ...]] | None = None
 
     @property
     def project(self) -> Project:
-        """What is shown: the draft while something is dragged, otherwise the newest of the history."""
+        """The project that is shown: the draft during a drag, else the newest of the history."""
         return self.draft if self.draft is not None else self.history.project
 
     @property
@@ -76,12 +77,12 @@ class Editor:
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     @property
-    def stances(self) -> tuple[Stance, ...]:
+    def posed_shapes(self) -> tuple[PosedShape, ...]:
         """Every shape as it is shown now."""
-        known = self._stances
+        known = self._posed_shapes
         if known is None or known[0] is not self.project or known[1] != self.time:
-            made = self._company.stances(self.project, self.time)
-            self._stances = known = (self.project, self.time, made)
+            made = self._players.posed_shapes(self.project, self.time)
+            self._posed_shapes = known = (self.project, self.time, made)
         return known[2]
 
     @property
@@ -92,14 +93,14 @@ class Editor:
             self._possessed = known = (self.project, self.time, possessed_of(self.project, self.time))
         return known[2]
 
-    def stance(self, shape_id: str) -> Stance:
+    def posed(self, shape_id: str) -> PosedShape:
         """One shape as it is shown now.
 
         Raises:
             InputError: where there is no such shape.
         """
         self.project.shape(shape_id)
-        return next(stance for stance in self.stances if stance.shape.id == shape_id)
+        return next(posed for posed in self.posed_shapes if posed.shape.id == shape_id)
 
     def begin(self, project: Project) -> None:
         """Another project, with no past."""
@@ -143,11 +144,11 @@ class Editor:
         return None
 
     def undo(self) -> None:
-        """Go back to what was before the last edit."""
+        """Undo the last edit."""
         self._step("Undone", self.history.undo_name, self.history.undo)
 
     def redo(self) -> None:
-        """Go forward again to what was undone."""
+        """Redo the edit that was undone last."""
         self._step("Done again", self.history.redo_name, self.history.redo)
 
     def select(self, **changes: object) -> None:
@@ -182,8 +183,8 @@ class Editor:
         self.camera.frame(self.box() or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
 
     def box(self) -> Box | None:
-        """What every shape fills now."""
-        filled = [points for s in self.stances for points in (s.joints, s.surface())]
+        """The box around all shapes, meshes and puppets now; None where there are none."""
+        filled = [points for s in self.posed_shapes for points in (s.joints, s.surface())]
         filled += [mesh.vertices for mesh in self.possessed]
         bounds = bounds_of(filled + [puppet.vertices for puppet in self.puppets.standing])
         if bounds is None:
@@ -200,6 +201,6 @@ class Editor:
         self.toasts.say(f"{word}: {name}")
 
     def _mend_selection(self) -> None:
-        """Forget what is no longer there."""
-        self.selection = mended(self.selection, self.project)
+        """Remove from the selection what the project no longer has."""
+        self.selection = valid_selection(self.selection, self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))

@@ -1,4 +1,4 @@
-"""Where a take is like an example and where it is not: what the strip and the timeline show.
+"""How far each moment of a take is from the examples, for the strip and the timeline.
 
 Distances are between poses of the performer in the body frame, over the joints that are paired.
 """
@@ -25,8 +25,8 @@ from enliven.examples import (
 
 
 @dataclass(frozen=True, eq=False)
-class Coverage:
-    """What examples say of a take.
+class TakeCoverage:
+    """How well key poses cover a take.
 
     Attributes:
         take: its id.
@@ -51,14 +51,14 @@ class Coverage:
         return tuple(frame * self.step for frame in self.frames[: self.needed])
 
 
-class Coverages:
-    """Coverages by what they depend on; the last few are kept."""
+class CoverageCache:
+    """Caches the coverage of takes; the last few are kept."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[object, ...], tuple[tuple[object, ...], Coverage | None]] = {}
+        self._known: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}
         self._alone: dict[tuple[object, ...], tuple[Clip, Suggested | None, Float]] = {}
 
-    def of(self, project: Project, puppet: Puppet, take: str) -> Coverage | None:
+    def of(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
         """The coverage of a take by the puppet's examples; None where the performer never moves."""
         clip = project.takes[take]
         shown = tuple(project.takes[pose.take] for pose in puppet.poses)
@@ -73,7 +73,7 @@ class Coverages:
             self._known = {**dict(list(self._known.items())[-7:]), key: known}
         return known[1]
 
-    def _made(self, project: Project, puppet: Puppet, clip: Clip, take: str) -> Coverage | None:
+    def _made(self, project: Project, puppet: Puppet, clip: Clip, take: str) -> TakeCoverage | None:
         joints = _joints(puppet, clip)
         alone, poses = self._suggested(clip, joints)
         if alone is None:
@@ -81,7 +81,7 @@ class Coverages:
         seen = _seen(project, puppet, take)
         known = _shown(project, puppet, joints) if seen is None else seen[0]
         if len(known) == 0:
-            return Coverage(take, np.zeros(len(poses)), alone.frames, alone.count, 1.0, clip.step)
+            return TakeCoverage(take, np.zeros(len(poses)), alone.frames, alone.count, 1.0, clip.step)
         if seen is not None:
             poses = seen[1]
             try:
@@ -90,7 +90,9 @@ class Coverages:
                 return None
         more = further_poses(poses, known)
         away = distance_to(poses, known) / alone.gaps[0]
-        return Coverage(take, away, more.frames, more.count, float(more.gaps[0] / alone.gaps[0]), clip.step)
+        return TakeCoverage(
+            take, away, more.frames, more.count, float(more.gaps[0] / alone.gaps[0]), clip.step
+        )
 
     def _suggested(self, clip: Clip, joints: tuple[str, ...]) -> tuple[Suggested | None, Float]:
         """The key poses of a clip without any examples, and its poses."""

@@ -1,4 +1,4 @@
-"""What the example panel does to a project, beyond one call of :mod:`enliven.modeling.puppet.edits`."""
+"""Edits of the example panel that take more than one call of :mod:`enliven.modeling.puppet.edits`."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 _NO_WORDS = {"end", "index", "base", "tip", "joint", "site"}
 _FOOT = 0.06
 """Share of the mesh's height, from below, in which it is taken to stand."""
-Held = Position | Velocity | Coupling
+HardConstraint = Position | Velocity | Coupling
 
 
-def guessed(project: Project, puppet_id: str, take: str) -> Project:
-    """A project in which control points without a joint follow the likeliest one of a take.
+def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
+    """A project where each control point without a joint follows the likeliest joint of a take.
 
-    Those with a name that nobody chose are called after it; those at the bottom are feet.
+    Points with an automatic name are named after their joint; those at the bottom are feet.
     """
     puppet = project.puppet(puppet_id)
     if take not in project.takes:
@@ -45,14 +45,14 @@ def guessed(project: Project, puppet_id: str, take: str) -> Project:
     for number, joint in zip(wanted, joints, strict=True):
         point = puppet.points[number]
         foot = point.foot or puppet.mesh.vertices[point.vertex, 1] < low + _FOOT * (high - low)
-        project = paired(project, puppet_id, point.name, joint)
+        project = with_joint(project, puppet_id, point.name, joint)
         name = project.puppet(puppet_id).points[number].name
         project = change_point(project, puppet_id, name, foot=bool(foot))
     return project
 
 
-def paired(project: Project, puppet_id: str, point: str, joint: str) -> Project:
-    """A project with a control point paired with a joint; called after it where nobody named it."""
+def with_joint(project: Project, puppet_id: str, point: str, joint: str) -> Project:
+    """A project with a control point paired with a joint, and named after it where its name is automatic."""
     names = {one.name: one for one in project.puppet(puppet_id).points}
     name = unused(spoken_joint(joint), names) if _AUTOMATIC.fullmatch(point) else point
     return change_point(project, puppet_id, point, joint=joint, name=name)
@@ -66,7 +66,7 @@ def spoken_joint(joint: str) -> str:
     return " ".join([*sides, *(word for word in kept if word not in sides)]) or joint.lower() or "point"
 
 
-def stood(project: Project, puppet_id: str, axis: str) -> Project:
+def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
     """A project with a puppet's mesh turned by a quarter within its own frame, standing on the floor again.
 
     Args:
@@ -142,38 +142,40 @@ def with_default_settings(project: Project, puppet_id: str) -> Project:
     return project.with_puppets(puppet.with_changes(**plain))
 
 
-def held_of(project: Project, puppet_id: str, layer: int) -> tuple[Held, ...]:
+def constraints_of(project: Project, puppet_id: str, layer: int) -> tuple[HardConstraint, ...]:
     """The hard constraints of a layer, by frame."""
     one = project.puppet(puppet_id).layers[layer]
     return tuple(sorted((*one.positions, *one.velocities, *one.couplings), key=lambda held: held.frame))
 
 
-def with_held(project: Project, puppet_id: str, layer: int, held: Held) -> Project:
+def with_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
     """A project with a hard constraint more, in the place of one of its kind for the same point and frame."""
     name, kept = _others(project, puppet_id, layer, held)
     return change_layer(project, puppet_id, layer, **{name: (*kept, held)})
 
 
-def without_held(project: Project, puppet_id: str, layer: int, held: Held) -> Project:
+def without_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
     """A project without a hard constraint."""
     name, kept = _others(project, puppet_id, layer, held)
     return change_layer(project, puppet_id, layer, **{name: kept})
 
 
-def _others(project: Project, puppet_id: str, layer: int, held: Held) -> tuple[str, tuple[Held, ...]]:
+def _others(
+    project: Project, puppet_id: str, layer: int, held: HardConstraint
+) -> tuple[str, tuple[HardConstraint, ...]]:
     """The layer's field that holds constraints of a kind, and those that say something else."""
     name = {Position: "positions", Velocity: "velocities", Coupling: "couplings"}[type(held)]
     other = getattr(held, "other", "")
 
-    def about(one: Held) -> tuple[str, int, str]:
+    def about(one: HardConstraint) -> tuple[str, int, str]:
         return one.point, one.frame, getattr(one, "other", "")
 
-    all_of_them: tuple[Held, ...] = getattr(project.puppet(puppet_id).layers[layer], name)
+    all_of_them: tuple[HardConstraint, ...] = getattr(project.puppet(puppet_id).layers[layer], name)
     return name, tuple(one for one in all_of_them if about(one) != (held.point, held.frame, other))
 
 
 def switches_of_layer(project: Project, puppet_id: str, layer: int) -> tuple[Switch, ...]:
-    """Where contact and flight begin in a layer, as edited or as found; none where it does not travel."""
+    """The switches of contact and flight in a layer, as edited or as found; none where it does not travel."""
     return motion_of(project, project.puppet(puppet_id), layer).switches
 
 

@@ -1,4 +1,4 @@
-"""Writing a film's worth of baked puppets takes a while: it is done beside the window."""
+"""Exports files in a thread beside the window, since baking puppets takes long."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 
 
 class Exporting:
-    """One export at a time; what came of it is told when it is done."""
+    """Runs one export at a time in a thread, and tells the result when it is done."""
 
     def __init__(self, toasts: Toasts) -> None:
         self._toasts = toasts
@@ -22,7 +22,7 @@ class Exporting:
 
     @property
     def busy(self) -> bool:
-        """Whether something is being written."""
+        """Whether an export is running."""
         return self._future is not None
 
     def begin(self, name: str, write: Callable[[], str]) -> None:
@@ -35,7 +35,7 @@ class Exporting:
         self._toasts.say(f"Writing {name} ...", "You can go on working.")
 
     def poll(self) -> None:
-        """Once a picture: tell what came of it."""
+        """Tell the result of a finished export; to be called once a picture."""
         future = self._future
         if future is None or not future.done():
             return
@@ -52,7 +52,7 @@ class Exporting:
             self._toasts.complain(EnlivenError(what, mend="Nothing was written."))
 
     def finish(self) -> None:
-        """Wait for it: before the window ends, and in sessions without one."""
+        """Wait for the export: before the window ends, and in sessions without a window."""
         if self._future is not None:
             self._future.exception()
             self.poll()

@@ -1,7 +1,7 @@
-"""Solving what puppets play, beside the window: no picture waits for it, and the last good motion stays.
+"""Solves the motions of puppets beside the window; meanwhile the last good motion is shown.
 
 solving = Solving(editor.toasts)
-project, puppet = solving.shown(project, "cactus")       # the newest whose motions are solved
+project, puppet = solving.shown(project, "cactus")       # the newest with solved motions
 state = state_of(project, puppet, time)                  # so this costs nothing
 """
 
@@ -23,14 +23,14 @@ _PATIENCE = 0.012
 
 
 @dataclass(frozen=True, eq=False)
-class _Wish:
-    """A puppet and the project that its takes are in."""
+class _Request:
+    """A request: a puppet and the project that holds its takes."""
 
     project: Project
     puppet: Puppet
 
-    def same(self, other: _Wish | None) -> bool:
-        """Whether another wish is for the same motions: the same puppet, the same takes."""
+    def same(self, other: _Request | None) -> bool:
+        """Whether another request is for the same motions: the same puppet, the same takes."""
         if other is None or other.puppet is not self.puppet:
             return False
         names = {pose.take for pose in self.puppet.poses} | {layer.take for layer in self.puppet.layers}
@@ -38,11 +38,11 @@ class _Wish:
 
 
 class _Solved:
-    """What is known of one puppet."""
+    """The state of solving for one puppet."""
 
     def __init__(self) -> None:
-        self.good: _Wish | None = None
-        self.asked: _Wish | None = None
+        self.good: _Request | None = None
+        self.asked: _Request | None = None
         self.future: Future[None] | None = None
         self.problem: EnlivenError | None = None
 
@@ -62,25 +62,27 @@ class Solving:
         self._known: dict[str, _Solved] = {}
 
     def shown(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
-        """The newest project and puppet whose motions are solved; without layers while there is none.
+        """The newest project and puppet with solved motions; without layers while there is none.
 
-        Control points may be others than the project's: whoever draws it takes the puppet that is returned.
+        Its control points may differ from the project's: draw the puppet that is returned.
         """
-        wish = _Wish(project, project.puppets[puppet_id])
+        request = _Request(project, project.puppets[puppet_id])
         known = self._known.setdefault(puppet_id, _Solved())
-        if wish.same(known.good) and known.problem is None:
+        if request.same(known.good) and known.problem is None:
             assert known.good is not None
-            return known.good.project, wish.puppet
-        if not wish.puppet.layers or missing(project, wish.puppet):
+            return known.good.project, request.puppet
+        if not request.puppet.layers or missing(project, request.puppet):
             known.good = known.problem = None
-            return project, wish.puppet.with_changes(layers=()) if wish.puppet.layers else wish.puppet
-        self._ask(known, wish)
+            return project, request.puppet.with_changes(
+                layers=()
+            ) if request.puppet.layers else request.puppet
+        self._ask(known, request)
         if known.good is None:
-            return project, wish.puppet.with_changes(layers=())
+            return project, request.puppet.with_changes(layers=())
         return known.good.project, known.good.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
-        """Why the newest of a puppet's motions cannot be solved; None where nothing is wrong."""
+        """The error of a puppet's newest motions; None where they can be solved."""
         known = self._known.get(puppet_id)
         return known.problem if known else None
 
@@ -105,12 +107,12 @@ class Solving:
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool = None
 
-    def _ask(self, known: _Solved, wish: _Wish) -> None:
-        """Have it solved, unless it was refused already; what takes longer is looked for the next time."""
+    def _ask(self, known: _Solved, request: _Request) -> None:
+        """Begin to solve a request unless it was refused; wait for it no longer than a picture may."""
         if known.future is None:
-            if wish.same(known.asked) and known.problem is not None:
+            if request.same(known.asked) and known.problem is not None:
                 return
-            known.asked, known.future = wish, self._begin(wish)
+            known.asked, known.future = request, self._begin(request)
             wait_for([known.future], timeout=self.patience)  # once: others ask in the same picture
         if not known.future.done():
             return
@@ -121,13 +123,13 @@ class Solving:
         else:
             self._refused(known, error)
 
-    def _begin(self, wish: _Wish) -> Future[None]:
+    def _begin(self, request: _Request) -> Future[None]:
         if self._pool is None:
             self._pool = ThreadPoolExecutor(1, thread_name_prefix="solving")
-        return self._pool.submit(_solve, wish)
+        return self._pool.submit(_solve, request)
 
     def _refused(self, known: _Solved, error: BaseException) -> None:
-        """Keep why, and tell it once. A fault of our own is told as well: the window must not end by it."""
+        """Keep the error and tell it once; a programming error too, since the window must not end by it."""
         if not isinstance(error, EnlivenError):
             log.error("a motion could not be solved", exc_info=error)
             error = EnlivenError(f"a fault of enliven itself: {type(error).__name__}: {error}")
@@ -137,8 +139,8 @@ class Solving:
             self._toasts.complain(error)
 
 
-def _solve(wish: _Wish) -> None:
+def _solve(request: _Request) -> None:
     """Every motion that plays, into the memory of :func:`enliven.examples.puppet_motion.motion_of`."""
-    for number, layer in enumerate(wish.puppet.layers):
+    for number, layer in enumerate(request.puppet.layers):
         if not layer.muted and layer.weight > 0.0:
-            motion_of(wish.project, wish.puppet, number)
+            motion_of(request.project, request.puppet, number)

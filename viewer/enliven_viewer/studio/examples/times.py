@@ -1,4 +1,4 @@
-"""When a layer of a puppet plays which second of its take, and the other way round."""
+"""Converts between seconds of a project and seconds of the take that a puppet's layer plays."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def layer_end(project: Project, layer: PuppetLayer) -> float:
 
 
 def layer_of(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
-    """The number of the layer that is meant: the chosen one, or the first; of a take where one is named."""
+    """The number of the chosen layer, or of the first unmuted one; with ``take`` of those of the take."""
     wanted = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
     if chosen in wanted:
         return chosen

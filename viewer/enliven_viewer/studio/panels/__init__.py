@@ -1,4 +1,4 @@
-"""The studio's panels: menu, toolbar, dialogues, timeline and what is chosen."""
+"""The studio's panels: menu, toolbar, dialogues, timeline and the properties of the selection."""
 
 import lazy_loader
 

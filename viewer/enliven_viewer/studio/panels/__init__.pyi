@@ -5,13 +5,13 @@ from .source import draw_source, split_side
 from .style import apply_style, load_fonts
 from .timeline import draw_timeline
 from .toolbar import draw_toolbar
-from .viewport_overlay import draw_over
+from .viewport_overlay import draw_overlay
 
 __all__ = [
     "apply_style",
     "draw_dialogs",
     "draw_menu",
-    "draw_over",
+    "draw_overlay",
     "draw_side",
     "draw_source",
     "draw_timeline",

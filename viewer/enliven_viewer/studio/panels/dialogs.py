@@ -1,4 +1,4 @@
-"""Dialogues: files, questions before work is lost, and the keys."""
+"""Dialogues: files, unsaved work, recovery, and the list of keys."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enliven_viewer.live import WAIT
 from enliven_viewer.studio.panels.menu import spoken
 from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.tools import TOOLS
-from enliven_viewer.studio.workspace import DEEDS, Browser, Desk
+from enliven_viewer.studio.workspace import MENU_COMMANDS, FileBrowser, Workspace
 
 _FOLDER = "\uf07b"
 _TITLES = {
@@ -22,16 +22,16 @@ _TITLES = {
 }
 
 
-def draw_dialogs(desk: Desk) -> None:
-    """The dialogue that is asked for, over everything."""
-    if desk.asking in _TITLES:
-        _files(desk)
-    elif desk.asking == "help":
-        _help(desk)
-    elif desk.asking == "recover":
-        _recover(desk)
-    elif desk.asking:
-        _unsaved(desk)
+def draw_dialogs(workspace: Workspace) -> None:
+    """Draw the open dialogue over everything."""
+    if workspace.asking in _TITLES:
+        _files(workspace)
+    elif workspace.asking == "help":
+        _help(workspace)
+    elif workspace.asking == "recover":
+        _recover(workspace)
+    elif workspace.asking:
+        _unsaved(workspace)
 
 
 def _begin(title: str, wide: float, high: float = 0.0) -> bool:
@@ -43,9 +43,9 @@ def _begin(title: str, wide: float, high: float = 0.0) -> bool:
     return bool(imgui.begin_popup_modal(title, None, flags)[0])
 
 
-def _files(desk: Desk) -> None:
-    browser = desk.browser
-    if browser is None or not _begin(_TITLES[desk.asking], 560, 440):
+def _files(workspace: Workspace) -> None:
+    browser = workspace.browser
+    if browser is None or not _begin(_TITLES[workspace.asking], 560, 440):
         return
     if imgui.button("Up"):
         browser.enter(browser.folder.parent)
@@ -61,7 +61,7 @@ def _files(desk: Desk) -> None:
         if imgui.selectable(file.name, browser.name == file.name, flags)[0]:
             browser.name = file.name
             done = imgui.is_mouse_double_clicked(0)
-        desk.remember(f"file {file.name}")
+        workspace.remember(f"file {file.name}")
     if browser.problem:
         quiet(browser.problem)
     imgui.end_child()
@@ -70,69 +70,69 @@ def _files(desk: Desk) -> None:
     browser.name = name
     with tinted(WAIT, imgui.Col_.text):
         imgui.text_unformatted(browser.said)
-    if _choice(desk, "Save" if browser.saving else "Open", "Cancel") or typed or done:
-        _finish(desk, browser)
+    if _choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
+        _finish(workspace, browser)
     imgui.end_popup()
 
 
-def _finish(desk: Desk, browser: Browser) -> None:
-    """Do what the file dialogue was for; what is wrong with the choice is said in it."""
+def _finish(workspace: Workspace, browser: FileBrowser) -> None:
+    """Finish the file dialogue; it shows an error where the choice cannot be used."""
     try:
         path = browser.chosen()
     except EnlivenError as error:
         browser.said = f"{error.what}. {error.mend}"
         return
-    desk.attempt(lambda: desk.chosen(path))
+    workspace.attempt(lambda: workspace.chosen(path))
 
 
-def _choice(desk: Desk, yes: str, no: str) -> bool:
+def _choice(workspace: Workspace, yes: str, no: str) -> bool:
     """Two buttons; whether the first was pressed. The second, and Escape, close the dialogue."""
     pressed = imgui.button(yes, ImVec2(110, 0))
-    desk.remember(f"dialog {yes}")
+    workspace.remember(f"dialog {yes}")
     imgui.same_line()
     if imgui.button(no, ImVec2(110, 0)) or imgui.is_key_pressed(imgui.Key.escape):
-        desk.cancel()
-    desk.remember(f"dialog {no}")
+        workspace.cancel()
+    workspace.remember(f"dialog {no}")
     return bool(pressed)
 
 
-def _unsaved(desk: Desk) -> None:
+def _unsaved(workspace: Workspace) -> None:
     """Ask before work is thrown away."""
     if not _begin("Save your work?", 430):
         return
-    name = desk.cabinet.name
+    name = workspace.store.name
     imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
     imgui.dummy(ImVec2(0, 6))
-    if _choice(desk, "Save", "Cancel"):
-        desk.go_on(discard=False)
+    if _choice(workspace, "Save", "Cancel"):
+        workspace.go_on(discard=False)
     imgui.same_line(0.0, 40.0)
     if imgui.button("Discard", ImVec2(110, 0)):
-        desk.go_on(discard=True)
-    desk.remember("dialog Discard")
+        workspace.go_on(discard=True)
+    workspace.remember("dialog Discard")
     imgui.end_popup()
 
 
-def _recover(desk: Desk) -> None:
-    """Offer what a studio that ended badly had not saved."""
-    found = desk.cabinet.recoverable()
+def _recover(workspace: Workspace) -> None:
+    """Offer the unsaved work of a studio that crashed."""
+    found = workspace.store.recoverable()
     if not found or not _begin("Unsaved work was found", 460):
-        desk.asking = desk.asking if found else ""
+        workspace.asking = workspace.asking if found else ""
         return
     imgui.text_wrapped(
         f"The studio ended without saving. Its last work, of {_when(found[0])}, is still there."
     )
     imgui.dummy(ImVec2(0, 6))
     if imgui.button("Recover", ImVec2(110, 0)):
-        desk.asking = ""
-        desk.attempt(lambda: desk.cabinet.recover(found[0]))
-    desk.remember("dialog Recover")
+        workspace.asking = ""
+        workspace.attempt(lambda: workspace.store.recover(found[0]))
+    workspace.remember("dialog Recover")
     imgui.same_line()
     if imgui.button("Throw away", ImVec2(110, 0)):
-        desk.asking = ""
-        desk.cabinet.throw_away(found)
+        workspace.asking = ""
+        workspace.store.discard(found)
     imgui.same_line()
     if imgui.button("Later", ImVec2(110, 0)):
-        desk.asking = ""
+        workspace.asking = ""
     imgui.end_popup()
 
 
@@ -142,12 +142,14 @@ def _when(path: Path) -> str:
     return datetime.datetime.fromtimestamp(path.stat().st_mtime).strftime("%d %B, %H:%M")
 
 
-def _help(desk: Desk) -> None:
+def _help(workspace: Workspace) -> None:
     if not _begin("Keys", 970, 560):
         return
     rows = [("Tools", [(kind.key.upper(), kind.label) for kind in TOOLS])]
-    for menu in dict.fromkeys(deed.menu for deed in DEEDS):
-        rows.append((menu, [(spoken(d.keys[0]), d.label) for d in DEEDS if d.menu == menu and d.keys]))
+    for menu in dict.fromkeys(command.menu for command in MENU_COMMANDS):
+        rows.append(
+            (menu, [(spoken(d.keys[0]), d.label) for d in MENU_COMMANDS if d.menu == menu and d.keys])
+        )
     rows.append(("Mouse", [("Right drag", "turn the view"), ("Middle drag", "move it"), ("Wheel", "closer")]))
     rows.append(("Anywhere", [("Esc", "drop what was begun")]))
     imgui.columns(3, "##keys", False)
@@ -166,5 +168,5 @@ def _help(desk: Desk) -> None:
     imgui.columns(1)
     imgui.set_cursor_pos_y(560 - 42)
     if imgui.button("Close", ImVec2(110, 0)) or imgui.is_key_pressed(imgui.Key.escape):
-        desk.asking = ""
+        workspace.asking = ""
     imgui.end_popup()

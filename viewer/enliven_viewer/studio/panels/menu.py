@@ -1,10 +1,10 @@
-"""The menu bar: every command by its menu, with its keys."""
+"""The menu bar: every command in its menu, with its keys."""
 
 from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven_viewer.studio.workspace import DEEDS, Desk
+from enliven_viewer.studio.workspace import MENU_COMMANDS, Workspace
 
 _SAID = {
     "ctrl": "Ctrl",
@@ -16,19 +16,19 @@ _SAID = {
 }
 
 
-def draw_menu(desk: Desk) -> None:
-    """The bar along the top."""
+def draw_menu(workspace: Workspace) -> None:
+    """Draw the bar along the top."""
     if not imgui.begin_main_menu_bar():
         return
-    for menu in dict.fromkeys(deed.menu for deed in DEEDS):
+    for menu in dict.fromkeys(command.menu for command in MENU_COMMANDS):
         opened = imgui.begin_menu(menu)
-        desk.remember(f"menu {menu}")
+        workspace.remember(f"menu {menu}")
         if opened:
-            for deed in (deed for deed in DEEDS if deed.menu == menu):
-                keys = spoken(deed.keys[0]) if deed.keys else ""
-                if imgui.menu_item(deed.label, keys, False, True)[0]:
-                    deed.do(desk.hand.deeds)
-                desk.remember(f"menu {menu}/{deed.label}")
+            for command in (command for command in MENU_COMMANDS if command.menu == menu):
+                keys = spoken(command.keys[0]) if command.keys else ""
+                if imgui.menu_item(command.label, keys, False, True)[0]:
+                    command.do(workspace.input.commands)
+                workspace.remember(f"menu {menu}/{command.label}")
             imgui.end_menu()
     imgui.end_main_menu_bar()
 

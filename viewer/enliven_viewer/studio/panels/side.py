@@ -1,4 +1,4 @@
-"""The panel at the right: shapes, what is chosen, its motion, and takes."""
+"""The panel at the right: shapes, the selected shape and layer, and takes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from enliven.motion.layers import set_travel
 from enliven_viewer.studio.editor import Edit
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.tools import Map
-from enliven_viewer.studio.viewport import clay_of, layers_of, used_layers
-from enliven_viewer.studio.workspace import Desk, renamed
+from enliven_viewer.studio.tools import MapTool
+from enliven_viewer.studio.viewport import default_colour, layers_of, used_layers
+from enliven_viewer.studio.workspace import Workspace, renamed
 
 _HALF = ImVec2(126, 0)
 _MEANT = {
@@ -23,51 +23,51 @@ _MEANT = {
 }
 
 
-def draw_side(desk: Desk, area: Area) -> None:
-    """Everything in the right panel."""
+def draw_side(workspace: Workspace, area: Area) -> None:
+    """Draw the right panel."""
     with panel("side", area):
-        _shapes(desk)
-        if desk.editor.selection.shape is not None:
-            _chosen_shape(desk, desk.editor.selection.shape)
-        if desk.editor.selection.layer is not None:
-            _chosen_layer(desk, desk.editor.project.layers[desk.editor.selection.layer])
-        _takes(desk)
+        _shapes(workspace)
+        if workspace.editor.selection.shape is not None:
+            _chosen_shape(workspace, workspace.editor.selection.shape)
+        if workspace.editor.selection.layer is not None:
+            _chosen_layer(workspace, workspace.editor.project.layers[workspace.editor.selection.layer])
+        _takes(workspace)
 
 
-def _shapes(desk: Desk) -> None:
+def _shapes(workspace: Workspace) -> None:
     heading("Shapes")
-    editor = desk.editor
+    editor = workspace.editor
     project = editor.project
     if not project.shapes and not project.graphs and not project.puppets:
         quiet("Nothing yet. Sketch a part (S), or open a model or a mesh (Ctrl+O).")
     for name in project.puppets:
         if imgui.selectable(f"{name}   puppet##puppet", editor.selection.puppet == name)[0]:
             editor.puppets.choose(name)
-            desk.hand.take("puppet")
-        desk.remember(f"puppet {name}")
+            workspace.input.take("puppet")
+        workspace.remember(f"puppet {name}")
     for name in editor.project.graphs:
         if imgui.selectable(f"{name}   possessed##graph", editor.selection.graph == name)[0]:
             editor.select(graph=name)
-        desk.remember(f"graph {name}")
+        workspace.remember(f"graph {name}")
     for shape in editor.project.shapes.values():
-        clay = clay_of(shape.id)
+        colour = default_colour(shape.id)
         flags = imgui.ColorEditFlags_.no_tooltip | imgui.ColorEditFlags_.no_drag_drop
-        tint = ImVec4(clay[0] / 255, clay[1] / 255, clay[2] / 255, 1.0)
+        tint = ImVec4(colour[0] / 255, colour[1] / 255, colour[2] / 255, 1.0)
         imgui.color_button(f"##clay {shape.id}", tint, flags, ImVec2(14, 14))
         imgui.same_line()
         if imgui.selectable(f"{shape.id}##shape", editor.selection.shape == shape.id)[0]:
             editor.select(shape=shape.id)
-        desk.remember(f"shape {shape.id}")
+        workspace.remember(f"shape {shape.id}")
 
 
-def _chosen_shape(desk: Desk, name: str) -> None:
-    editor, deeds = desk.editor, desk.hand.deeds
+def _chosen_shape(workspace: Workspace, name: str) -> None:
+    editor, commands = workspace.editor, workspace.input.commands
     shape = editor.project.shapes[name]
     heading("Chosen shape")
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, wanted = imgui.input_text("##name", name, flags)
-    desk.remember("name")
+    workspace.remember("name")
     if typed and wanted.strip() and wanted != name:
         if editor.edit("rename", lambda project: renamed(project, name, wanted.strip())):
             editor.select(shape=wanted.strip())
@@ -77,33 +77,33 @@ def _chosen_shape(desk: Desk, name: str) -> None:
     node = editor.selection.joint
     told = f"{bones} bone{'s' * (bones != 1)}, {surface}"
     quiet(told if node is None else f"{told}, node {shape.skeleton.names[node]}")
-    for label, deed in (
-        ("Duplicate", deeds.duplicate),
-        ("Mirror", deeds.mirror),
-        ("Larger", lambda: deeds.scale(1.1)),
-        ("Smaller", lambda: deeds.scale(1 / 1.1)),
-        ("Turn left", lambda: deeds.turn(15.0)),
-        ("Turn right", lambda: deeds.turn(-15.0)),
-        ("To equal limbs", deeds.spread),
-        ("Clear motion", deeds.clear_motion),
+    for label, command in (
+        ("Duplicate", commands.duplicate),
+        ("Mirror", commands.mirror),
+        ("Larger", lambda: commands.scale(1.1)),
+        ("Smaller", lambda: commands.scale(1 / 1.1)),
+        ("Turn left", lambda: commands.turn(15.0)),
+        ("Turn right", lambda: commands.turn(-15.0)),
+        ("To equal limbs", commands.spread),
+        ("Clear motion", commands.clear_motion),
     ):
         if imgui.button(label, _HALF):
-            deed()
-        desk.remember(f"do {label}")
+            command()
+        workspace.remember(f"do {label}")
         if label in _MEANT and imgui.is_item_hovered():
             imgui.set_tooltip(_MEANT[label])
         if label in ("Duplicate", "Larger", "Turn left", "To equal limbs"):
             imgui.same_line()
 
 
-def _chosen_layer(desk: Desk, layer: Layer) -> None:
-    editor = desk.editor
+def _chosen_layer(workspace: Workspace, layer: Layer) -> None:
+    editor = workspace.editor
     heading("Chosen motion")
     imgui.text_unformatted(layer.id)
     quiet(f"take {layer.take}")
-    _slider(desk, layer, "weight", layer.weight, 0.0, 1.0, "weight %.2f")
-    _slider(desk, layer, "offset", layer.offset, -5.0, 5.0, "begins at %.2f s")
-    _slider(desk, layer, "speed", layer.speed, -3.0, 3.0, "speed %.2f")
+    _slider(workspace, layer, "weight", layer.weight, 0.0, 1.0, "weight %.2f")
+    _slider(workspace, layer, "offset", layer.offset, -5.0, 5.0, "begins at %.2f s")
+    _slider(workspace, layer, "speed", layer.speed, -3.0, 3.0, "speed %.2f")
     for label in ("loop", "muted"):
         toggled, on = imgui.checkbox(label, getattr(layer, label))
         if toggled:
@@ -116,7 +116,7 @@ def _chosen_layer(desk: Desk, layer: Layer) -> None:
         imgui.set_tooltip("Bend the chain so that its end goes where the take's end goes")
     if toggled:
         editor.edit("lead the end", _setting(layer.id, "mode", "end" if on else "turns"))
-    shape = _mover(desk, layer.id)
+    shape = _mover(workspace, layer.id)
     if shape is not None:
         imgui.same_line()
         toggled, on = imgui.checkbox("root travels", shape.travel == layer.id)
@@ -129,24 +129,26 @@ def _chosen_layer(desk: Desk, layer: Layer) -> None:
             editor.edit("root travels", lambda project: set_travel(project, shape.id, wanted))
 
 
-def _mover(desk: Desk, layer: str) -> Shape | None:
+def _mover(workspace: Workspace, layer: str) -> Shape | None:
     """The chosen shape where the layer moves it, or the first that it moves."""
-    shapes = desk.editor.project.shapes
+    shapes = workspace.editor.project.shapes
     movers = [shape for shape in shapes.values() if layer in layers_of(shape)]
-    chosen = [shape for shape in movers if shape.id == desk.editor.selection.shape]
+    chosen = [shape for shape in movers if shape.id == workspace.editor.selection.shape]
     return next(iter(chosen or movers), None)
 
 
-def _slider(desk: Desk, layer: Layer, name: str, value: float, low: float, high: float, said: str) -> None:
-    """A number of a layer: shown while it is dragged, remembered as one edit when it is let go."""
+def _slider(
+    workspace: Workspace, layer: Layer, name: str, value: float, low: float, high: float, said: str
+) -> None:
+    """Draw a slider of a layer's number: a draft while it is dragged, one edit when it is let go."""
     imgui.set_next_item_width(-1)
     changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said)
-    desk.remember(f"layer {name}")
+    workspace.remember(f"layer {name}")
     if changed and (name != "speed" or abs(wanted) > 0.02):
-        desk.editor.sketch(lambda project: _changed(project, layer.id, name, wanted))
+        workspace.editor.sketch(lambda project: _changed(project, layer.id, name, wanted))
     if imgui.is_item_deactivated_after_edit():
-        last = getattr(desk.editor.project.layers[layer.id], name)
-        desk.editor.edit(f"change {name}", lambda project: _changed(project, layer.id, name, last))
+        last = getattr(workspace.editor.project.layers[layer.id], name)
+        workspace.editor.edit(f"change {name}", lambda project: _changed(project, layer.id, name, last))
 
 
 def _setting(layer: str, name: str, value: object) -> Edit:
@@ -157,16 +159,16 @@ def _changed(project: Project, layer: str, name: str, value: object) -> Project:
     return project.with_layers(replace(project.layers[layer], **{name: value}))  # type: ignore[arg-type]
 
 
-def _takes(desk: Desk) -> None:
-    editor = desk.editor
+def _takes(workspace: Workspace) -> None:
+    editor = workspace.editor
     heading("Takes")
     used = {layer.take for layer in used_layers(editor.project)}
-    mapping = desk.hand.tools["map"]
-    assert isinstance(mapping, Map)
+    mapping = workspace.input.tools["map"]
+    assert isinstance(mapping, MapTool)
     for name, take in editor.project.takes.items():
-        shown = mapping.source.take == name and desk.hand.tool is mapping
+        shown = mapping.source.take == name and workspace.input.tool is mapping
         label = f"{name}   {take.duration:.1f} s" + ("  · in use" if name in used else "")
         if imgui.selectable(f"{label}##take {name}", shown)[0]:
-            desk.hand.take("map")
+            workspace.input.take("map")
             mapping.source.show(name)
-        desk.remember(f"take {name}")
+        workspace.remember(f"take {name}")

@@ -9,70 +9,71 @@ from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.sources import Offer
-from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import CHAIN, DARK
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _SHARE = 0.56
+"""Share of the side panel that the view of sources takes: the list of shapes still fits above."""
 _THUMB = ImVec2(92, 92)
 
 
 def split_side(side: Area) -> tuple[Area, Area]:
-    """The right panel in two: what is left of it, and the view of sources below, which hides no shape."""
+    """Split the right panel: the list of shapes above, the view of sources below."""
     high = round(_SHARE * side.height)
     above = Area(side.x, side.y, side.width, side.height - high)
     return above, Area(side.x, side.y + side.height - high, side.width, high)
 
 
-def draw_source(desk: Desk, tool: Map, area: Area, viewport: Area, texture: int | None) -> None:
+def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area, texture: int | None) -> None:
     """The view of sources; ``texture`` is the picture of the take."""
     with panel("source", area, imgui.WindowFlags_.no_scrollbar):
         heading("Source")
-        _takes(desk, tool)
+        _takes(workspace, tool)
         size = imgui.get_content_region_avail()
         tool.source.size = (max(size.x, 1.0), max(size.y - 34, 1.0))
-        _picture(desk, tool, texture)
+        _picture(workspace, tool, texture)
         _, tool.loop = imgui.checkbox("loop", tool.loop)
-        desk.remember("loop")
+        workspace.remember("loop")
         imgui.same_line()
         if imgui.button("Matches", ImVec2(84, 0)):
             tool.rank()
-        desk.remember("find matches")
+        workspace.remember("find matches")
         _tell("Rank the parts of the chosen shape that look like the take as it stands now")
         imgui.same_line()
         if imgui.button("Whole body", ImVec2(-1, 0)):
             tool.map_whole()
-        desk.remember("whole body")
+        workspace.remember("whole body")
         _tell("Map every limb of the take onto a limb of the chosen shape at once")
     if tool.offered:
-        _offers(desk, tool, viewport)
+        _offers(workspace, tool, viewport)
 
 
 def _tell(text: str) -> None:
-    """What the last widget is for, once the pointer rests on it."""
+    """Show what the last widget is for, once the pointer rests on it."""
     if imgui.is_item_hovered():
         imgui.set_tooltip(text)
 
 
-def _takes(desk: Desk, tool: Map) -> None:
-    takes = desk.editor.project.takes
+def _takes(workspace: Workspace, tool: MapTool) -> None:
+    takes = workspace.editor.project.takes
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##take", tool.source.take or "choose a take"):
         for name in takes:
             if imgui.selectable(name, name == tool.source.take)[0]:
                 tool.source.show(name)
-            desk.remember(f"pick {name}")
+            workspace.remember(f"pick {name}")
         imgui.end_combo()
-    desk.remember("takes")
+    workspace.remember("takes")
     if not takes:
         quiet("There are no takes. Open a BVH, or an animated model.")
 
 
-def _picture(desk: Desk, tool: Map, texture: int | None) -> None:
+def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
     source, origin = tool.source, imgui.get_cursor_screen_pos()
     size = ImVec2(*source.size)
     imgui.invisible_button("##source", size)
-    desk.remember("source")
+    workspace.remember("source")
     draw = imgui.get_window_draw_list()
     corner = ImVec2(origin.x + size.x, origin.y + size.y)
     if texture is not None and source.clip is not None:
@@ -97,8 +98,8 @@ def _picture(desk: Desk, tool: Map, texture: int | None) -> None:
         source.release()
 
 
-def _offers(desk: Desk, tool: Map, viewport: Area) -> None:
-    """Thumbnails along the top of the viewport, the best first; the pointer lights one, a click takes it."""
+def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
+    """Draw thumbnails of the matches along the top, the best first; a click accepts the one that is lit."""
     wide = len(tool.offered) * (_THUMB.x + 8) + 24
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
     imgui.set_next_window_size(ImVec2(wide, _THUMB.y + 46))
@@ -112,31 +113,31 @@ def _offers(desk: Desk, tool: Map, viewport: Area) -> None:
         at = imgui.get_cursor_screen_pos()
         if imgui.invisible_button(f"##match {number}", _THUMB):
             taken = offer
-        desk.remember(f"match {number}")
+        workspace.remember(f"match {number}")
         if imgui.is_item_hovered():
             tool.lit = offer
-        _thumbnail(desk, offer, at, tool.lit is offer)
+        _thumbnail(workspace, offer, at, tool.lit is offer)
     imgui.end()
     if taken is not None:
         tool.accept(taken)
         tool.offered, tool.lit = [], None
 
 
-def _thumbnail(desk: Desk, offer: Offer, at: ImVec2, lit: bool) -> None:
-    """The shape's bones as seen now, fitted into a square, what would move in colour."""
+def _thumbnail(workspace: Workspace, offer: Offer, at: ImVec2, lit: bool) -> None:
+    """Draw the shape's bones as seen now in a square, the driven ones in colour."""
     draw = imgui.get_window_draw_list()
     corner = ImVec2(at.x + _THUMB.x, at.y + _THUMB.y)
     draw.add_rect_filled(at, corner, packed(DARK), 6.0)
     if lit:
         draw.add_rect(at, corner, packed(ACCENT), 6.0, 1.5)
-    stance = desk.editor.stance(offer.shape)
-    pixels = desk.editor.lens.project(stance.joints)[0]
+    posed = workspace.editor.posed(offer.shape)
+    pixels = workspace.editor.lens.project(posed.joints)[0]
     low, high = np.nanmin(pixels, axis=0), np.nanmax(pixels, axis=0)
     scale = (_THUMB.x - 26) / max(float((high - low).max()), 1.0)
     places = (pixels - (low + high) / 2) * scale + [at.x + _THUMB.x / 2, at.y + _THUMB.y / 2 + 5]
     driven = {b for _, chain in offer.pairs for b in chain[1:]}
     for joint in range(1, len(places)):
-        parent = stance.shape.skeleton.parents[joint]
+        parent = posed.shape.skeleton.parents[joint]
         a, b = ImVec2(*places[parent]), ImVec2(*places[joint])
         mine = joint in driven
         draw.add_line(a, b, packed(CHAIN if mine else QUIET, 1.0 if mine else 0.55), 2.4 if mine else 1.2)

@@ -11,7 +11,12 @@ from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport import DARK, LINE, PANEL, PRESSED, RAISED, Colour
 
-BODY, SMALL = 15.0, 12.5
+BODY = 15.0
+"""Pixels of the usual text."""
+SMALL = 12.5
+"""Pixels of small text, such as labels of lanes."""
+EYE, CLOSED_EYE = "\uf06e", "\uf070"
+"""Icons of Font Awesome 4: a layer that plays, and one that is muted."""
 _ROBOTO = "fonts/Roboto/Roboto-Regular.ttf"
 FIXED = (
     imgui.WindowFlags_.no_move

@@ -6,46 +6,46 @@ import zlib
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import ACCENT, INK, QUIET, clock
-from enliven_viewer.studio.panels.style import packed, panel, quiet, small
+from enliven_viewer.live import ACCENT, INK, QUIET, time_text
+from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, quiet, small
 from enliven_viewer.studio.panels.timeline_puppets import draw_puppet_lanes
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.timeline import LABELS, LANE, RULER, Bar, TimelineLayout
-from enliven_viewer.studio.viewport import DARK, LANES, LINE, RAISED
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.viewport import DARK, LANES, LINE, RAISED, Colour
+from enliven_viewer.studio.workspace import Workspace
 
 _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
-_EYE, _CLOSED = "\uf06e", "\uf070"
+"""Icons of Font Awesome 4, on the buttons of the transport."""
 _NO_MOTION = "No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape."
 _NO_TAKE = "The puppet plays no take yet. Choose one in the performer's view."
 
 
-def draw_timeline(desk: Desk, area: Area) -> None:
-    """Everything in the bottom panel."""
+def draw_timeline(workspace: Workspace, area: Area) -> None:
+    """Draw the bottom panel."""
     with panel("timeline", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
-        _transport(desk)
+        _transport(workspace)
         origin = imgui.get_cursor_screen_pos()
         size = imgui.get_content_region_avail()
-        desk.timeline.width = size.x
+        workspace.timeline.width = size.x
         imgui.invisible_button("##track", ImVec2(max(size.x, 1), max(size.y, 1)))
-        desk.remember("timeline")
-        _listen(desk, origin, size)
+        workspace.remember("timeline")
+        _listen(workspace, origin, size)
         draw = imgui.get_window_draw_list()
         draw.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
-        _lanes(desk, origin, size)
-        _ruler(desk, origin, size)
-        _playhead(desk, origin, size)
+        _lanes(workspace, origin, size)
+        _ruler(workspace, origin, size)
+        _playhead(workspace, origin, size)
         draw.pop_clip_rect()
 
 
-def _transport(desk: Desk) -> None:
-    editor = desk.editor
+def _transport(workspace: Workspace) -> None:
+    editor = workspace.editor
     if imgui.button(_START + "##start", ImVec2(34, 0)):
         editor.scrub(0.0)
     imgui.same_line()
     if imgui.button((_PAUSE if editor.playing else _PLAY) + "##play", ImVec2(44, 0)):
         editor.playing = not editor.playing
-    desk.remember("play")
+    workspace.remember("play")
     imgui.same_line()
     if editor.loop:
         imgui.push_style_color(imgui.Col_.text, packed(ACCENT))
@@ -58,7 +58,7 @@ def _transport(desk: Desk) -> None:
         imgui.set_tooltip("Begin again at the end")
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
-    imgui.text(f"{clock(editor.time)}  /  {clock(editor.length)}")
+    imgui.text(f"{time_text(editor.time)}  /  {time_text(editor.length)}")
     imgui.same_line(0.0, 18.0)
     imgui.set_next_item_width(76)
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
@@ -68,25 +68,25 @@ def _transport(desk: Desk) -> None:
         imgui.set_tooltip("Drag: how fast it plays here; nothing is changed by it")
 
 
-def _listen(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
-    """Give the pointer to the timeline's hand."""
-    at, hand = imgui.get_mouse_pos(), desk.timeline
+def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+    """Pass the pointer's clicks, drags and wheel to the timeline."""
+    at, timeline = imgui.get_mouse_pos(), workspace.timeline
     x, y = at.x - origin.x, at.y - origin.y
     if imgui.is_item_hovered():
-        if imgui.is_mouse_double_clicked(0) and hand.double(x, y):
+        if imgui.is_mouse_double_clicked(0) and timeline.double(x, y):
             pass
         elif imgui.is_mouse_clicked(0):
-            hand.press(x, y)
-        low = max(hand.height - size.y, 0.0)
-        hand.scrolled = min(max(hand.scrolled - 24 * imgui.get_io().mouse_wheel, 0.0), low)
-        over = hand.puppets.lanes(hand.layout).grip(x, y) if y >= RULER else None
-        _cursor(over.kind if over is not None else hand.layout.grip(x, y).kind)
+            timeline.press(x, y)
+        low = max(timeline.height - size.y, 0.0)
+        timeline.scrolled = min(max(timeline.scrolled - 24 * imgui.get_io().mouse_wheel, 0.0), low)
+        over = timeline.puppets.lanes(timeline.layout).handle_at(x, y) if y >= RULER else None
+        _cursor(over.kind if over is not None else timeline.layout.handle_at(x, y).kind)
     elif imgui.is_mouse_clicked(0):
-        hand.puppets.chosen = None
-    if hand.busy and imgui.is_mouse_down(0):
-        hand.drag(x)
-    elif hand.busy:
-        hand.release(x)
+        timeline.puppets.chosen = None
+    if timeline.busy and imgui.is_mouse_down(0):
+        timeline.drag(x)
+    elif timeline.busy:
+        timeline.release(x)
 
 
 def _cursor(kind: str) -> None:
@@ -96,8 +96,8 @@ def _cursor(kind: str) -> None:
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
 
 
-def _ruler(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
-    draw, layout = imgui.get_window_draw_list(), desk.timeline.layout
+def _ruler(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+    draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     draw.add_rect_filled(origin, ImVec2(origin.x + size.x, origin.y + RULER), packed(DARK))
     with small():
         for time, numbered in layout.ticks():
@@ -108,28 +108,28 @@ def _ruler(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
                 draw.add_text(ImVec2(x + 4, origin.y + 5), packed(QUIET), f"{time:g} s")
 
 
-def _lanes(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
-    layout, bars = desk.timeline.layout, desk.timeline.layout.bars()
+def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+    layout, bars = workspace.timeline.layout, workspace.timeline.layout.bars()
     for bar in bars:
-        _lane(desk, layout, bar, origin, size)
-    lanes = desk.timeline.puppets.lanes(layout)
-    draw_puppet_lanes(desk, lanes, origin, size, colour_of)
+        _lane(workspace, layout, bar, origin, size)
+    lanes = workspace.timeline.puppets.lanes(layout)
+    draw_puppet_lanes(workspace, lanes, origin, size, colour_of)
     if not bars and not lanes.rows():
         at = ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12)
         imgui.set_cursor_screen_pos(at)
-        puppet = desk.editor.puppets.puppet is not None
+        puppet = workspace.editor.puppets.puppet is not None
         quiet(_NO_TAKE if puppet else _NO_MOTION)
 
 
-def _lane(desk: Desk, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: ImVec2) -> None:
+def _lane(workspace: Workspace, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: ImVec2) -> None:
     draw, layer = imgui.get_window_draw_list(), bar.layer
     top, right = origin.y + bar.top, origin.x + size.x
-    chosen = desk.editor.selection.layer in bar.ids
+    chosen = workspace.editor.selection.layer in bar.ids
     draw.add_rect_filled(
         ImVec2(origin.x, top), ImVec2(right, top + LANE), packed(RAISED, 0.95 if chosen else 0.5), 4.0
     )
     tint, faded = colour_of(layer.take), 0.3 if layer.muted else 1.0
-    icon = _CLOSED if layer.muted else _EYE
+    icon = CLOSED_EYE if layer.muted else EYE
     draw.add_text(ImVec2(origin.x + 5, top + 4), packed(QUIET if layer.muted else INK, 0.9), icon)
     name_right = origin.x + LABELS - 14
     draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(name_right, top + LANE), True)
@@ -151,9 +151,9 @@ def _lane(desk: Desk, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: Im
     draw.pop_clip_rect()
 
 
-def _playhead(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
+def _playhead(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     draw = imgui.get_window_draw_list()
-    x = origin.x + desk.timeline.layout.x(desk.editor.time)
+    x = origin.x + workspace.timeline.layout.x(workspace.editor.time)
     draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
     y = origin.y + RULER - 1
     draw.add_triangle_filled(ImVec2(x - 6, y - 9), ImVec2(x + 6, y - 9), ImVec2(x, y), packed(ACCENT))
@@ -161,6 +161,6 @@ def _playhead(desk: Desk, origin: ImVec2, size: ImVec2) -> None:
     draw.add_line(ImVec2(edge, origin.y), ImVec2(edge, origin.y + size.y), packed(LINE))
 
 
-def colour_of(take: str):  # type: ignore[no-untyped-def]
+def colour_of(take: str) -> Colour:
     """The colour of a take's bars."""
     return LANES[zlib.crc32(take.encode()) % len(LANES)]

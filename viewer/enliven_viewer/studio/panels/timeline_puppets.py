@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Position, Velocity
 from enliven_viewer.live import ACCENT, BAD, GOOD, INK, QUIET
-from enliven_viewer.studio.panels.examples import told
-from enliven_viewer.studio.panels.style import packed, small
-from enliven_viewer.studio.timeline import LABELS, PuppetLanes, Row
+from enliven_viewer.studio.panels.examples import constraint_text
+from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, small
+from enliven_viewer.studio.timeline import LABELS, LaneRow, PuppetLanes
 from enliven_viewer.studio.viewport import CHAIN, DARK, RAISED, Colour, point_colour
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
-_EYE, _CLOSED = "\uf06e", "\uf070"
 _CONTACT: Colour = (0.46, 0.70, 0.50, 1.0)
+"""The time on the floor: green."""
 _FLIGHT: Colour = (0.46, 0.58, 0.86, 1.0)
+"""The time in the air: blue."""
 _LABELS = {"poses": "key poses", "band": "on the floor", "held": "held hard"}
 _FAR = 1.15
 """How far the coverage line shows, where 1 is as far as without any example."""
 
 
-def draw_puppet_lanes(desk: Desk, lanes: PuppetLanes, origin: ImVec2, size: ImVec2, colour_of) -> None:  # type: ignore[no-untyped-def]
+def draw_puppet_lanes(
+    workspace: Workspace,
+    lanes: PuppetLanes,
+    origin: ImVec2,
+    size: ImVec2,
+    colour_of: Callable[[str], Colour],
+) -> None:
     """Every row."""
     for row in lanes.rows():
         if row.kind == "bar":
-            _bar(desk, lanes, row, origin, size, colour_of(lanes.layer(row).take))
+            _bar(workspace, lanes, row, origin, size, colour_of(lanes.layer(row).take))
             continue
         draw = imgui.get_window_draw_list()
         top, right = origin.y + row.top, origin.x + size.x
@@ -36,29 +45,34 @@ def draw_puppet_lanes(desk: Desk, lanes: PuppetLanes, origin: ImVec2, size: ImVe
             at = ImVec2(origin.x + 28, top + row.height / 2 - 7)
             draw.add_text(at, packed(QUIET), _label(lanes, row))
         if row.kind == "poses":
-            _poses(desk, lanes, row, origin)
+            _poses(workspace, lanes, row, origin)
         elif row.kind == "band":
-            _bands(desk, lanes, row, origin)
+            _bands(workspace, lanes, row, origin)
         else:
-            _held(desk, lanes, row, origin)
-    _tooltip(desk, lanes, origin)
+            _held(workspace, lanes, row, origin)
+    _tooltip(workspace, lanes, origin)
 
 
-def _label(lanes: PuppetLanes, row: Row) -> str:
+def _label(lanes: PuppetLanes, row: LaneRow) -> str:
     if row.kind == "band" and lanes.layer(row).switches is not None:
         return "on the floor   \uf0e2 find again"
     return _LABELS[row.kind]
 
 
-def _bar(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2, size: ImVec2, tint: Colour) -> None:
+def _bar(
+    workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2, size: ImVec2, tint: Colour
+) -> None:
     draw, layer = imgui.get_window_draw_list(), lanes.layer(row)
-    chosen = desk.editor.selection.puppet == row.puppet and desk.editor.selection.puppet_layer == row.layer
+    chosen = (
+        workspace.editor.selection.puppet == row.puppet
+        and workspace.editor.selection.puppet_layer == row.layer
+    )
     top, right, low = origin.y + row.top, origin.x + size.x, origin.y + row.top + row.height
     draw.add_rect_filled(
         ImVec2(origin.x, top), ImVec2(right, low), packed(RAISED, 0.95 if chosen else 0.5), 4.0
     )
     faded = 0.3 if layer.muted else 1.0
-    icon = _CLOSED if layer.muted else _EYE
+    icon = CLOSED_EYE if layer.muted else EYE
     draw.add_text(ImVec2(origin.x + 5, top + 4), packed(QUIET if layer.muted else INK, 0.9), icon)
     draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(origin.x + LABELS - 14, low), True)
     draw.add_text(ImVec2(origin.x + 28, top + 4), packed(ACCENT if chosen else INK, faded), row.puppet)
@@ -77,8 +91,8 @@ def _bar(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2, size: ImVec2,
     draw.pop_clip_rect()
 
 
-def _poses(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
-    """How far each moment is from the examples, ticks for those that are missing, a diamond for each."""
+def _poses(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
+    """Draw the distance of each moment from the examples, a tick for each missing one, a diamond for each."""
     draw, top = imgui.get_window_draw_list(), origin.y + row.top
     coverage = lanes.coverage(lanes.layer(row).take)
     puppet = lanes.project.puppets[row.puppet]
@@ -104,15 +118,15 @@ def _poses(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
     for _, x in lanes.suggested(row):
         _diamond(draw, origin.x + x, top + row.height / 2, 5.5, packed(CHAIN, 0.9), filled=False)
     for number, x in lanes.poses(row):
-        chosen = desk.editor.puppets.number == number and desk.editor.selection.puppet == row.puppet
+        chosen = workspace.editor.puppets.number == number and workspace.editor.selection.puppet == row.puppet
         mark = packed(ACCENT if chosen else INK)
         _diamond(draw, origin.x + x, top + row.height / 2, 7.0 if chosen else 6.0, mark, filled=True)
 
 
-def _bands(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
-    """Contact and flight, with a grip where one becomes the other."""
+def _bands(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
+    """Draw contact and flight, with a handle at each switch."""
     draw, top = imgui.get_window_draw_list(), origin.y + row.top
-    grip = desk.timeline.puppets.chosen
+    handle = workspace.timeline.puppets.chosen
     for number, (switch, left, right) in enumerate(lanes.bands(row)):
         tint = _CONTACT if switch.kind == "contact" else _FLIGHT
         low, high = ImVec2(origin.x + left, top + 2), ImVec2(origin.x + right, top + row.height - 2)
@@ -123,14 +137,16 @@ def _bands(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
                 draw.add_text(ImVec2(origin.x + left + 7, top), packed(DARK), word)
         if number:
             held = (
-                grip is not None and grip.kind == "switch" and (grip.layer, grip.item) == (row.layer, number)
+                handle is not None
+                and handle.kind == "switch"
+                and (handle.layer, handle.item) == (row.layer, number)
             )
             x, tint = origin.x + left, ACCENT if held else INK
             draw.add_rect_filled(ImVec2(x - 2, top), ImVec2(x + 2, top + row.height), packed(tint), 1.0)
 
 
-def _held(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
-    """A mark for every hard constraint: a pin, a bar for standing still, two dots for level."""
+def _held(workspace: Workspace, lanes: PuppetLanes, row: LaneRow, origin: ImVec2) -> None:
+    """Draw a mark for every hard constraint: a pin, a bar for standing still, two dots for level."""
     draw, middle = imgui.get_window_draw_list(), origin.y + row.top + row.height / 2
     puppet = lanes.project.puppets[row.puppet]
     for _, held, x in lanes.held(row):
@@ -146,13 +162,13 @@ def _held(desk: Desk, lanes: PuppetLanes, row: Row, origin: ImVec2) -> None:
             draw.add_circle_filled(ImVec2(x + 5, middle), 3.0, tint)
 
 
-def _tooltip(desk: Desk, lanes: PuppetLanes, origin: ImVec2) -> None:
-    """What is under the pointer, in words."""
-    if not imgui.is_item_hovered() or desk.timeline.busy:
+def _tooltip(workspace: Workspace, lanes: PuppetLanes, origin: ImVec2) -> None:
+    """Show what is under the pointer, in words."""
+    if not imgui.is_item_hovered() or workspace.timeline.busy:
         return
     at = imgui.get_mouse_pos()
-    grip = lanes.grip(at.x - origin.x, at.y - origin.y)
-    if grip is None:
+    handle = lanes.handle_at(at.x - origin.x, at.y - origin.y)
+    if handle is None:
         return
     said = {
         "pose": "Click: edit this key pose. Drag: another moment for it.",
@@ -160,11 +176,11 @@ def _tooltip(desk: Desk, lanes: PuppetLanes, origin: ImVec2) -> None:
         "switch": "Drag: when the puppet leaves or touches the floor. Delete takes it away.",
         "band": "Double click: a switch here. Green: on the floor, blue: in flight.",
         "found": "Contacts and flights; click to find them again after editing.",
-    }.get(grip.kind, "")
-    if grip.kind == "held":
-        row = next(r for r in lanes.rows() if (r.kind, r.layer) == ("held", grip.layer))
-        held = lanes.held(row)[grip.item][1]
-        said = told(held, lanes.project.takes[lanes.layer(row).take].step) + ". Delete lets go."
+    }.get(handle.kind, "")
+    if handle.kind == "held":
+        row = next(r for r in lanes.rows() if (r.kind, r.layer) == ("held", handle.layer))
+        held = lanes.held(row)[handle.item][1]
+        said = constraint_text(held, lanes.project.takes[lanes.layer(row).take].step) + ". Delete lets go."
     if said:
         imgui.set_tooltip(said)
 

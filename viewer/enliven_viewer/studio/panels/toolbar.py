@@ -8,21 +8,21 @@ from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.panels.style import packed, panel
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import TOOLS
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _SIZE = ImVec2(72, 50)
 
 
-def draw_toolbar(desk: Desk, area: Area) -> None:
-    """The buttons; the one in hand is amber."""
+def draw_toolbar(workspace: Workspace, area: Area) -> None:
+    """Draw the buttons; that of the active tool is amber."""
     with panel("tools", area):
         for kind in TOOLS:
-            chosen = desk.hand.tool.name == kind.name
+            chosen = workspace.input.tool.name == kind.name
             at = imgui.get_cursor_screen_pos()
             if imgui.invisible_button(f"##{kind.name}", _SIZE):
-                desk.hand.take(kind.name)
+                workspace.input.take(kind.name)
             hovered = imgui.is_item_hovered()
-            desk.remember(f"tool {kind.name}")
+            workspace.remember(f"tool {kind.name}")
             if hovered:
                 imgui.set_tooltip(f"{kind.label}  ({kind.key.upper()})")
             _face(at, kind.icon, kind.label, chosen, hovered)

@@ -1,4 +1,4 @@
-"""What is written and drawn over the viewport: the tool's marks, its hint, and messages."""
+"""Draws over the viewport: the tool's marks, its hint, and messages."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.toasts import Toast
 from enliven_viewer.studio.viewport import Disc, Fill, Line, axes_marks
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _WIDE = 380.0
+"""Pixels of a line of a message at most: about sixty letters, easy to read."""
 
 
-def draw_over(desk: Desk, area: Area) -> None:
-    """Marks, then the hint, then messages; under every panel."""
+def draw_overlay(workspace: Workspace, area: Area) -> None:
+    """Draw marks, then the hint, then messages, below every panel."""
     draw = imgui.get_background_draw_list()
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
-    for mark in desk.hand.tool.overlay().marks:
+    for mark in workspace.input.tool.overlay().marks:
         draw_mark(draw, area, mark)
-    if desk.puppets.puppet is not None:
-        for mark in axes_marks(desk.editor.lens, (area.width - 46, area.height - 42)):
+    if workspace.puppets.puppet is not None:
+        for mark in axes_marks(workspace.editor.lens, (area.width - 46, area.height - 42)):
             draw_mark(draw, area, mark)
-    _hint(desk, draw, area)
-    _toasts(desk, draw, area)
-    if desk.caption:
-        _caption(desk, draw, area)
+    _hint(workspace, draw, area)
+    _toasts(workspace, draw, area)
+    if workspace.caption:
+        _caption(workspace, draw, area)
     draw.pop_clip_rect()
 
 
@@ -52,9 +53,9 @@ def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
         draw.add_text(at, packed(mark.colour), mark.text)
 
 
-def _hint(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
-    """What the tool is and what to do next, and beneath what is wrong with it."""
-    tool = desk.hand.tool
+def _hint(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """Draw the tool's name and hint, and its warning beneath."""
+    tool = workspace.input.tool
     shift = imgui.calc_text_size(f"{tool.label}   ").x
     room = max(area.width - shift - 54, 80.0)
     lines = wrapped(tool.hint, room, lambda text: imgui.calc_text_size(text).x) or [""]
@@ -75,28 +76,28 @@ def _warning(said: str, draw, x: float, y: float) -> None:  # type: ignore[no-un
     draw.add_text(ImVec2(x + 13, y + 7), packed(BAD), text)
 
 
-def _caption(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
-    """What a session says, in the middle above, with the key that it presses."""
+def _caption(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """Draw the caption of a session in the middle above, with the key that it presses."""
     font, size = imgui.get_font(), 19.0
     grown = size / imgui.get_font_size()
-    wide = imgui.calc_text_size(desk.caption).x * grown
-    below = 38 if desk.hand.tool.warning else 0
+    wide = imgui.calc_text_size(workspace.caption).x * grown
+    below = 38 if workspace.input.tool.warning else 0
     x, y = area.x + (area.width - wide) / 2, area.y + 66 + below
     draw.add_rect_filled(
         ImVec2(x - 18, y - 9), ImVec2(x + wide + 18, y + 31), packed((*GLASS[:3], 0.8)), 10.0
     )
-    draw.add_text(font, size, ImVec2(x, y), packed(INK), desk.caption)
-    if desk.pressed:
-        key = spoken(desk.pressed)
+    draw.add_text(font, size, ImVec2(x, y), packed(INK), workspace.caption)
+    if workspace.pressed:
+        key = spoken(workspace.pressed)
         left = x + wide + 34
         right = left + imgui.calc_text_size(key).x + 22
         draw.add_rect_filled(ImVec2(left, y - 6), ImVec2(right, y + 28), packed(INK), 7.0)
         draw.add_text(ImVec2(left + 11, y + 3), packed((*GLASS[:3], 1.0)), key)
 
 
-def _toasts(desk: Desk, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _toasts(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     bottom = area.y + area.height - 14
-    for toast in reversed(desk.editor.toasts.shown):
+    for toast in reversed(workspace.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8
 
 

@@ -1,5 +1,5 @@
 from .performer_picture import PerformerPicture
-from .performer_view import Figure, PerformerView
-from .thumbnails import Thumbnails
+from .performer_view import PerformerFigure, PerformerView
+from .thumbnails import SIDE, Thumbnails
 
-__all__ = ["Figure", "PerformerPicture", "PerformerView", "Thumbnails"]
+__all__ = ["SIDE", "PerformerFigure", "PerformerPicture", "PerformerView", "Thumbnails"]

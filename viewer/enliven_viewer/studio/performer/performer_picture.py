@@ -7,41 +7,47 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render import Look, Renderer, Scene, linear
+from enliven_viewer.render import PLAIN, Renderer, Scene, linear_from_srgb
 from enliven_viewer.render.overlay import Tubes, tube_rows
-from enliven_viewer.studio.performer.performer_view import Figure
+from enliven_viewer.studio.performer.performer_view import PerformerFigure
 from enliven_viewer.studio.viewport import FADED, HOVERED, Lens, point_colour
 
-_LIMB, _JOINT, _PAIRED = 0.026, 0.020, 0.033
-"""Radii as shares of the performer's height."""
+_LIMB = 0.026
+"""Radius of a limb as a share of the performer's height."""
+_JOINT = 0.020
+"""Radius of a joint as a share of the performer's height: thinner than a limb, so that it is hidden in it."""
+_PAIRED = 0.033
+"""Radius of a paired joint as a share of the performer's height: thicker than a limb, so that it shows."""
 _SEEN_THROUGH = 0.3
-_LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
+"""Metres below a surface at which the figure is still drawn clearly: more than a limb is thick."""
 
 
 class PerformerPicture:
     """Draws figures into the picture of a renderer.
 
     Args:
-        renderer: whose picture it is; others may draw into it at other times.
+        renderer: draws the figures; others may use it at other times.
     """
 
     def __init__(self, renderer: Renderer) -> None:
         self.renderer = renderer
         self._tubes = Tubes(renderer.ctx)
 
-    def draw(self, figure: Figure, lens: Lens, paired: Mapping[int, int], lit: int | None) -> None:
+    def draw(self, figure: PerformerFigure, lens: Lens, paired: Mapping[int, int], lit: int | None) -> None:
         """One picture, resolved; ``paired`` are numbers of control points by joint, ``lit`` a joint."""
         low, high = figure.joints.min(0), figure.joints.max(0)
-        self.renderer.draw(Scene((), (), _LOOK, extent=(low, high)), lens.view)
+        self.renderer.draw(Scene((), (), PLAIN, extent=(low, high)), lens.view)
         self._tubes.draw(self.renderer.picture, figure_rows(figure, paired, lit), _SEEN_THROUGH)
 
 
-def figure_rows(figure: Figure, paired: Mapping[int, int], lit: int | None) -> Float32:
+def figure_rows(figure: PerformerFigure, paired: Mapping[int, int], lit: int | None) -> Float32:
     """(N, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: limbs, then joints."""
     parents, tall = figure.skeleton.parents, figure.height
     starts, ends = figure.joints[parents[1:]], figure.joints[1:]
     radii = np.full(len(starts), _LIMB * tall)
-    bones = tube_rows(starts, ends, radii, linear(np.tile(np.array(FADED, float), (len(starts), 1))))
+    bones = tube_rows(
+        starts, ends, radii, linear_from_srgb(np.tile(np.array(FADED, float), (len(starts), 1)))
+    )
     bones[:, 7] *= 0.72
     sizes = np.full(len(figure.joints), _JOINT * tall)
     tints = np.tile(np.array(FADED, float), (len(figure.joints), 1))
@@ -49,4 +55,4 @@ def figure_rows(figure: Figure, paired: Mapping[int, int], lit: int | None) -> F
         sizes[joint], tints[joint] = _PAIRED * tall, point_colour(point)
     if lit is not None:
         sizes[lit], tints[lit] = max(sizes[lit], 0.9 * _PAIRED * tall), HOVERED
-    return np.concatenate([bones, tube_rows(figure.joints, figure.joints, sizes, linear(tints))])
+    return np.concatenate([bones, tube_rows(figure.joints, figure.joints, sizes, linear_from_srgb(tints))])

@@ -16,23 +16,23 @@ from enliven.document import Clip, Skeleton, still_shape
 from enliven.examples import turned_about_y, yaw_of
 from enliven.mapping import facing_of
 from enliven.modeling.puppet import play_take
-from enliven_viewer.render import OrbitCamera
+from enliven_viewer.render import DRAG_TURN, OrbitCamera
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import layer_of, paired, seconds_at
+from enliven_viewer.studio.examples import layer_of, seconds_at, with_joint
 from enliven_viewer.studio.viewport import Lens, Point, joints_of
 
-_TURN = 0.008
 _ROOM = 1.3
+"""Size of the picture over that of the performer at rest: raised arms stay in it."""
 _KEPT = 60
 """Figures that are kept: those of the strip are asked for in every picture."""
 
 
 @dataclass(frozen=True, eq=False)
-class Figure:
-    """The performer at one moment.
+class PerformerFigure:
+    """The joints of the performer at one moment.
 
     Attributes:
-        skeleton: whose joints.
+        skeleton: the take's.
         joints: (N, 3) metres, above the floor at the origin.
         height: metres, of the skeleton at rest.
     """
@@ -43,7 +43,7 @@ class Figure:
 
 
 class PerformerView:
-    """What the second view shows, seen by a camera of its own.
+    """The second view: the performer, seen by a camera of its own.
 
     Attributes:
         linked: whether it turns with the stage.
@@ -61,7 +61,7 @@ class PerformerView:
         self._framed: tuple[object, ...] = ()
         self._facing: tuple[Skeleton, float] | None = None
         self._last: Point | None = None
-        self._figures: dict[tuple[str, int], tuple[Clip, Figure]] = {}
+        self._figures: dict[tuple[str, int], tuple[Clip, PerformerFigure]] = {}
 
     @property
     def take(self) -> str | None:
@@ -118,7 +118,7 @@ class PerformerView:
                 self.editor.select(puppet_layer=len(puppet.layers))
 
     def follow(self) -> None:
-        """Before a picture: turn with the stage, frame what is shown, and tell the moment."""
+        """Prepare a picture: turn with the stage, frame the performer, and tell the puppets the moment."""
         self.editor.puppets.moment = self.moment
         figure = self.figure()
         if figure is None:
@@ -135,7 +135,7 @@ class PerformerView:
             self.camera.face(math.atan2(-way[0], -way[2]), math.asin(float(np.clip(-way[1], -1.0, 1.0))))
             self.camera.advance(10.0)
 
-    def figure(self, moment: tuple[str, float] | None = None) -> Figure | None:
+    def figure(self, moment: tuple[str, float] | None = None) -> PerformerFigure | None:
         """The performer at a moment, or at the one that is shown."""
         moment = moment or self.moment
         if moment is None:
@@ -148,13 +148,13 @@ class PerformerView:
             self._figures = {**dict(list(self._figures.items())[-_KEPT:]), (moment[0], frame): known}
         return known[1]
 
-    def _made(self, clip: Clip, frame: int) -> Figure:
+    def _made(self, clip: Clip, frame: int) -> PerformerFigure:
         joints = joints_of(still_shape("performer", clip.skeleton), clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # As the mesh looks: without the performer's own yaw, and without where its rest pose looks.
-        back = -float(yaw_of(clip.turns[frame, 0])) - self._looks(clip)
+        back = -float(yaw_of(clip.turns[frame, 0])) - self._front_turn(clip)
         height = float(np.ptp(clip.skeleton.positions[:, 1]))
-        return Figure(clip.skeleton, turned_about_y(joints, np.asarray(back)), max(height, 0.05))
+        return PerformerFigure(clip.skeleton, turned_about_y(joints, np.asarray(back)), max(height, 0.05))
 
     def paired(self) -> dict[int, int]:
         """For joints of the performer that are paired, the number of the control point."""
@@ -186,7 +186,7 @@ class PerformerView:
             return
         name, chosen = puppet.id, puppet.points[number]
         if chosen.joint != joint:
-            editor.edit(f"pair {chosen.name}", lambda project: paired(project, name, chosen.name, joint))
+            editor.edit(f"pair {chosen.name}", lambda project: with_joint(project, name, chosen.name, joint))
 
     def move(self, at: Point) -> None:
         """Light what is under the pointer, or turn the view (and the stage with it)."""
@@ -195,7 +195,7 @@ class PerformerView:
             return
         across, down = at[0] - self._last[0], at[1] - self._last[1]
         turned = self.editor.camera if self.linked else self.camera
-        turned.orbit(-_TURN * across, _TURN * down)
+        turned.orbit(-DRAG_TURN * across, DRAG_TURN * down)
         if not self.linked:
             self.camera.advance(10.0)
         self._last = at
@@ -221,7 +221,7 @@ class PerformerView:
             near, key=lambda k: (round(float(away[k]) / 3.0), round(float(depth[k]), 2), k), default=None
         )
 
-    def _looks(self, clip: Clip) -> float:
+    def _front_turn(self, clip: Clip) -> float:
         """Radians that the performer's front is turned at rest."""
         if self._facing is None or self._facing[0] is not clip.skeleton:
             self._facing = (clip.skeleton, facing_of(clip.skeleton))

@@ -13,17 +13,22 @@ from enliven.arrays import Float
 from enliven.deformation.arap import PuppetSurface
 from enliven.document import Puppet
 from enliven.meshes import Mesh
-from enliven_viewer.render import Actor, Look, OrbitCamera, Renderer, Scene
+from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.puppets import PuppetCharacters
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)
+"""Pixels, width and height of a thumbnail: twice those of a tile, for screens with small pixels."""
 _SETTINGS = RenderSettings(shadow_size=256, contact_size=64, samples=4)
-_LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
-_SIDE, _ABOVE, _ROOM = 0.42, 0.16, 1.06
-"""Radians from which it is seen, and how much air is around it."""
+SIDE = 0.42
+"""Radians from the front that thumbnails and their stick figures are seen from: both arms show."""
+_ABOVE = 0.16
+"""Radians above the horizon that a thumbnail is seen from: a little, so that feet part."""
+_ROOM = 1.06
+"""Size of a thumbnail over that of the puppet: little room, since it is small."""
 _KEPT = 96
+"""Pictures that are kept, of 110 kB each: several strips of key poses."""
 
 _Key = tuple[object, ...]
 
@@ -45,10 +50,10 @@ class Thumbnails:
         self._shown: dict[tuple[str, int], _Key] = {}
 
     def texture(self, puppet: Puppet, places: Float, slot: int = 0) -> int | None:
-        """OpenGL's name of the picture, upper row first; None while it is not there yet.
+        """The OpenGL name of the picture, upper row first; None until it is drawn.
 
         Args:
-            slot: which picture of the puppet's it is: until it is there, the last of the slot is shown.
+            slot: the number of the picture; until it is drawn, the last picture of the slot is shown.
         """
         key = _key(puppet, places)
         known = self._done.get(key)
@@ -82,11 +87,11 @@ class Thumbnails:
         low = np.minimum(puppet.mesh.vertices.min(0), vertices.min(0))
         high = np.maximum(puppet.mesh.vertices.max(0), vertices.max(0))
         camera, aspect = OrbitCamera(0.5), _SIZE[0] / _SIZE[1]
-        camera.face(_SIDE, _ABOVE)
+        camera.face(SIDE, _ABOVE)
         camera.frame((low, high), aspect, at_once=True, room=_ROOM)
         camera.advance(10.0)
-        actor = Actor(character, character.rest_pose(), vertices=vertices.astype(np.float32))
-        self._renderer.draw(Scene((actor,), (), _LOOK, extent=(low, high)), camera.view(aspect))
+        actor = SceneCharacter(character, character.rest_pose(), vertices=vertices.astype(np.float32))
+        self._renderer.draw(Scene((actor,), (), PLAIN, extent=(low, high)), camera.view(aspect))
         return self._ctx.texture(_SIZE, 3, self._renderer.pixels().tobytes(), alignment=1)
 
 

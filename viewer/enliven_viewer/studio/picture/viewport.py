@@ -9,21 +9,28 @@ import numpy as np
 
 from enliven.document import Character, Shape, character_of
 from enliven_viewer.playback import bounds_of
-from enliven_viewer.render import Actor, Look, Renderer, Scene
+from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
-from enliven_viewer.studio.puppets import PuppetCharacters, Shades, Standing
+from enliven_viewer.studio.puppets import PuppetCharacters, PuppetOverlay, StandingPuppet
 from enliven_viewer.studio.tools import NOTHING, PuppetPicture
-from enliven_viewer.studio.viewport import Characters, Lens, Overlay, Possessed, Selection, Stance, coloured
+from enliven_viewer.studio.viewport import (
+    Characters,
+    Lens,
+    Overlay,
+    PosedShape,
+    Possessed,
+    Selection,
+    coloured,
+)
 
-_LOOK = Look(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
 _SEEN_THROUGH = 0.4
 """Of the eye's distance: bones are seen clearly through whatever covers them by less."""
 
 
 class Viewport:
-    """Draws stances into a picture of its own; :attr:`renderer` holds it.
+    """Draws posed shapes into a picture of its own; :attr:`renderer` holds it.
 
     Args:
         ctx: an OpenGL context that is current in this thread.
@@ -35,48 +42,52 @@ class Viewport:
         self._tubes = Tubes(ctx)
         self._graphs = Characters()
         self._puppets = PuppetCharacters()
-        self._shades: Shades | None = None
+        self._puppet_overlay: PuppetOverlay | None = None
         self._characters: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def draw(
         self,
-        stances: Sequence[Stance],
+        posed_shapes: Sequence[PosedShape],
         lens: Lens,
         selection: Selection,
         overlay: Overlay,
         *,
         possessed: Sequence[Possessed] = (),
-        puppets: Sequence[Standing] = (),
+        puppets: Sequence[StandingPuppet] = (),
         over: PuppetPicture = NOTHING,
         meshes: bool = True,
         bones: bool = True,
     ) -> None:
         """One picture, resolved."""
-        solid = [s for s in stances if s.shape.mesh is not None and len(s.shape.mesh.faces)] if meshes else []
-        actors = tuple(Actor(self._character(s.shape), s.pose()) for s in solid)
+        solid = (
+            [s for s in posed_shapes if s.shape.mesh is not None and len(s.shape.mesh.faces)]
+            if meshes
+            else []
+        )
+        actors = tuple(SceneCharacter(self._character(s.shape), s.pose()) for s in solid)
         kept = {actor.character.id for actor in actors}
         self._characters = {name: known for name, known in self._characters.items() if name in kept}
-        actors += tuple(Actor(self._graphs.of(mesh.shape), mesh.pose) for mesh in possessed)
-        actors += tuple(Actor(self._puppets.of(p.puppet), p.pose, vertices=p.drawn) for p in puppets)
-        filled = [s.joints for s in stances] + [mesh.vertices for mesh in possessed]
+        actors += tuple(SceneCharacter(self._graphs.of(mesh.shape), mesh.pose) for mesh in possessed)
+        actors += tuple(SceneCharacter(self._puppets.of(p.puppet), p.pose, vertices=p.drawn) for p in puppets)
+        filled = [s.joints for s in posed_shapes] + [mesh.vertices for mesh in possessed]
         extent = bounds_of(filled + [puppet.drawn for puppet in puppets])
-        self.renderer.draw(Scene(actors, (), _LOOK, extent=extent), lens.view)
-        self._draw_over(over)
-        if bones and stances:
-            rows = np.concatenate([skeleton_rows(s, lens, selection, overlay) for s in stances])
-            near = min(float(((s.joints - lens.view.eye) @ lens.forward).min()) for s in stances)
+        self.renderer.draw(Scene(actors, (), PLAIN, extent=extent), lens.view)
+        self._draw_puppet(over)
+        if bones and posed_shapes:
+            rows = np.concatenate([skeleton_rows(s, lens, selection, overlay) for s in posed_shapes])
+            near = min(float(((s.joints - lens.view.eye) @ lens.forward).min()) for s in posed_shapes)
             self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
 
-    def _draw_over(self, over: PuppetPicture) -> None:
-        """What a puppet in the hand shows."""
+    def _draw_puppet(self, over: PuppetPicture) -> None:
+        """Draw what the puppet tool shows over the picture."""
         if over is NOTHING:
             return
-        self._shades = self._shades or Shades(self.renderer.ctx)
+        self._puppet_overlay = self._puppet_overlay or PuppetOverlay(self.renderer.ctx)
         picture = self.renderer.picture
         if over.crossing is not None:
-            self._shades.crossing(picture, *over.crossing)
+            self._puppet_overlay.crossing(picture, *over.crossing)
         if over.ghost is not None:
-            self._shades.outline(picture, *over.ghost)
+            self._puppet_overlay.outline(picture, *over.ghost)
         for rows, bias in over.tubes:
             if len(rows):
                 self._tubes.draw(picture, rows, bias)

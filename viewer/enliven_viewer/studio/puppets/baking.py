@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class Baking:
-    """One at a time: seconds of solving, and fitting what was solved."""
+    """Bakes one puppet at a time in a thread: it is solved, then fitted by a graph."""
 
     def __init__(self, editor: Editing) -> None:
         self.editor = editor
@@ -32,7 +32,7 @@ class Baking:
         self.editor.toasts.say(f"Baking {puppet.id} ...", "You can go on working.")
 
     def poll(self) -> None:
-        """Once a picture: put what was baked into the project."""
+        """Put a finished result into the project; to be called once a picture."""
         if self._work is None or not self._work[1].done():
             return
         (puppet, work), self._work = self._work, None

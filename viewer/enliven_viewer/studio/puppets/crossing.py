@@ -1,4 +1,4 @@
-"""Where a posed puppet passes through itself, looked for beside the window."""
+"""Finds the faces of a posed puppet that pass through one another, in a thread beside the window."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FEW = 2
 """Faces: fewer that cross are a rounding of the surface, and not worth a word."""
 
 
-class Crossing:
+class SelfCrossing:
     """Looks for faces that cross and did not at rest; always at the newest pose that was asked for.
 
     Attributes:
@@ -48,7 +48,7 @@ class Crossing:
             self._now = self._threads.submit(self._found, puppet, surface)
 
     def wait(self) -> None:
-        """Until what was asked for last is known: for sessions without a window."""
+        """Wait for the newest answer: for sessions without a window."""
         if self._now is not None:
             self.faces, self.said = self._now.result()
             self._now = None
@@ -68,7 +68,7 @@ class Crossing:
 
 
 def sentence(puppet: Puppet, faces: Int) -> str:
-    """What passes through what: faces (K,) belong to the control point that is nearest at rest."""
+    """A sentence about the parts that cross; faces (K,) belong to the control point nearest at rest."""
     if not puppet.points:
         return "the surface passes through itself"
     middles = puppet.mesh.vertices[puppet.mesh.faces[faces]].mean(1)

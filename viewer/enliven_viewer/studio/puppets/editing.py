@@ -1,4 +1,4 @@
-"""What the puppets of the studio need of the editor that holds the project."""
+"""Protocols between the puppets of the studio and the editor that holds the project."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven_viewer.studio.viewport import Selection
 
 
 class Editing(Protocol):
-    """An editor: the project with its past, the time that is shown, and what is chosen."""
+    """An editor: the project with its history, the time that is shown, and the selection."""
 
     time: float
     playing: bool
@@ -37,7 +37,7 @@ class Posing(Protocol):
     """The key pose that is edited, or the control point that is dragged, as the stage shows it."""
 
     silhouette: bool
-    way: State | None
+    start_state: State | None
 
     @property
     def puppet(self) -> Puppet | None:

@@ -10,20 +10,20 @@ from enliven.examples import State
 from enliven.modeling.puppet import add_key_pose, change_key_pose, remove_key_pose
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.playing import take_places
-from enliven_viewer.studio.puppets.selection import Chosen
-from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
+from enliven_viewer.studio.puppets.selection import PuppetSelection
+from enliven_viewer.studio.puppets.stage import PuppetStage, StandingPuppet
 
 
-class KeyPoses(Chosen):
-    """Which key pose of the chosen puppet is edited.
+class KeyPoses(PuppetSelection):
+    """The key pose of the chosen puppet that is edited.
 
     Attributes:
-        way: how the puppet stood when the key pose was begun: there it stays while it is edited.
+        start_state: the state of the puppet when the key pose was begun; it stays there while it is edited.
     """
 
     def __init__(self, editor: Editing, stage: PuppetStage) -> None:
         super().__init__(editor, stage)
-        self.way: State | None = None
+        self.start_state: State | None = None
         self._key: tuple[str, int] | None = None
         self._before: dict[int, Float] | None = None
         self._at = 0.0
@@ -82,7 +82,7 @@ class KeyPoses(Chosen):
         return None
 
     def edit_pose(self, number: int) -> bool:
-        """Edit a key pose that is there."""
+        """Edit an existing key pose."""
         puppet = self._wanted()
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False
@@ -92,14 +92,14 @@ class KeyPoses(Chosen):
 
     def accept(self) -> None:
         """Leave the key pose as it is; the puppet plays again."""
-        self._key = self._before = self.way = None
+        self._key = self._before = self.start_state = None
         self.let_go()
 
     def let_go(self) -> None:
         """Forget what is dragged."""
 
     def cancel(self) -> None:
-        """Put the key pose back as it was before it was edited, or away where it is new."""
+        """Restore the key pose as it was before, or remove it where it is new."""
         puppet, number, before = self.puppet, self.number, self._before
         self.accept()
         if puppet is None or number is None:
@@ -115,16 +115,18 @@ class KeyPoses(Chosen):
             )
 
     def _edit(
-        self, puppet: str, number: int, before: dict[int, Float] | None, standing: Standing | None
+        self, puppet: str, number: int, before: dict[int, Float] | None, standing: StandingPuppet | None
     ) -> None:
-        """Work on a key pose; ``before``: each vertex's place then, None where it is new."""
-        self.way = standing.state if standing is not None and self.way is None else self.way
+        """Begin to edit a key pose; ``before`` has the place of each vertex, None for a new key pose."""
+        self.start_state = (
+            standing.state if standing is not None and self.start_state is None else self.start_state
+        )
         self._key, self._before = (puppet, number), before
         self.let_go()
         self.editor.playing, self._at = False, self.editor.time
 
     def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
-        """A key pose more, which is edited from now on; one edit."""
+        """Add a key pose, which is edited from now on; one edit."""
         if not puppet.points:
             self.editor.toasts.say("It has no control points yet", "Click the mesh where it is to be held.")
             return False

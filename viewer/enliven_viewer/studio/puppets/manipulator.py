@@ -11,16 +11,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven_viewer.render import linear
+from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.viewport import AXES, HELD_AXIS, Colour, Disc, Fill, Lens, Line, Point
 
-LENGTH, _NEAR, _FAR = 84.0, 24.0, 42.0
-"""Pixels: of an arrow, and from where to where a square goes along both of its axes."""
-_REACH, _RING = 8.0, 13.0
+LENGTH = 84.0
+"""Pixels of an arrow."""
+_NEAR = 24.0
+"""Pixels along both of its axes at which a square begins: clear of the ring."""
+_FAR = 42.0
+"""Pixels along both of its axes at which a square ends: half of an arrow."""
+_REACH = 8.0
+"""Pixels from an arrow within which the pointer takes it."""
+_RING = 13.0
+"""Pixels, radius of the ring."""
 _EDGE_ON = 0.2
 """A square that is seen nearly from its edge, or an arrow nearly along it, is not offered."""
-_CONE, _TRACK = 0.24, 260.0
+_CONE = 0.24
+"""Share of an arrow that its cone takes."""
+_TRACK = 260.0
+"""Pixels to both sides of the line along which an arrow is dragged: three times the arrow."""
 PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
 _STEPS = np.array([1.0, 2.0, 5.0, 10.0])
 
@@ -59,9 +69,9 @@ class Manipulator:
         return ""
 
     def dragged(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
-        """(3,) metres in the world: how far the place goes when a part is dragged between two pixels.
+        """(3,) metres in the world, the movement of the place when a part is dragged between two pixels.
 
-        None where a pixel sees nothing of the part's plane: beyond its horizon.
+        None where a pixel is beyond the horizon of the part's plane.
         """
         if part == "view":
             way = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)
@@ -127,7 +137,7 @@ class Manipulator:
     def _arrow(self, axis: int, colour: tuple[int, int, int]) -> Float32:
         way, pixel = np.eye(3)[axis] * self.pixel, self.pixel
         ends = np.array([16.0, LENGTH * (1 - _CONE), LENGTH])[:, None] * way + self.place
-        tints = linear(np.array([colour, colour], float))
+        tints = linear_from_srgb(np.array([colour, colour], float))
         made = tube_rows(ends[:2], ends[1:], np.array([1.7, 5.6]) * pixel, tints)
         made[1, 7] = 0.15 * pixel
         return made
@@ -139,7 +149,7 @@ class Manipulator:
         return pixels[0], pixels[1:]
 
     def _along(self, axis: int) -> float:
-        """How much of an arrow is seen, 0 along the line of sight to 1 across it."""
+        """The share of an arrow's length that is seen: 0 along the line of sight, 1 across it."""
         sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
         return float(np.sqrt(max(1.0 - sight[axis] ** 2, 0.0)))
 

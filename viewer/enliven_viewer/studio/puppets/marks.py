@@ -1,20 +1,22 @@
-"""What the puppet tool draws over the picture, and which control point or suggestion is under the pointer."""
+"""Control points and suggestions of a puppet: those under the pointer, and rows to draw them."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render import linear
+from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
-from enliven_viewer.studio.puppets.stage import Standing
+from enliven_viewer.studio.puppets.stage import StandingPuppet
 from enliven_viewer.studio.viewport import Lens, Point, point_colour
 
-GHOST_RADIUS, POINT_RADIUS = 7.0, 5.2
-"""Pixels: of a suggestion's ring, of a control point."""
+GHOST_RADIUS = 7.0
+"""Pixels, radius of a suggestion's ring: larger than a control point, which may be put there."""
+POINT_RADIUS = 5.2
+"""Pixels, radius of a control point on the mesh."""
 
 
-def point_at(standing: Standing, lens: Lens, at: Point, reach: float) -> int | None:
+def point_at(standing: StandingPuppet, lens: Lens, at: Point, reach: float) -> int | None:
     """The control point nearest to a pixel within ``reach`` pixels; of two as near, the one before."""
     if not len(standing.points):
         return None
@@ -24,8 +26,8 @@ def point_at(standing: Standing, lens: Lens, at: Point, reach: float) -> int | N
     return min(near, key=lambda k: (round(float(away[k]) / 3), float(depth[k])), default=None)
 
 
-def ghost_at(standing: Standing, suggested: tuple[int, ...], lens: Lens, at: Point) -> int | None:
-    """The suggested vertex whose ring is under a pixel."""
+def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, at: Point) -> int | None:
+    """The suggested vertex with its ring under a pixel; None for none."""
     if not suggested:
         return None
     away = np.linalg.norm(lens.project(standing.vertices[list(suggested)])[0] - at, axis=1)
@@ -34,7 +36,7 @@ def ghost_at(standing: Standing, suggested: tuple[int, ...], lens: Lens, at: Poi
     return suggested[nearest] if away[nearest] <= GHOST_RADIUS + 2 else None
 
 
-def point_rows(standing: Standing, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
+def point_rows(standing: StandingPuppet, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
     """(P, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: the control points as balls."""
     points = standing.points
     depth = np.maximum((points - lens.view.eye) @ lens.forward, 0.05)
@@ -44,4 +46,4 @@ def point_rows(standing: Standing, lens: Lens, chosen: int | None, hovered: int 
     for number, grown in ((hovered, 1.25), (chosen, 1.35)):
         if number is not None and number < len(points):
             radii[number] = POINT_RADIUS * grown
-    return tube_rows(points, points, radii * pixel, linear(tints))
+    return tube_rows(points, points, radii * pixel, linear_from_srgb(tints))

@@ -1,4 +1,4 @@
-"""What is found once for a mesh and asked often: its size, its plane of symmetry, its vertices in a tree."""
+"""Caches facts of a mesh: its size, its plane of symmetry, its vertices in a tree."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from enliven.modeling.mesh import plane_of_symmetry
 
 Found = TypeVar("Found")
 _MOST = 8
+"""Meshes that an answer is kept for: more puppets are seldom on one stage."""
 
 
 def by_mesh(find: Callable[[Mesh], Found]) -> Callable[[Mesh], Found]:

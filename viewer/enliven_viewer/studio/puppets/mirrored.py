@@ -1,4 +1,4 @@
-"""Symmetric control points: which vertex and which control point is the mirror image of another."""
+"""Symmetric control points: the mirror image of a vertex, of a control point, and of places."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def plane_for(puppet: Puppet) -> Plane | None:
 
 
 def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
-    """The vertex nearest to the mirror image of one, itself near the plane; None where there is none."""
+    """The vertex nearest to the mirror image of one, which is the vertex itself near the plane; or None."""
     plane = plane_for(puppet)
     if plane is None:
         return None

@@ -1,4 +1,4 @@
-"""Where a puppet's control points are while it plays, and where a new key pose begins."""
+"""The places of a puppet's control points while it plays, and those a new key pose begins with."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from enliven_viewer.studio.puppets.editing import Editing
 
 
 def rest_state(puppet: Puppet) -> State:
-    """At rest, where it was put."""
+    """The state of a puppet at rest, where it was put."""
     return State(puppet.rest, 0.0, np.zeros(3))
 
 
 def played_state(editor: Editing, puppet: Puppet) -> tuple[Puppet, State]:
-    """Where it is at the editor's time, at rest where it cannot move yet, and the puppet that is so.
+    """The puppet and its state at the editor's time; at rest where it cannot move yet.
 
-    That is an older value of it while the motion of the newest is being solved.
+    The puppet is an older value while the motion of the newest is being solved.
     """
     project, solved = editor.solving.shown(editor.project, puppet.id)
     if not solved.layers:

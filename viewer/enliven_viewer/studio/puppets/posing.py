@@ -1,10 +1,10 @@
-"""Which puppet, control point and key pose are worked on, and what a drag does to them.
+"""Edits the chosen puppet: its control points and key poses, dragged and dropped.
 
-desk = editor.puppets
-desk.begin_pose("walk", 0.4)        # a new key pose for that moment of a take, or the one that is there
-desk.drag(2, place)                 # the surface follows; nothing is remembered yet
-desk.drop()                         # one edit of the project
-desk.accept()                       # the puppet plays again
+puppets = editor.puppets
+puppets.begin_pose("walk", 0.4)        # a new key pose for that moment of a take, or the one that is there
+puppets.drag(2, place)                 # the surface follows; nothing is remembered yet
+puppets.drop()                         # one edit of the project
+puppets.accept()                       # the puppet plays again
 
 Everything that is finished is an edit at once, so that undo, the recovery file and all panels see it.
 """
@@ -17,7 +17,7 @@ from enliven.arrays import Float
 from enliven.document import Puppet
 from enliven.modeling.puppet import change_key_pose, remove_point
 from enliven_viewer.studio.puppets.baking import Baking
-from enliven_viewer.studio.puppets.crossing import Crossing
+from enliven_viewer.studio.puppets.crossing import SelfCrossing
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.key_poses import KeyPoses
 from enliven_viewer.studio.puppets.mesh_cache import middle_of, size_of
@@ -30,8 +30,8 @@ _MOST_AWAY = 50.0
 """Sizes of the mesh beyond which a control point is not dragged: farther is a slip of the hand."""
 
 
-class PuppetDesk(KeyPoses):
-    """The state that the stage and the example panel share.
+class PuppetEditor(KeyPoses):
+    """The state of editing puppets, which the stage and the example panel share.
 
     Attributes:
         moment: the take and the second of it that the performer's view shows; a drag begins a key pose
@@ -44,7 +44,7 @@ class PuppetDesk(KeyPoses):
         super().__init__(editor, PuppetStage(editor, self))
         self.moment: tuple[str, float] | None = None
         self.silhouette, self.warn = True, True
-        self.crossing = Crossing()
+        self.crossing = SelfCrossing()
         self.baking = Baking(editor)
         self._dragged: Float | None = None
 
@@ -90,7 +90,7 @@ class PuppetDesk(KeyPoses):
         self._dragged = places
 
     def drop(self, name: str = "") -> bool:
-        """Keep what was dragged: one edit. Where no key pose is edited, one begins at :attr:`moment`."""
+        """End a drag with one edit; where no key pose is edited, one begins at :attr:`moment`."""
         puppet, places, self._dragged = self.puppet, self._dragged, None
         if puppet is None or places is None:
             return False
@@ -137,7 +137,7 @@ class PuppetDesk(KeyPoses):
         return True
 
     def _start(self, puppet: Puppet) -> Float:
-        """(P, 3) what a drag starts from: the key pose of this moment, or what is shown."""
+        """(P, 3) metres, the places at the start of a drag: of the key pose of this moment, or as shown."""
         if self.places is not None:
             return self.places
         moment = self._moment(puppet)
@@ -150,7 +150,7 @@ class PuppetDesk(KeyPoses):
         return puppet.rest if standing is None else standing.state.places
 
     def _begin_here(self, puppet: Puppet, places: Float) -> bool:
-        """Make what was dragged the key pose of the moment that the performer's view shows."""
+        """Make the dragged places the key pose of the moment that the performer's view shows."""
         moment = self._moment(puppet)
         if moment is None:
             self.editor.toasts.say(

@@ -23,7 +23,7 @@ def first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[in
 
 
 def vertex_hit(vertices: Float, face: Int, place: Float) -> int:
-    """Of a face (3,) the vertex nearest to a place (3,)."""
+    """The vertex of a face (3,) nearest to a place (3,)."""
     return int(face[np.linalg.norm(vertices[face] - place, axis=1).argmin()])
 
 

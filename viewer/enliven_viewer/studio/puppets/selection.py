@@ -1,4 +1,4 @@
-"""Which puppet and control point are chosen, and control points put on the mesh."""
+"""The selection of puppet and control point, and new control points on the mesh."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from enliven.modeling.puppet import add_point
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.mirrored import partner_vertex, plane_for
 from enliven_viewer.studio.puppets.solver import LARGE
-from enliven_viewer.studio.puppets.stage import PuppetStage, Standing
+from enliven_viewer.studio.puppets.stage import PuppetStage, StandingPuppet
 
 
-class Chosen:
-    """What of the project's puppets is worked on.
+class PuppetSelection:
+    """The chosen puppet and control point, and adding control points.
 
     Attributes:
         stage: how the puppets stand.
@@ -25,7 +25,7 @@ class Chosen:
         self.symmetric = False
 
     @property
-    def standing(self) -> tuple[Standing, ...]:
+    def standing(self) -> tuple[StandingPuppet, ...]:
         """Every puppet as it is shown now."""
         return self.stage.standing
 

@@ -1,4 +1,4 @@
-"""What is drawn over the picture of a puppet: the outline of another pose, and faces that cross."""
+"""Draws over the picture of a puppet: the outline of another pose, and faces that cross."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float32, Int32
-from enliven_viewer.render.gl import UNITS, Picture, load_program
+from enliven_viewer.render.gl import UNITS, RenderTarget, load_program
 from enliven_viewer.studio.viewport import GHOST, WARNING
 
 _LINE = 2.0
@@ -15,8 +15,8 @@ _JUMP = 0.06
 """Of the mesh's size: where one part of it lies before another by more, a line is drawn between them."""
 
 
-class Shades:
-    """Draws over what a renderer drew last, from where it was seen.
+class PuppetOverlay:
+    """Draws over the last picture of a renderer, with the same camera.
 
     Args:
         ctx: the renderer's context.
@@ -31,7 +31,7 @@ class Shades:
         self._mask: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         self._mesh: tuple[object, object, list[moderngl.Buffer], moderngl.VertexArray] | None = None
 
-    def outline(self, picture: Picture, vertices: Float32, faces: Int32, size: float) -> None:
+    def outline(self, picture: RenderTarget, vertices: Float32, faces: Int32, size: float) -> None:
         """The outline of a mesh (V, 3) metres in the world and its size, metres; over everything."""
         mask, buffer = self._mask_of(picture.size)
         buffer.use()
@@ -48,7 +48,7 @@ class Shades:
         self._quad.render(moderngl.TRIANGLES, vertices=3)
         picture.resolve()
 
-    def crossing(self, picture: Picture, vertices: Float32, faces: Int32) -> None:
+    def crossing(self, picture: RenderTarget, vertices: Float32, faces: Int32) -> None:
         """Faces (K, 3) of a surface that pass through one another; fainter where something covers them."""
         corners = np.ascontiguousarray(vertices[faces.ravel()], np.float32)
         if not len(corners):

@@ -1,4 +1,4 @@
-"""One puppet's solver: prepared beside the window where the mesh is large, and what it was asked last."""
+"""The surface solver of one puppet, prepared in a thread where the mesh is large."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ LARGE = 30_000
 TOLD = 150_000
 """Vertices from which preparing is worth telling, and scrubbing does not settle every frame."""
 _STILL = 1e-4
+"""Share of the mesh's size below which a frame counts as at rest: less than a pixel."""
 _MOST_ROUNDS = 60
+"""Frames that a surface is improved after a drag: one or two seconds, by then it is at rest."""
 Held = tuple[tuple[int, float | None], ...]
 
 
@@ -30,8 +32,8 @@ class Solver:
     """The solver of one mesh.
 
     Args:
-        pool: where what takes long is done.
-        toasts: where it is told that something takes a moment, or cannot be.
+        pool: runs what takes long.
+        toasts: shows that something takes a moment, or is impossible.
     """
 
     def __init__(self, puppet: Puppet, pool: Executor, toasts: Toasts) -> None:
@@ -83,7 +85,7 @@ class Solver:
         return self._surface if self._work is None else None
 
     def came(self) -> bool:
-        """Whether what was being prepared is there and was not looked at yet."""
+        """Whether the preparation has finished and was not taken yet."""
         return self._work is not None and self._work.done()
 
     def improve(self) -> bool:
@@ -115,7 +117,7 @@ class Solver:
             return self._shown
 
     def _refuse(self, error: Exception) -> None:
-        """It cannot be prepared with these control points. A fault of our own must not end the window."""
+        """Tell that these control points cannot be prepared; not even a fault of enliven ends the window."""
         if not isinstance(error, EnlivenError):
             log.error("a puppet could not be prepared", exc_info=error)
             error = EnlivenError(f"a fault of enliven itself: {type(error).__name__}: {error}")
@@ -154,7 +156,7 @@ class Solver:
 
 
 def held_by(puppet: Puppet) -> Held:
-    """What the surface depends on: the vertex and the weight of each control point."""
+    """The vertex and the weight of each control point, on which the surface depends."""
     return tuple((point.vertex, point.weight) for point in puppet.points)
 
 

@@ -1,4 +1,4 @@
-"""How puppets stand on the studio's stage at a moment, and which of them is under the pointer."""
+"""The puppets on the studio's stage at a moment, and the one under the pointer."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.editing import Editing, Posing
 from enliven_viewer.studio.puppets.playing import played_state
 from enliven_viewer.studio.puppets.ray import first_hit, moved
-from enliven_viewer.studio.puppets.surfaces import Surfaces
+from enliven_viewer.studio.puppets.surfaces import PuppetSurfaces
 from enliven_viewer.studio.viewport import Lens, coloured
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
-    """A puppet at one moment.
+class StandingPuppet:
+    """A puppet on the stage at one moment.
 
     Attributes:
         surface: (V, 3) metres of its vertices, in the mesh's own frame.
@@ -35,7 +35,7 @@ class Standing:
 
     @cached_property
     def pose(self) -> Pose:
-        """Of its character."""
+        """The pose of its character."""
         return pose_of_state(self.puppet, self.state)
 
     @cached_property
@@ -84,20 +84,20 @@ class Standing:
 class PuppetStage:
     """Every puppet of an editor's project as it stands now; kept while nothing changes."""
 
-    def __init__(self, editor: Editing, desk: Posing) -> None:
-        self.editor, self.desk = editor, desk
-        self.surfaces = Surfaces(editor.toasts)
-        self._known: tuple[tuple[object, ...], tuple[Standing, ...]] | None = None
+    def __init__(self, editor: Editing, posing: Posing) -> None:
+        self.editor, self.posing = editor, posing
+        self.surfaces = PuppetSurfaces(editor.toasts)
+        self._known: tuple[tuple[object, ...], tuple[StandingPuppet, ...]] | None = None
         self._polls = 0
-        self._ghost: Standing | None = None
+        self._ghost: StandingPuppet | None = None
         self._wanted: tuple[tuple[object, ...], Future[Float]] | None = None
 
     @property
-    def ghost(self) -> Standing | None:
-        """The key pose before the one that is edited, where the puppet stands; None while it is not there."""
-        desk, puppet = self.desk, self.desk.puppet
-        pose, now = desk.previous, self.standing_of(puppet.id) if puppet is not None else None
-        if puppet is None or pose is None or now is None or not desk.silhouette:
+    def ghost(self) -> StandingPuppet | None:
+        """The puppet in the key pose before the edited one; None without one, or while it is being solved."""
+        posing, puppet = self.posing, self.posing.puppet
+        pose, now = posing.previous, self.standing_of(puppet.id) if puppet is not None else None
+        if puppet is None or pose is None or now is None or not posing.silhouette:
             return None
         key = (pose.places, puppet.points, puppet.mesh, now.state.yaw, puppet.place, puppet.turn)
         if self._wanted is None or not _same(self._wanted[0], key):
@@ -107,46 +107,46 @@ class PuppetStage:
             surface = self._wanted[1].result()
             if self._ghost is None or self._ghost.surface is not surface:
                 state = State(pose.places, now.state.yaw, now.state.root)
-                self._ghost = Standing(puppet, state, surface)
+                self._ghost = StandingPuppet(puppet, state, surface)
             return self._ghost
         return None
 
     def wait(self) -> None:
-        """Until the other pose is known: for sessions without a window."""
+        """Wait for the ghost: for sessions without a window."""
         if self.ghost is None and self._wanted is not None:
             self._wanted[1].result()
 
     @property
-    def standing(self) -> tuple[Standing, ...]:
+    def standing(self) -> tuple[StandingPuppet, ...]:
         """All puppets, in the project's order."""
-        editor, desk = self.editor, self.desk
+        editor, posing = self.editor, self.posing
         project = editor.project
-        key = (project, desk.places, editor.time, desk.number, self.surfaces.version, self._polls)
+        key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._polls)
         if self._known is None or not _same(self._known[0], key):
             self.surfaces.keep_only(set(project.puppets))
             self._known = (key, tuple(self._stands(puppet) for puppet in project.puppets.values()))
         return self._known[1]
 
-    def standing_of(self, puppet_id: str) -> Standing | None:
+    def standing_of(self, puppet_id: str) -> StandingPuppet | None:
         """One of them."""
         return next((s for s in self.standing if s.puppet.id == puppet_id), None)
 
     def improve(self) -> None:
-        """Let surfaces that were dragged come to rest, and look what is solved; called once a picture."""
+        """Bring dragged surfaces nearer to rest and take solved ones; to be called once a picture."""
         self.surfaces.improve()
         if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
             self._polls += 1
 
-    def _stands(self, puppet: Puppet) -> Standing:
-        editor, desk = self.editor, self.desk
-        places = desk.places if desk.puppet is puppet else None
+    def _stands(self, puppet: Puppet) -> StandingPuppet:
+        editor, posing = self.editor, self.posing
+        places = posing.places if posing.puppet is puppet else None
         if places is not None and len(places) == len(puppet.points):
-            way = desk.way or played_state(editor, puppet)[1]
+            way = posing.start_state or played_state(editor, puppet)[1]
             state = State(places, way.yaw, way.root)
         else:
             puppet, state = played_state(editor, puppet)
-        warm = editor.playing or desk.dragging
-        return Standing(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
+        warm = editor.playing or posing.dragging
+        return StandingPuppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
 
 
 def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
@@ -158,8 +158,8 @@ def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
 
 
 def puppet_at(
-    standing: Iterable[Standing], lens: Lens, at: tuple[float, float]
-) -> tuple[Standing, int, float] | None:
+    standing: Iterable[StandingPuppet], lens: Lens, at: tuple[float, float]
+) -> tuple[StandingPuppet, int, float] | None:
     """The puppet that the ray of a pixel meets first, the face that it meets, and metres to it."""
     way, eye = lens.ray(at), lens.view.eye
     found = []
@@ -171,7 +171,7 @@ def puppet_at(
 
 
 class PuppetCharacters:
-    """What the renderer knows puppets as: the same object while the mesh stays the same."""
+    """The renderer's characters of puppets, the same object while the mesh stays the same."""
 
     def __init__(self) -> None:
         self._known: dict[str, tuple[Mesh, Character]] = {}

@@ -1,4 +1,4 @@
-"""Where control points are suggested: at the ends of the mesh's limbs, found beside the window."""
+"""Suggests control points at the ends of the mesh's limbs, found in a thread beside the window."""
 
 from __future__ import annotations
 
@@ -13,15 +13,21 @@ from enliven.meshes import Mesh
 from enliven.modeling.mesh import extremities
 from enliven_viewer.studio.puppets.mesh_cache import size_of
 
-_MOST, _FEW = 14, 5
+_MOST = 14
+"""Extreme vertices that are looked at: more than a spider has limbs."""
+_FEW = 5
+"""Vertices that are suggested on a mesh without limbs: enough to bend it."""
 _SAMPLES = 4000
-_NEAR, _ASIDE = 0.12, 0.36
-"""Of the mesh's size, what is near; of that, how far its middle lies aside where a limb ends."""
+"""Points over the surface, by which the neighbourhood of a vertex is measured."""
+_NEAR = 0.12
+"""Share of the mesh's size within which points are near a vertex: about the thickness of a limb."""
+_ASIDE = 0.36
+"""Share of that distance by which the middle of the near points lies aside where a limb ends."""
 _APART = 0.06
 """Of the mesh's size: nearer to a control point that is there nothing is suggested."""
 
 
-class Suggested:
+class PointSuggestions:
     """Suggestions for one mesh at a time."""
 
     def __init__(self) -> None:
@@ -53,7 +59,7 @@ class Suggested:
 
 
 def _ends(mesh: Mesh) -> tuple[int, ...]:
-    """The vertices that are ends of something: what is near them lies to one side. Else the most extreme."""
+    """The vertices at the ends of limbs, where near points lie to one side; else the most extreme."""
     found = extremities(mesh, _MOST)
     samples = scatter(mesh, _SAMPLES, np.random.default_rng(0)).positions
     tree, reach = cKDTree(samples), _NEAR * size_of(mesh)

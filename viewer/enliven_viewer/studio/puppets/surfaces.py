@@ -12,11 +12,11 @@ from enliven_viewer.studio.puppets.solver import Solver
 from enliven_viewer.studio.toasts import Toasts
 
 
-class Surfaces:
+class PuppetSurfaces:
     """The solvers of all puppets, by id.
 
     Args:
-        toasts: where it is told that something takes a moment, or cannot be.
+        toasts: shows that something takes a moment, or is impossible.
 
     Attributes:
         version: another one whenever a surface moved by itself.
@@ -40,7 +40,7 @@ class Surfaces:
         return self._solver(puppet).of(puppet, places, warm=warm)
 
     def aside(self, puppet: Puppet, places: Float) -> Future[Float] | None:
-        """(V, 3) the settled surface at other places (P, 3), what is dragged left as it is; None for none."""
+        """(V, 3) the settled surface at other places (P, 3), without a change to the drag; or None."""
         surface = self._solver(puppet).ready(puppet)
         if surface is None or not puppet.points:
             return None
@@ -55,12 +55,12 @@ class Surfaces:
             return None
 
     def improve(self) -> None:
-        """Bring what was dragged nearer to where it comes to rest, and see what was prepared."""
+        """Bring dragged surfaces nearer to rest, and take those that were prepared."""
         moved = [solver.improve() or solver.came() for solver in self._known.values()]
         self.version += any(moved)
 
     def prepared(self, puppet: Puppet) -> bool:
-        """Whether the surface can follow; asking begins to prepare it."""
+        """Whether the surface is prepared; asking begins the preparation."""
         return self._solver(puppet).ready(puppet) is not None
 
     def keep_only(self, ids: set[str]) -> None:

@@ -1,8 +1,8 @@
-"""Sessions: what an artist does, as a list of actions that drive the studio's own tools.
+"""Sessions: lists of an artist's actions, which drive the studio's own tools.
 
-    session = [Key("m"), Click(Widget("takes")), Click(Joint("tentacle", 0)), Drag(...), Wait(1.0)]
-    play(session, DeskStage(desk))            # without a window, for tests
-    film(session, desk, path)                 # in the real window, into a film: enliven_viewer.studio.filming
+    session = [Key("m"), Click(Widget("takes")), Click(JointPlace("tentacle", 0)), Drag(...), Wait(1.0)]
+    play(session, HeadlessStage(workspace))   # without a window, for tests
+    film(session, workspace, path)            # in the real window, into a film: enliven_viewer.studio.filming
 
 Places are looked up when they are needed: a joint is clicked where it then is on the screen.
 """

@@ -1,7 +1,7 @@
 from .actions import STEP, Action, Click, Do, Drag, Key, Name, Say, Wait, play, steps
-from .desk_stage import DeskStage
+from .headless_stage import HeadlessStage
 from .places import (
-    Joint,
+    JointPlace,
     Near,
     OnBone,
     OnLane,
@@ -20,10 +20,10 @@ __all__ = [
     "STEP",
     "Action",
     "Click",
-    "DeskStage",
     "Do",
     "Drag",
-    "Joint",
+    "HeadlessStage",
+    "JointPlace",
     "Key",
     "Name",
     "Near",

@@ -1,4 +1,4 @@
-"""What an artist does, as a list of actions, and how each is done: picture by picture, as a hand does it."""
+"""Actions of a session, each done picture by picture as with a mouse and a keyboard."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven_viewer.studio.session.places import Place, Stage, Widget, where
+from enliven_viewer.studio.session.places import Place, SessionStage, Widget, where
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 STEP = 1 / 24
 """Seconds from one picture to the next."""
@@ -77,39 +77,39 @@ class Wait:
 
 @dataclass(frozen=True)
 class Do:
-    """Anything else that is done with the desk."""
+    """Call a function with the workspace, for anything else."""
 
-    deed: Callable[[Desk], object]
+    command: Callable[[Workspace], object]
 
 
 Action = Say | Open | Key | Click | Drag | Name | Wait | Do
 
 
-def steps(actions: Iterable[Action], stage: Stage) -> Iterator[None]:
+def steps(actions: Iterable[Action], stage: SessionStage) -> Iterator[None]:
     """Does the actions; each step is one picture."""
     for action in actions:
         yield from _steps_of(action, stage)
 
 
-def play(actions: Iterable[Action], stage: Stage, each: Callable[[], object] | None = None) -> None:
+def play(actions: Iterable[Action], stage: SessionStage, each: Callable[[], object] | None = None) -> None:
     """Do everything without a window; ``each`` is called after every step of the studio's clock."""
     for _ in steps(actions, stage):
-        stage.desk.editor.advance(STEP)
+        stage.workspace.editor.advance(STEP)
         if each is not None:
             each()
 
 
-def _steps_of(action: Action, stage: Stage) -> Iterator[None]:
-    desk = stage.desk
+def _steps_of(action: Action, stage: SessionStage) -> Iterator[None]:
+    workspace = stage.workspace
     if isinstance(action, Say):
-        desk.caption = action.text
+        workspace.caption = action.text
     elif isinstance(action, Open):
-        desk.open(action.path)
+        workspace.open(action.path)
     elif isinstance(action, Key):
-        desk.pressed = action.key
+        workspace.pressed = action.key
         stage.key(action.key)
         yield from _pause(0.25, stage)
-        desk.pressed = ""
+        workspace.pressed = ""
     elif isinstance(action, Click) and isinstance(action.place, Widget) and stage.activate(action.place.name):
         yield
     elif isinstance(action, Click):
@@ -130,16 +130,16 @@ def _steps_of(action: Action, stage: Stage) -> Iterator[None]:
     elif isinstance(action, Wait):
         yield from _pause(action.seconds, stage)
     else:
-        action.deed(desk)
+        action.command(workspace)
         yield
 
 
-def _pause(seconds: float, stage: Stage) -> Iterator[None]:
+def _pause(seconds: float, stage: SessionStage) -> Iterator[None]:
     for _ in range(max(round(seconds / STEP), 1)):
         yield
 
 
-def _glide(stage: Stage, place: Place, seconds: float) -> Iterator[None]:
+def _glide(stage: SessionStage, place: Place, seconds: float) -> Iterator[None]:
     """Move the pointer to a place that may move itself, slow at both ends."""
     start, count = np.array(stage.at), max(round(seconds / STEP), 1)
     for k in range(1, count + 1):
@@ -151,7 +151,7 @@ def _glide(stage: Stage, place: Place, seconds: float) -> Iterator[None]:
         yield
 
 
-def _drag(action: Drag, stage: Stage) -> Iterator[None]:
+def _drag(action: Drag, stage: SessionStage) -> Iterator[None]:
     yield from _glide(stage, action.places[0], stage.pace)
     stage.shift(action.shift)
     yield
@@ -173,8 +173,8 @@ def _drag(action: Drag, stage: Stage) -> Iterator[None]:
     yield from _pause(0.2, stage)
 
 
-def _name(name: str, stage: Stage) -> Iterator[None]:
-    """Type into the field of the name; without a window there is none, and the shape is renamed."""
+def _name(name: str, stage: SessionStage) -> Iterator[None]:
+    """Type into the field of the name; without a window rename the shape."""
     if stage.rename(name):
         yield
         return

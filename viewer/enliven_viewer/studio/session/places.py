@@ -1,4 +1,4 @@
-"""Places that a session names, and where they are on the screen as things stand."""
+"""Places that a session names, and their pixels at the moment."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven_viewer.studio.sources import SourceView
-from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 
 @dataclass(frozen=True)
-class Joint:
+class JointPlace:
     """A joint of a shape, by number or name."""
 
     shape: str
@@ -104,7 +104,7 @@ class OnTimeline:
 
 
 Place = (
-    Joint
+    JointPlace
     | OnBone
     | OnPuppet
     | Spot
@@ -118,10 +118,10 @@ Place = (
 )
 
 
-class Stage(Protocol):
-    """Where a session's input goes; places are pixels of its own."""
+class SessionStage(Protocol):
+    """Takes the input of a session; its places are pixels of its own."""
 
-    desk: Desk
+    workspace: Workspace
     at: Point
     pace: float
 
@@ -141,7 +141,7 @@ class Stage(Protocol):
         """Type text into the field that has the focus."""
 
     def activate(self, name: str) -> bool:
-        """Do what a click on a widget does; False where it is there to be clicked."""
+        """Do what a click on a widget does; False where the widget can be clicked."""
         ...
 
     def rename(self, name: str) -> bool:
@@ -149,25 +149,25 @@ class Stage(Protocol):
         ...
 
     def viewport(self) -> Point:
-        """Where the viewport's top left is."""
+        """The pixel of the viewport's top left."""
 
     def source(self) -> Point:
-        """Where the view of sources' top left is."""
+        """The pixel of the top left of the view of sources."""
 
     def timeline(self) -> Point:
-        """Where the timeline's top left is."""
+        """The pixel of the timeline's top left."""
 
     def widget(self, name: str) -> Point:
-        """Where the middle of a widget is."""
+        """The pixel of the middle of a widget."""
 
 
-def where(place: Place, stage: Stage) -> Point:
+def where(place: Place, stage: SessionStage) -> Point:
     """The pixel of a place on a stage, as things stand.
 
     Raises:
         InputError: where it is not on the screen.
     """
-    editor = stage.desk.editor
+    editor = stage.workspace.editor
     if isinstance(place, Near):
         x, y = where(place.place, stage)
         return x + place.right, y + place.down
@@ -180,45 +180,45 @@ def where(place: Place, stage: Stage) -> Point:
     if isinstance(place, PerformerJoint):
         return _on_performer(place, stage)
     if isinstance(place, SourceJoint):
-        source = source_of(stage.desk)
-        stance = source.stance()
-        if stance is None:
+        source = source_of(stage.workspace)
+        posed = source.posed()
+        if posed is None:
             raise InputError("no take is shown", where="session")
-        pixel = source.lens.project(stance.joints)[0][place.joint]
+        pixel = source.lens.project(posed.joints)[0][place.joint]
         return _shifted(stage.source(), pixel)
     if isinstance(place, Pixel):
         return _shifted(stage.viewport(), np.array([place.across, place.down]) * editor.size)
-    pixel = editor.lens.project(_in_world(place, stage.desk)[None])[0][0]
+    pixel = editor.lens.project(_in_world(place, stage.workspace)[None])[0][0]
     if not ((pixel >= 0) & (pixel < editor.size)).all():
         raise InputError(f"{place} is outside the picture", where="session", mend='Frame it: Key("f").')
     return _shifted(stage.viewport(), pixel)
 
 
-def source_of(desk: Desk) -> SourceView:
+def source_of(workspace: Workspace) -> SourceView:
     """The view of sources."""
-    tool = desk.hand.tools["map"]
-    assert isinstance(tool, Map)
+    tool = workspace.input.tools["map"]
+    assert isinstance(tool, MapTool)
     return tool.source
 
 
-def _in_world(place: Joint | OnBone | OnPuppet | Spot, desk: Desk) -> np.ndarray:
+def _in_world(place: JointPlace | OnBone | OnPuppet | Spot, workspace: Workspace) -> np.ndarray:
     """(3,) metres."""
     if isinstance(place, Spot):
         return np.array([place.x, place.y, place.z])
     if isinstance(place, OnPuppet):
-        return _on_puppet(place, desk)
-    stance = desk.editor.stance(place.shape)
-    skeleton = stance.shape.skeleton
+        return _on_puppet(place, workspace)
+    posed = workspace.editor.posed(place.shape)
+    skeleton = posed.shape.skeleton
     joint = skeleton.index(place.joint) if isinstance(place.joint, str) else place.joint
-    if isinstance(place, Joint):
-        return stance.joints[joint]
-    start = stance.joints[skeleton.parents[joint]]
-    return np.asarray(start + place.along * (stance.joints[joint] - start))
+    if isinstance(place, JointPlace):
+        return posed.joints[joint]
+    start = posed.joints[skeleton.parents[joint]]
+    return np.asarray(start + place.along * (posed.joints[joint] - start))
 
 
-def _on_puppet(place: OnPuppet, desk: Desk) -> np.ndarray:
+def _on_puppet(place: OnPuppet, workspace: Workspace) -> np.ndarray:
     """(3,) metres."""
-    standing = desk.puppets.stage.standing_of(place.puppet)
+    standing = workspace.puppets.stage.standing_of(place.puppet)
     if standing is None:
         raise InputError(f"there is no puppet {place.puppet!r}", where="session")
     if place.point is None:
@@ -229,26 +229,26 @@ def _on_puppet(place: OnPuppet, desk: Desk) -> np.ndarray:
     )
 
 
-def _on_timeline(place: OnTimeline, stage: Stage) -> Point:
-    layout = stage.desk.timeline.layout
+def _on_timeline(place: OnTimeline, stage: SessionStage) -> Point:
+    layout = stage.workspace.timeline.layout
     y = 8.0 if place.lane is None else layout.bars()[place.lane].top + 10.0
     return _shifted(stage.timeline(), np.array([layout.x(place.time), y]))
 
 
-def _on_lane(place: OnLane, stage: Stage) -> Point:
-    hand = stage.desk.timeline
-    lanes = hand.puppets.lanes(hand.layout)
+def _on_lane(place: OnLane, stage: SessionStage) -> Point:
+    timeline = stage.workspace.timeline
+    lanes = timeline.puppets.lanes(timeline.layout)
     row = next(row for row in lanes.rows() if row.kind == place.row and row.puppet == lanes.chosen)
     return _shifted(stage.timeline(), np.array([lanes.x(row, place.seconds), row.top + row.height / 2]))
 
 
-def _on_performer(place: PerformerJoint, stage: Stage) -> Point:
-    view = stage.desk.performer
+def _on_performer(place: PerformerJoint, stage: SessionStage) -> Point:
+    view = stage.workspace.performer
     figure = view.figure()
     if figure is None:
         raise InputError("no performer is shown", where="session")
     pixel = view.lens.project(figure.joints)[0][figure.skeleton.index(place.joint)]
-    left, top, _, _ = stage.desk.widget("performer")
+    left, top, _, _ = stage.workspace.widget("performer")
     return _shifted((left, top), pixel)
 
 

@@ -1,4 +1,4 @@
-from .matches import Chain, Offer, accepted, offers, seen
+from .matches import Chain, Offer, accepted, matching_view, offers
 from .source_view import SourceView
 
-__all__ = ["Chain", "Offer", "SourceView", "accepted", "offers", "seen"]
+__all__ = ["Chain", "Offer", "SourceView", "accepted", "matching_view", "offers"]

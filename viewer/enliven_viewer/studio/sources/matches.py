@@ -1,4 +1,4 @@
-"""Which parts of a shape could a take drive, as both are seen? The best first, ready to be accepted."""
+"""Ranks the parts of a shape that a take could drive, as both are seen, and applies a chosen match."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from enliven.document import Clip, Project
 from enliven.matching import Matcher, source_of_skeleton
 from enliven.matching import View as MatchView
 from enliven.motion.layers import bind_chain
-from enliven_viewer.studio.sources.source_view import stance_of
-from enliven_viewer.studio.viewport import Lens, Stance
+from enliven_viewer.studio.sources.source_view import posed_take
+from enliven_viewer.studio.viewport import Lens, PosedShape
 
 Chain = tuple[int, ...]
 
@@ -29,16 +29,18 @@ class Offer:
         return tuple(sorted({joint for _, target in self.pairs for joint in target}))
 
 
-def offers(clip: Clip, time: float, target: Stance, lens: Lens, source_lens: Lens, most: int) -> list[Offer]:
+def offers(
+    clip: Clip, time: float, target: PosedShape, lens: Lens, source_lens: Lens, most: int
+) -> list[Offer]:
     """The best matches of a take's pose at a time on a shape as it stands, each seen as it is shown.
 
     Raises:
         InputError: where one of the skeletons cannot be abstracted.
     """
     source = source_of_skeleton(clip.skeleton)
-    pose = stance_of(clip, time).joints
+    pose = posed_take(clip, time).joints
     ranking = Matcher(target.shape.skeleton).rank(
-        source.points(pose), seen(lens), seen(source_lens), positions=target.joints
+        source.points(pose), matching_view(lens), matching_view(source_lens), positions=target.joints
     )
     found: list[Offer] = []
     for match in ranking:
@@ -55,7 +57,7 @@ def offers(clip: Clip, time: float, target: Stance, lens: Lens, source_lens: Len
 
 
 def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop: bool) -> Project:
-    """The project in which every chain of an offer is driven."""
+    """The project with every chain of an offer driven."""
     for source, target in offer.pairs:
         project = bind_chain(
             project,
@@ -72,6 +74,6 @@ def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop
     return project
 
 
-def seen(lens: Lens) -> MatchView:
+def matching_view(lens: Lens) -> MatchView:
     """A lens as matching knows it."""
     return MatchView(lens.forward, lens.up, lens.view.eye)

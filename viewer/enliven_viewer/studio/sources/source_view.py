@@ -8,9 +8,19 @@ from enliven.document import Clip, still_shape
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import OrbitCamera
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.viewport import Hit, Lens, Overlay, Point, Selection, Stance, joint_at, joints_of
+from enliven_viewer.studio.viewport import (
+    Hit,
+    Lens,
+    Overlay,
+    Point,
+    PosedShape,
+    Selection,
+    joint_at,
+    joints_of,
+)
 
 _TURN = 0.01
+"""Radians a pixel of dragging: more than on the stage, since the view is small."""
 SOURCE = "source"
 """The id of the shape that stands for a take's skeleton."""
 
@@ -50,7 +60,7 @@ class SourceView:
         if clip is None:
             return
         frames = range(0, len(clip.turns), max(len(clip.turns) // 12, 1))
-        bounds = bounds_of([stance_of(clip, frame * clip.step).joints for frame in frames])
+        bounds = bounds_of([posed_take(clip, frame * clip.step).joints for frame in frames])
         if bounds is not None:
             aspect = self.size[0] / max(self.size[1], 1.0)
             self.camera.frame(
@@ -60,12 +70,12 @@ class SourceView:
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
-    def stance(self) -> Stance | None:
+    def posed(self) -> PosedShape | None:
         """The take's skeleton at the project's time, begun again at its end; at its begin while it rests."""
         clip = self.clip
         if clip is None:
             return None
-        return stance_of(clip, self.editor.time % max(clip.duration, clip.step))
+        return posed_take(clip, self.editor.time % max(clip.duration, clip.step))
 
     def press(self, at: Point) -> None:
         """Choose the joint at which a chain begins, then the one at which it ends."""
@@ -103,21 +113,21 @@ class SourceView:
 
     @property
     def selection(self) -> Selection:
-        """Which joint is chosen, for the picture."""
+        """The selection with the chosen joint, for the picture."""
         return Selection(SOURCE, self._start)
 
     def overlay(self) -> Overlay:
-        """What is lit."""
+        """The overlay of the chain and the joint under the pointer."""
         hovered = (SOURCE, self._hovered.joint) if self._hovered else None
         return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
 
     def _hit(self, at: Point) -> Hit | None:
-        stance = self.stance()
-        return joint_at([stance], self.lens, at, self.editor.settings.reach) if stance else None
+        posed = self.posed()
+        return joint_at([posed], self.lens, at, self.editor.settings.reach) if posed else None
 
 
-def stance_of(clip: Clip, time: float) -> Stance:
+def posed_take(clip: Clip, time: float) -> PosedShape:
     """A take's own skeleton at the frame nearest to ``time``, seconds since its begin."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
     shape = still_shape(SOURCE, clip.skeleton)
-    return Stance(shape, clip.turns[frame], joints_of(shape, clip.turns[frame], clip.root[frame]))
+    return PosedShape(shape, clip.turns[frame], joints_of(shape, clip.turns[frame], clip.root[frame]))

@@ -1,4 +1,4 @@
-"""The timeline's lanes: where they are, and what a drag on them edits."""
+"""The timeline's lanes: their layout, and the edits that a drag on them makes."""
 
 import lazy_loader
 

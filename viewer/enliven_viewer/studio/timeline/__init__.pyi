@@ -1,5 +1,5 @@
-from .drag import TimelineHand
+from .drag import TimelineInput
 from .layout import LABELS, LANE, RULER, Bar, TimelineLayout
-from .puppet_lanes import PuppetLanes, Row
+from .puppet_lanes import LaneRow, PuppetLanes
 
-__all__ = ["LABELS", "LANE", "RULER", "Bar", "PuppetLanes", "Row", "TimelineHand", "TimelineLayout"]
+__all__ = ["LABELS", "LANE", "RULER", "Bar", "LaneRow", "PuppetLanes", "TimelineInput", "TimelineLayout"]

@@ -7,34 +7,30 @@ from typing import Any
 
 from enliven.document import Layer, Project
 from enliven_viewer.studio.editor import Edit, Editor
-from enliven_viewer.studio.timeline.layout import RULER, Grip, TimelineLayout
-from enliven_viewer.studio.timeline.puppet_drag import PuppetTimelineHand
-
-_SNAP = 6.0
-"""Pixels within which a bar's start sticks to zero, to the playhead and to other bars' ends."""
-_SLOWEST, _FASTEST = 0.05, 20.0
+from enliven_viewer.studio.timeline.layout import FASTEST, RULER, SLOWEST, SNAP, LaneHandle, TimelineLayout
+from enliven_viewer.studio.timeline.puppet_drag import PuppetTimelineInput
 
 
-class TimelineHand:
-    """What the pointer does over the timeline; pixels are counted from the timeline's top left."""
+class TimelineInput:
+    """Turns the pointer over the timeline into edits; pixels are counted from the timeline's top left."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
         self.width, self.scrolled = 1000.0, 0.0
-        self.puppets = PuppetTimelineHand(editor)
-        self._grip = Grip("nothing")
+        self.puppets = PuppetTimelineInput(editor)
+        self._handle = LaneHandle("nothing")
         self._from, self._held_layout = 0.0, self.layout
 
     @property
     def layout(self) -> TimelineLayout:
-        """Where things are now."""
+        """The layout at this moment."""
         editor = self.editor
         return TimelineLayout(editor.project, editor.length, self.width, self.scrolled)
 
     @property
     def busy(self) -> bool:
         """Whether something is held."""
-        return self._grip.kind != "nothing" or self.puppets.busy
+        return self._handle.kind != "nothing" or self.puppets.busy
 
     @property
     def height(self) -> float:
@@ -46,53 +42,53 @@ class TimelineHand:
         layout = self.layout
         if y >= RULER and self.puppets.press(x, y, layout):
             return
-        self._grip, self._from, self._held_layout = layout.grip(x, y), x, layout
-        if self._grip.layers:
-            self.editor.select(layer=self._grip.layers[0])
-        if self._grip.kind == "ruler":
+        self._handle, self._from, self._held_layout = layout.handle_at(x, y), x, layout
+        if self._handle.layers:
+            self.editor.select(layer=self._handle.layers[0])
+        if self._handle.kind == "ruler":
             self.editor.scrub(layout.time(x))
-        elif self._grip.kind == "mute":
-            names = self._grip.layers
+        elif self._handle.kind == "mute":
+            names = self._handle.layers
             muted = not self.editor.project.layers[names[0]].muted
             self.editor.edit("mute" if muted else "unmute", _changing(names, muted=muted))
-            self._grip = Grip("nothing")
+            self._handle = LaneHandle("nothing")
 
     def drag(self, x: float) -> None:
         """The pointer moved."""
         if self.puppets.busy:
             self.puppets.drag(x)
-        elif self._grip.kind == "ruler":
+        elif self._handle.kind == "ruler":
             self.editor.scrub(self._held_layout.time(x))
-        elif self._grip.kind in ("bar", "edge") and x != self._from:
+        elif self._handle.kind in ("bar", "edge") and x != self._from:
             self.editor.sketch(self._change(x))
 
     def release(self, x: float) -> None:
         """The button went up."""
         if self.puppets.busy:
             self.puppets.release(x)
-        elif self._grip.kind in ("bar", "edge") and self.editor.draft is not None:
-            word = "move layer" if self._grip.kind == "bar" else "change speed"
+        elif self._handle.kind in ("bar", "edge") and self.editor.draft is not None:
+            word = "move layer" if self._handle.kind == "bar" else "change speed"
             self.editor.edit(word, self._change(x))
-        self._grip = Grip("nothing")
+        self._handle = LaneHandle("nothing")
 
     def double(self, x: float, y: float) -> bool:
         """The second click of two; whether it meant something."""
         return y >= RULER and self.puppets.double(x, y, self.layout)
 
     def type(self, key: str) -> bool:
-        """A key was pressed; whether it is for something that was clicked here."""
+        """A key was pressed; returns whether it applied to something on the timeline."""
         return self.puppets.type(key)
 
     def _change(self, x: float) -> Edit:
         """The edit that dragging to ``x`` makes."""
-        layout, names = self._held_layout, self._grip.layers
+        layout, names = self._held_layout, self._handle.layers
         bar = next(bar for bar in layout.bars() if bar.ids == names)
         moved = layout.time(x) - layout.time(self._from)
-        if self._grip.kind == "bar":
+        if self._handle.kind == "bar":
             return _changing(names, offset=self._snapped(layout, bar.layer, bar.layer.offset + moved))
         take = layout.project.takes[bar.layer.take]
         lasting = max(layout.time(bar.right) - bar.layer.offset + moved, 1e-3)
-        speed = min(max(take.duration / lasting, _SLOWEST), _FASTEST)
+        speed = min(max(take.duration / lasting, SLOWEST), FASTEST)
         return _changing(names, speed=speed if bar.layer.speed > 0 else -speed)
 
     def _snapped(self, layout: TimelineLayout, layer: Layer, offset: float) -> float:
@@ -102,7 +98,7 @@ class TimelineHand:
             if layer.id not in bar.ids:
                 places += [bar.layer.offset, layout.time(bar.right)]
         nearest = min(places, key=lambda place: abs(place - offset))
-        near = abs(layout.x(nearest) - layout.x(offset)) <= _SNAP
+        near = abs(layout.x(nearest) - layout.x(offset)) <= SNAP
         return nearest if near else offset
 
 

@@ -1,4 +1,4 @@
-"""Where things are on the timeline: ruler, lanes, playhead; and what is under the pointer."""
+"""The layout of the timeline: ruler, lanes and playhead, and the handle under the pointer."""
 
 from __future__ import annotations
 
@@ -8,21 +8,37 @@ from typing import Literal
 from enliven.document import Layer, Project
 from enliven_viewer.studio.viewport import end_of, used_layers
 
-LABELS, RULER, LANE, GAP, END = 190.0, 26.0, 24.0, 3.0, 12.0
-"""Pixels: width of the labels, heights of ruler and lane, between lanes, and what is left at the right."""
-_EDGE = 7.0
-"""Pixels of a bar's right end that change its speed."""
-_MUTE = 22.0
+LABELS = 190.0
+"""Pixels, width of the labels: about 25 letters."""
+RULER = 26.0
+"""Pixels, height of the ruler."""
+LANE = 24.0
+"""Pixels, height of a lane: a line of text."""
+GAP = 3.0
+"""Pixels between two lanes."""
+END = 12.0
+"""Pixels that are left free at the right, so that the last bar's end can be taken."""
+EDGE = 7.0
+"""Pixels around a bar's right end that change its speed."""
+MUTE = 22.0
+"""Pixels at the left of a label that mute the layer: as wide as the icon of the eye."""
+SLOWEST = 0.05
+"""Speed of a layer at least, when its end is dragged: a twentieth."""
+FASTEST = 20.0
+"""Speed of a layer at most, when its end is dragged: twentyfold."""
+SNAP = 6.0
+"""Pixels within which a bar's start sticks to zero, to the playhead and to other bars' ends."""
 _FEW = 12
-"""Layers of a take that have a lane each; more share lanes."""
+"""Layers of a take that have a lane each; a model with more has a layer a bone, and they share lanes."""
 _STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
+"""Seconds between two numbers of the ruler: round ones."""
 
 Kind = Literal["ruler", "bar", "edge", "mute", "label", "nothing"]
 
 
 @dataclass(frozen=True)
-class Grip:
-    """What of the timeline is under the pointer, and of which layers."""
+class LaneHandle:
+    """The part of the timeline under the pointer, and its layers."""
 
     kind: Kind
     layers: tuple[str, ...] = ()
@@ -48,7 +64,7 @@ class Bar:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Of the layers."""
+        """The ids of the layers."""
         return tuple(layer.id for layer in self.layers)
 
     @property
@@ -59,10 +75,10 @@ class Bar:
 
 @dataclass(frozen=True)
 class TimelineLayout:
-    """The timeline of a project in an area whose top left is 0, 0.
+    """The timeline of a project in an area with its top left at 0, 0.
 
     Attributes:
-        project: whose layers.
+        project: its layers are shown.
         length: seconds that are shown.
         width: pixels of the whole area.
         scrolled: pixels by which the lanes are moved up.
@@ -121,19 +137,19 @@ class TimelineLayout:
         count = int(self.length / small + 1e-9)
         return tuple((k * small, k % 5 == 0) for k in range(count + 1))
 
-    def grip(self, x: float, y: float) -> Grip:
-        """What is under a pixel."""
+    def handle_at(self, x: float, y: float) -> LaneHandle:
+        """The handle under a pixel."""
         if y < RULER:
-            return Grip("ruler") if x >= LABELS - END else Grip("nothing")
+            return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
         for bar in self.bars():
             if not bar.top <= y < bar.top + LANE:
                 continue
-            if x < _MUTE:
-                return Grip("mute", bar.ids)
+            if x < MUTE:
+                return LaneHandle("mute", bar.ids)
             if x < LABELS - END:
-                return Grip("label", bar.ids)
-            if abs(x - bar.right) <= _EDGE:
-                return Grip("edge", bar.ids)
+                return LaneHandle("label", bar.ids)
+            if abs(x - bar.right) <= EDGE:
+                return LaneHandle("edge", bar.ids)
             if bar.left <= x <= bar.right or (bar.layer.loop and x >= bar.left):
-                return Grip("bar", bar.ids)
-        return Grip("ruler") if x >= LABELS - END else Grip("nothing")
+                return LaneHandle("bar", bar.ids)
+        return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")

@@ -11,28 +11,25 @@ from enliven.examples import motion_of
 from enliven.modeling.puppet import change_layer
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.examples import (
-    Coverage,
-    Coverages,
+    CoverageCache,
+    TakeCoverage,
     added_switch,
-    held_of,
+    constraints_of,
     layer_end,
     moved_switch,
     removed_switch,
     retimed,
     time_of,
-    without_held,
+    without_constraint,
 )
-from enliven_viewer.studio.timeline.layout import TimelineLayout
-from enliven_viewer.studio.timeline.puppet_lanes import PuppetGrip, PuppetLanes
+from enliven_viewer.studio.timeline.layout import FASTEST, SLOWEST, SNAP, TimelineLayout
+from enliven_viewer.studio.timeline.puppet_lanes import PuppetLaneHandle, PuppetLanes
 
-_SNAP = 6.0
-"""Pixels within which a bar's start sticks to zero and to the playhead."""
-_SLOWEST, _FASTEST = 0.05, 20.0
 _DRAGGED = ("bar", "edge", "pose", "switch")
 
 
-class PuppetTimelineHand:
-    """What the pointer does over the lanes of puppets; pixels as the timeline's.
+class PuppetTimelineInput:
+    """Turns the pointer over the lanes of puppets into edits; pixels are the timeline's.
 
     Attributes:
         chosen: the switch or the constraint that Delete takes away, or None.
@@ -40,12 +37,12 @@ class PuppetTimelineHand:
         begin_pose: called with a take and a second of it where a suggestion was clicked.
     """
 
-    def __init__(self, editor: Editor, coverages: Coverages | None = None) -> None:
-        self.editor, self.coverages = editor, coverages or Coverages()
-        self.chosen: PuppetGrip | None = None
+    def __init__(self, editor: Editor, coverages: CoverageCache | None = None) -> None:
+        self.editor, self.coverages = editor, coverages or CoverageCache()
+        self.chosen: PuppetLaneHandle | None = None
         self.edit_pose: Callable[[int], object] = editor.puppets.edit_pose
         self.begin_pose: Callable[[str, float], object] = editor.puppets.begin_pose
-        self._grip: PuppetGrip | None = None
+        self._handle: PuppetLaneHandle | None = None
         self._from, self._lanes = 0.0, self.lanes(TimelineLayout(editor.project, 1.0, 1000.0))
         self._known: tuple[object, dict[int, tuple[Switch, ...]]] = (None, {})
 
@@ -56,117 +53,117 @@ class PuppetTimelineHand:
     @property
     def busy(self) -> bool:
         """Whether something is held."""
-        return self._grip is not None
+        return self._handle is not None
 
     def press(self, x: float, y: float, layout: TimelineLayout) -> bool:
         """The left button went down; whether a lane of a puppet was there."""
         lanes = self.lanes(layout)
-        grip = lanes.grip(x, y)
-        self.chosen = grip if grip is not None and grip.kind in ("switch", "held") else None
-        if grip is None:
+        handle = lanes.handle_at(x, y)
+        self.chosen = handle if handle is not None and handle.kind in ("switch", "held") else None
+        if handle is None:
             return False
-        if self.editor.selection.puppet != grip.puppet:
-            self.editor.puppets.choose(grip.puppet)
-        self.editor.select(puppet_layer=grip.layer)
-        layer = lanes.layer(grip)
-        if grip.kind == "mute":
+        if self.editor.selection.puppet != handle.puppet:
+            self.editor.puppets.choose(handle.puppet)
+        self.editor.select(puppet_layer=handle.layer)
+        layer = lanes.layer(handle)
+        if handle.kind == "mute":
             word = "unmute" if layer.muted else "mute"
-            self._edit(word, grip, muted=not layer.muted)
-        elif grip.kind == "suggested":
-            self.begin_pose(layer.take, lanes.suggested(_row(lanes, grip, "poses"))[grip.item][0])
-        elif grip.kind == "found" and layer.switches is not None:
-            self._edit("find contacts again", grip, switches=None)
-        elif grip.kind == "held":
-            frame = held_of(self.editor.project, grip.puppet, grip.layer)[grip.item].frame
+            self._edit(word, handle, muted=not layer.muted)
+        elif handle.kind == "suggested":
+            self.begin_pose(layer.take, lanes.suggested(_row(lanes, handle, "poses"))[handle.item][0])
+        elif handle.kind == "found" and layer.switches is not None:
+            self._edit("find contacts again", handle, switches=None)
+        elif handle.kind == "held":
+            frame = constraints_of(self.editor.project, handle.puppet, handle.layer)[handle.item].frame
             step = self.editor.project.takes[layer.take].step
             self.editor.scrub(time_of(self.editor.project, layer, frame * step))
-        elif grip.kind == "band":
+        elif handle.kind == "band":
             self.editor.scrub(layout.time(x))
-        self._grip, self._from, self._lanes = grip, x, lanes
+        self._handle, self._from, self._lanes = handle, x, lanes
         return True
 
     def drag(self, x: float) -> None:
         """The pointer moved."""
-        if self._grip is not None and self._grip.kind in _DRAGGED and x != self._from:
+        if self._handle is not None and self._handle.kind in _DRAGGED and x != self._from:
             if self.editor.puppets.posing:
                 self.editor.puppets.accept()
             self.editor.sketch(self._change(x))
 
     def release(self, x: float) -> None:
-        """The button went up: what was dragged is one edit; a key pose that was not is opened."""
-        grip, self._grip = self._grip, None
-        if grip is None:
+        """The button went up: a drag becomes one edit; a click on a key pose opens it."""
+        handle, self._handle = self._handle, None
+        if handle is None:
             return
-        if grip.kind in _DRAGGED and self.editor.draft is not None:
+        if handle.kind in _DRAGGED and self.editor.draft is not None:
             words = {"bar": "move layer", "edge": "change speed", "pose": "retime a key pose"}
-            self._grip = grip
-            change, self._grip = self._change(x), None
-            self.editor.edit(words.get(grip.kind, "move a switch"), change)
-        elif grip.kind == "pose":
-            self.edit_pose(grip.item)
+            self._handle = handle
+            change, self._handle = self._change(x), None
+            self.editor.edit(words.get(handle.kind, "move a switch"), change)
+        elif handle.kind == "pose":
+            self.edit_pose(handle.item)
 
     def double(self, x: float, y: float, layout: TimelineLayout) -> bool:
         """The second click of two: on contacts and flights it adds a switch there."""
         lanes = self.lanes(layout)
-        grip = lanes.grip(x, y)
-        if grip is None or grip.kind != "band":
+        handle = lanes.handle_at(x, y)
+        if handle is None or handle.kind != "band":
             return False
-        take = self.editor.project.takes[lanes.layer(grip).take]
-        frame = round(grip.seconds / take.step)
-        switches = added_switch(self._switches(grip.layer), frame, len(take.turns))
-        self._edit("add a switch", grip, switches=switches)
+        take = self.editor.project.takes[lanes.layer(handle).take]
+        frame = round(handle.seconds / take.step)
+        switches = added_switch(self._switches(handle.layer), frame, len(take.turns))
+        self._edit("add a switch", handle, switches=switches)
         return True
 
     def type(self, key: str) -> bool:
         """Delete takes away the switch or constraint that was clicked last."""
-        grip, self.chosen = self.chosen, None
-        if grip is None or key not in ("delete", "backspace"):
+        handle, self.chosen = self.chosen, None
+        if handle is None or key not in ("delete", "backspace"):
             return False
         project = self.editor.project
-        if grip.puppet not in project.puppets or grip.layer >= len(project.puppets[grip.puppet].layers):
+        if handle.puppet not in project.puppets or handle.layer >= len(project.puppets[handle.puppet].layers):
             return False
-        if grip.kind == "switch":
+        if handle.kind == "switch":
             self._edit(
-                "remove a switch", grip, switches=removed_switch(self._switches(grip.layer), grip.item)
+                "remove a switch", handle, switches=removed_switch(self._switches(handle.layer), handle.item)
             )
             return True
-        held = held_of(project, grip.puppet, grip.layer)
-        if grip.item < len(held):
-            one = held[grip.item]
-            self.editor.edit("let go", lambda p: without_held(p, grip.puppet, grip.layer, one))
+        held = constraints_of(project, handle.puppet, handle.layer)
+        if handle.item < len(held):
+            one = held[handle.item]
+            self.editor.edit("let go", lambda p: without_constraint(p, handle.puppet, handle.layer, one))
         return True
 
     def _change(self, x: float) -> Edit:
         """The edit that dragging to ``x`` makes."""
-        grip, lanes = self._grip, self._lanes
-        assert grip is not None
-        layer, layout = lanes.layer(grip), lanes.layout
+        handle, lanes = self._handle, self._lanes
+        assert handle is not None
+        layer, layout = lanes.layer(handle), lanes.layout
         take = lanes.project.takes[layer.take]
-        if grip.kind == "pose":
-            seconds = lanes.seconds(grip, x)
-            return lambda project: retimed(project, grip.puppet, grip.item, seconds)
-        if grip.kind == "switch":
-            frame = round(lanes.seconds(grip, x) / take.step)
-            moved = moved_switch(lanes.switches(grip.layer), grip.item, frame, len(take.turns))
-            return self._changing(grip, switches=moved)
+        if handle.kind == "pose":
+            seconds = lanes.seconds(handle, x)
+            return lambda project: retimed(project, handle.puppet, handle.item, seconds)
+        if handle.kind == "switch":
+            frame = round(lanes.seconds(handle, x) / take.step)
+            moved = moved_switch(lanes.switches(handle.layer), handle.item, frame, len(take.turns))
+            return self._changing(handle, switches=moved)
         way = layout.time(x) - layout.time(self._from)
-        if grip.kind == "bar":
-            return self._changing(grip, offset=self._snapped(layout, layer.offset + way))
+        if handle.kind == "bar":
+            return self._changing(handle, offset=self._snapped(layout, layer.offset + way))
         lasting = max(layer_end(lanes.project, layer) - layer.offset + way, 1e-3)
-        speed = min(max(take.duration / lasting, _SLOWEST), _FASTEST)
-        return self._changing(grip, speed=speed if layer.speed > 0 else -speed)
+        speed = min(max(take.duration / lasting, SLOWEST), FASTEST)
+        return self._changing(handle, speed=speed if layer.speed > 0 else -speed)
 
     def _snapped(self, layout: TimelineLayout, offset: float) -> float:
         nearest = min((0.0, self.editor.time), key=lambda place: abs(place - offset))
-        return nearest if abs(layout.x(nearest) - layout.x(offset)) <= _SNAP else offset
+        return nearest if abs(layout.x(nearest) - layout.x(offset)) <= SNAP else offset
 
-    def _edit(self, word: str, grip: PuppetGrip, **changes: Any) -> None:
-        self.editor.edit(word, self._changing(grip, **changes))
+    def _edit(self, word: str, handle: PuppetLaneHandle, **changes: Any) -> None:
+        self.editor.edit(word, self._changing(handle, **changes))
 
-    def _changing(self, grip: PuppetGrip, **changes: Any) -> Edit:
-        return lambda project: change_layer(project, grip.puppet, grip.layer, **changes)
+    def _changing(self, handle: PuppetLaneHandle, **changes: Any) -> Edit:
+        return lambda project: change_layer(project, handle.puppet, handle.layer, **changes)
 
-    def _coverage(self, take: str) -> Coverage | None:
+    def _coverage(self, take: str) -> TakeCoverage | None:
         puppet = self.editor.puppets.puppet
         return self.coverages.of(self.editor.project, puppet, take) if puppet is not None else None
 
@@ -192,6 +189,6 @@ class PuppetTimelineHand:
         return found[layer]
 
 
-def _row(lanes: PuppetLanes, grip: PuppetGrip, kind: str):  # type: ignore[no-untyped-def]
-    """The row of a kind of a grip's layer."""
-    return next(r for r in lanes.rows() if (r.kind, r.puppet, r.layer) == (kind, grip.puppet, grip.layer))
+def _row(lanes: PuppetLanes, handle: PuppetLaneHandle, kind: str):  # type: ignore[no-untyped-def]
+    """The row of one kind of a handle's layer."""
+    return next(r for r in lanes.rows() if (r.kind, r.puppet, r.layer) == (kind, handle.puppet, handle.layer))

@@ -9,20 +9,24 @@ from dataclasses import dataclass
 from typing import Literal
 
 from enliven.document import Project, Puppet, PuppetLayer, Switch
-from enliven_viewer.studio.examples import Coverage, Held, held_of, layer_end, time_of
-from enliven_viewer.studio.timeline.layout import GAP, LABELS, LANE, TimelineLayout
+from enliven_viewer.studio.examples import HardConstraint, TakeCoverage, constraints_of, layer_end, time_of
+from enliven_viewer.studio.timeline.layout import EDGE, END, GAP, LABELS, LANE, MUTE, TimelineLayout
 
-POSES, BAND = 30.0, 15.0
-"""Pixels: heights of the row of key poses, and of those of contacts and of what is held."""
-_EDGE, _MUTE, _NEAR, _LABEL_END = 7.0, 22.0, 7.0, LABELS - 12.0
+POSES = 30.0
+"""Pixels, height of the row of key poses: the line of coverage and the diamonds over it."""
+BAND = 15.0
+"""Pixels, heights of the rows of contacts and of hard constraints."""
+_NEAR = 7.0
+"""Pixels around a mark within which the pointer takes it."""
+_LABEL_END = LABELS - END
 
 Kind = Literal["bar", "edge", "mute", "label", "pose", "suggested", "switch", "band", "found", "held"]
 ROWS = ("bar", "poses", "band", "held")
 
 
 @dataclass(frozen=True)
-class PuppetGrip:
-    """What of a puppet's lanes is under the pointer.
+class PuppetLaneHandle:
+    """The part of a puppet's lanes under the pointer.
 
     Attributes:
         layer: its number.
@@ -38,7 +42,7 @@ class PuppetGrip:
 
 
 @dataclass(frozen=True)
-class Row:
+class LaneRow:
     """One row: "bar", "poses", "band" or "held", of a layer of a puppet, and its place."""
 
     kind: str
@@ -54,32 +58,32 @@ class PuppetLanes:
 
     Attributes:
         layout: where times are, and where the lanes of shapes end.
-        chosen: the id of the puppet whose key poses are shown, or None.
+        chosen: the id of the puppet that has rows of key poses, or None.
         coverage: of a take by the chosen puppet's examples.
         switches: of a layer of the chosen puppet, as edited or as found.
     """
 
     layout: TimelineLayout
     chosen: str | None
-    coverage: Callable[[str], Coverage | None]
+    coverage: Callable[[str], TakeCoverage | None]
     switches: Callable[[int], Sequence[Switch]]
 
     @property
     def project(self) -> Project:
-        """Whose puppets."""
+        """The project of the layout."""
         return self.layout.project
 
-    def layer(self, row: Row | PuppetGrip) -> PuppetLayer:
-        """The layer of a row or a grip."""
+    def layer(self, row: LaneRow | PuppetLaneHandle) -> PuppetLayer:
+        """The layer of a row or a handle."""
         return self.project.puppets[row.puppet].layers[row.layer]
 
-    def rows(self) -> tuple[Row, ...]:
+    def rows(self) -> tuple[LaneRow, ...]:
         """All rows, from the top."""
-        top, found = self.layout.height - self.layout.scrolled, list[Row]()
+        top, found = self.layout.height - self.layout.scrolled, list[LaneRow]()
         for puppet in self.project.puppets.values():
             for number, layer in enumerate(puppet.layers):
                 for kind, height in self._kinds(puppet, layer):
-                    found.append(Row(kind, puppet.id, number, top, height))
+                    found.append(LaneRow(kind, puppet.id, number, top, height))
                     top += height + (GAP if kind == "bar" else 1.0)
                 top += GAP
         return tuple(found)
@@ -90,23 +94,23 @@ class PuppetLanes:
         rows = self.rows()
         return rows[-1].top + rows[-1].height - rows[0].top + GAP if rows else 0.0
 
-    def x(self, row: Row | PuppetGrip, seconds: float) -> float:
+    def x(self, row: LaneRow | PuppetLaneHandle, seconds: float) -> float:
         """The pixel of a second of a layer's take."""
         return self.layout.x(time_of(self.project, self.layer(row), seconds))
 
-    def seconds(self, row: Row | PuppetGrip, x: float) -> float:
+    def seconds(self, row: LaneRow | PuppetLaneHandle, x: float) -> float:
         """The second of a layer's take at a pixel, within the take."""
         layer = self.layer(row)
         length = self.project.takes[layer.take].duration
         played = (self.layout.time(x) - layer.offset) * layer.speed + (length if layer.speed < 0 else 0.0)
         return min(max(played, 0.0), length)
 
-    def span(self, row: Row | PuppetGrip) -> tuple[float, float]:
+    def span(self, row: LaneRow | PuppetLaneHandle) -> tuple[float, float]:
         """First and last pixel of a layer's take, played once."""
         layer = self.layer(row)
         return self.layout.x(layer.offset), self.layout.x(layer_end(self.project, layer))
 
-    def poses(self, row: Row) -> tuple[tuple[int, float], ...]:
+    def poses(self, row: LaneRow) -> tuple[tuple[int, float], ...]:
         """Number and pixel of the key poses that are of the layer's take."""
         layer, puppet = self.layer(row), self.project.puppets[row.puppet]
         return tuple(
@@ -115,12 +119,12 @@ class PuppetLanes:
             if pose.take == layer.take
         )
 
-    def suggested(self, row: Row) -> tuple[tuple[float, float], ...]:
+    def suggested(self, row: LaneRow) -> tuple[tuple[float, float], ...]:
         """Second and pixel of the key poses that are missing."""
         coverage = self.coverage(self.layer(row).take)
         return tuple((t, self.x(row, t)) for t in coverage.times) if coverage is not None else ()
 
-    def bands(self, row: Row) -> tuple[tuple[Switch, float, float], ...]:
+    def bands(self, row: LaneRow) -> tuple[tuple[Switch, float, float], ...]:
         """Each switch with the pixels from which and up to which it holds."""
         take = self.project.takes[self.layer(row).take]
         switches = self.switches(row.layer)
@@ -132,25 +136,25 @@ class PuppetLanes:
             for one, end in zip(switches, ends, strict=True)
         )
 
-    def held(self, row: Row) -> tuple[tuple[int, Held, float], ...]:
-        """Number, constraint and pixel of what is held hard."""
+    def held(self, row: LaneRow) -> tuple[tuple[int, HardConstraint, float], ...]:
+        """Number, constraint and pixel of each hard constraint."""
         step = self.project.takes[self.layer(row).take].step
-        held = held_of(self.project, row.puppet, row.layer)
+        held = constraints_of(self.project, row.puppet, row.layer)
         return tuple((k, one, self.x(row, one.frame * step)) for k, one in enumerate(held))
 
-    def grip(self, x: float, y: float) -> PuppetGrip | None:
-        """What is under a pixel; None where no lane of a puppet is."""
+    def handle_at(self, x: float, y: float) -> PuppetLaneHandle | None:
+        """The handle under a pixel; None where no lane of a puppet is."""
         for row in self.rows():
             if row.top <= y < row.top + row.height:
                 kind, item = self._at(row, x)
                 at = (row.puppet, row.layer, item, self.seconds(row, x))
-                return PuppetGrip(kind, *at) if kind is not None else None
+                return PuppetLaneHandle(kind, *at) if kind is not None else None
         return None
 
-    def _at(self, row: Row, x: float) -> tuple[Kind | None, int]:
+    def _at(self, row: LaneRow, x: float) -> tuple[Kind | None, int]:
         if x < _LABEL_END:
             if row.kind == "bar":
-                return ("mute" if x < _MUTE else "label"), 0
+                return ("mute" if x < MUTE else "label"), 0
             return ("found" if row.kind == "band" else "label"), 0
         if row.kind == "bar":
             return self._on_bar(row, x), 0
@@ -171,9 +175,9 @@ class PuppetLanes:
         marks = [(abs(at - x), k) for k, _, at in self.held(row) if abs(at - x) <= _NEAR]
         return ("held", min(marks)[1]) if marks else (None, 0)
 
-    def _on_bar(self, row: Row, x: float) -> Kind | None:
+    def _on_bar(self, row: LaneRow, x: float) -> Kind | None:
         left, right = self.span(row)
-        if abs(x - right) <= _EDGE:
+        if abs(x - right) <= EDGE:
             return "edge"
         return "bar" if left <= x <= right or (self.layer(row).loop and x >= left) else None
 

@@ -1,4 +1,4 @@
-"""What every tool is: a small state machine that the pointer and the keys drive."""
+"""The base of all tools: a small state machine that the pointer and the keys drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _AS_NEAR = 3.0
 
 @dataclass(frozen=True)
 class Pointer:
-    """Where the pointer is, in the viewport's pixels, and which keys are held."""
+    """The pointer's place in the viewport's pixels, and the keys that are held."""
 
     at: Point
     shift: bool = False
@@ -22,12 +22,12 @@ class Pointer:
 
 
 class Tool:
-    """A tool in hand. It changes nothing but through :meth:`Editor.edit`.
+    """A tool; it changes the project only through :meth:`Editor.edit`.
 
     Attributes:
         name: one word, as in sessions.
         label: as on its button.
-        key: the letter that takes it in hand.
+        key: the letter that makes it the active tool.
         icon: its glyph in Font Awesome 4.
         hint: what to do next, one line.
     """
@@ -48,7 +48,7 @@ class Tool:
 
     @property
     def warning(self) -> str:
-        """What is wrong with what is made just now, one line; empty where nothing is."""
+        """What is wrong with the work just now, one line; empty where nothing is."""
         return ""
 
     def hover(self, pointer: Pointer) -> None:
@@ -74,16 +74,16 @@ class Tool:
         self.editor.draft = None
 
     def overlay(self) -> Overlay:
-        """What is drawn over the viewport."""
+        """The marks that the tool draws over the viewport."""
         hovered = (self.hovered.shape, self.hovered.joint) if self.hovered else None
         return Overlay(chain=self._chosen_chain(), hovered=hovered)
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         """The joint under the pointer, or else the bone; of two as near, the chosen shape's."""
-        reach, lens, stances = self.editor.settings.reach, self.editor.lens, self.editor.stances
-        chosen = [s for s in stances if s.shape.id == self.editor.selection.shape]
+        reach, lens, posed_shapes = self.editor.settings.reach, self.editor.lens, self.editor.posed_shapes
+        chosen = [s for s in posed_shapes if s.shape.id == self.editor.selection.shape]
         for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
-            hit, mine = pick(stances, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
+            hit, mine = pick(posed_shapes, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
             if hit is not None:
                 return mine if mine is not None and mine.pixels <= hit.pixels + _AS_NEAR else hit
         return None
@@ -91,7 +91,7 @@ class Tool:
     def shape_at(self, pointer: Pointer) -> Hit | None:
         """The joint, the bone or the surface under the pointer."""
         hit = self.handle_at(pointer)
-        return hit or surface_at(self.editor.stances, self.editor.lens, pointer.at)
+        return hit or surface_at(self.editor.posed_shapes, self.editor.lens, pointer.at)
 
     def _chosen_chain(self) -> tuple[str, tuple[int, ...]] | None:
         chosen = self.editor.selection

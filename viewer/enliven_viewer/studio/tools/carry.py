@@ -9,12 +9,12 @@ from enliven.document import Project
 from enliven.modeling.rigged import merge, move_shape
 from enliven_viewer.live import GOOD, INK
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.handle_graph import GraphGrip
-from enliven_viewer.studio.tools.handle_puppet import PuppetHold
-from enliven_viewer.studio.viewport import STROKE, Disc, Hit, Line, Overlay, Words, bone_at, joint_at
+from enliven_viewer.studio.tools.handle_graph import GraphDrag
+from enliven_viewer.studio.tools.handle_puppet import PuppetDrag
+from enliven_viewer.studio.viewport import STROKE, Disc, Hit, Label, Line, Overlay, bone_at, joint_at
 
 
-class Carry(Tool):
+class CarryTool(Tool):
     """Moves a shape parallel to the picture, and merges it where its root comes near a node or a bone."""
 
     name, label, key, icon = "carry", "Move, merge", "g", "\uf047"
@@ -23,14 +23,14 @@ class Carry(Tool):
         super().__init__(editor)
         self._held: tuple[str, Float, Pointer] | None = None
         self._graft: Hit | None = None
-        self._grip: GraphGrip | None = None
-        self._puppet: PuppetHold | None = None
+        self._graph: GraphDrag | None = None
+        self._puppet: PuppetDrag | None = None
 
     @property
     def hint(self) -> str:
         if self._graft is not None:
             return "Let go to merge here; the motions of both are kept."
-        if self._grip is not None:
+        if self._graph is not None:
             return "Let go anywhere; with Shift over another possessed mesh to make one of the two."
         if self._puppet is not None:
             return "Let go anywhere; with Shift over another puppet to make one of the two."
@@ -43,21 +43,21 @@ class Carry(Tool):
     def press(self, pointer: Pointer) -> bool:
         hit = self.shape_at(pointer)
         if hit is None:
-            self._grip = GraphGrip.of(self.editor, pointer)
-            self._puppet = None if self._grip is not None else PuppetHold.of(self.editor, pointer)
-            return self._grip is not None or self._puppet is not None
+            self._graph = GraphDrag.of(self.editor, pointer)
+            self._puppet = None if self._graph is not None else PuppetDrag.of(self.editor, pointer)
+            return self._graph is not None or self._puppet is not None
         self.editor.select(shape=hit.shape)
         self.editor.select(joint=None, chain=())
         self.editor.playing = False
-        stance = self.editor.stance(hit.shape)
+        posed = self.editor.posed(hit.shape)
         # The root travels in the plane of the picture, whatever it was grabbed by.
-        self._held = (hit.shape, stance.joints[0].copy(), pointer)
+        self._held = (hit.shape, posed.joints[0].copy(), pointer)
         return True
 
     def drag(self, pointer: Pointer) -> None:
-        if self._grip is not None:
-            grip = self._grip
-            self.editor.sketch(lambda project: grip.moved(project, pointer))
+        if self._graph is not None:
+            graph = self._graph
+            self.editor.sketch(lambda project: graph.moved(project, pointer))
         if self._puppet is not None:
             held = self._puppet
             self.editor.sketch(lambda project: held.moved(project, pointer))
@@ -65,17 +65,17 @@ class Carry(Tool):
             return
         shape_id = self._held[0]
         self.editor.sketch(lambda project: self._moved(project, pointer))
-        root = self.editor.stance(shape_id).joints[:1]
+        root = self.editor.posed(shape_id).joints[:1]
         pixel = self.editor.lens.project(root)[0][0]
         at, snap = (float(pixel[0]), float(pixel[1])), self.editor.settings.snap
-        others = [s for s in self.editor.stances if s.shape.id != shape_id]
+        others = [s for s in self.editor.posed_shapes if s.shape.id != shape_id]
         lens = self.editor.lens
         self._graft = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
 
     def release(self, pointer: Pointer) -> None:
-        grip, self._grip = self._grip, None
-        if grip is not None and self.editor.draft is not None:
-            grip.drop(pointer)
+        graph, self._graph = self._graph, None
+        if graph is not None and self.editor.draft is not None:
+            graph.drop(pointer)
         puppet, self._puppet = self._puppet, None
         if puppet is not None and self.editor.draft is not None:
             puppet.drop(pointer)
@@ -91,23 +91,23 @@ class Carry(Tool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = self._graft = self._grip = self._puppet = None
+        self._held = self._graft = self._graph = self._puppet = None
 
     def overlay(self) -> Overlay:
         plain = super().overlay()
         if self._held is None or self._graft is None:
             return plain
         editor, graft = self.editor, self._graft
-        stance = editor.stance(graft.shape)
-        parent = max(int(stance.shape.skeleton.parents[graft.joint]), 0)
-        place = stance.joints[parent] + graft.along * (stance.joints[graft.joint] - stance.joints[parent])
-        points = editor.lens.project(np.stack([place, editor.stance(self._held[0]).joints[0]]))[0]
+        posed = editor.posed(graft.shape)
+        parent = max(int(posed.shape.skeleton.parents[graft.joint]), 0)
+        place = posed.joints[parent] + graft.along * (posed.joints[graft.joint] - posed.joints[parent])
+        points = editor.lens.project(np.stack([place, editor.posed(self._held[0]).joints[0]]))[0]
         node, root = ((float(p[0]), float(p[1])) for p in points)
         return Overlay(
             (
                 Line((root, node), STROKE, 2.0),
                 Disc(node, 13.0, GOOD, 3.0),
-                Words((node[0] + 20, node[1]), "merge", INK),
+                Label((node[0] + 20, node[1]), "merge", INK),
             ),
             plain.chain,
             plain.hovered,

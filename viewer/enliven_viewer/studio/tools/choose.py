@@ -7,7 +7,7 @@ from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import possessed_at
 
 
-class Choose(Tool):
+class ChooseTool(Tool):
     """Click chooses; with Shift, the chain from the chosen joint to the clicked one."""
 
     name, label, key, icon = "choose", "Choose", "q", "\uf245"

@@ -18,7 +18,7 @@ _APART = 3.0
 """Pixels between two points of a stroke."""
 
 
-class Cut(Tool):
+class CutTool(Tool):
     """A stroke; every bone that it crosses is cut there, at the playhead's time."""
 
     name, label, key, icon = "cut", "Cut", "c", "\uf0c4"
@@ -49,7 +49,7 @@ class Cut(Tool):
         if np.hypot(pointer.at[0] - last[0], pointer.at[1] - last[1]) >= _APART:
             self._stroke.append(pointer.at)
             editor = self.editor
-            found = crossings(editor.stances, editor.lens, np.array(self._stroke))
+            found = crossings(editor.posed_shapes, editor.lens, np.array(self._stroke))
             # Where the chosen shape is crossed, what lies behind or before it is not meant.
             mine = [hit for hit in found if hit.shape == editor.selection.shape]
             self._crossed = mine or found
@@ -126,9 +126,9 @@ class Cut(Tool):
             return Overlay()
         marks: list[Line | Disc] = [Line(tuple(self._stroke), CUT, 2.5)]
         for hit in self._crossed:
-            stance = self.editor.stance(hit.shape)
-            start = stance.joints[stance.shape.skeleton.parents[hit.joint]]
-            place = start + hit.along * (stance.joints[hit.joint] - start)
+            posed = self.editor.posed(hit.shape)
+            start = posed.joints[posed.shape.skeleton.parents[hit.joint]]
+            place = start + hit.along * (posed.joints[hit.joint] - start)
             pixel = self.editor.lens.project(place[None])[0][0]
             marks.append(Disc((float(pixel[0]), float(pixel[1])), 5.0, CUT))
         return Overlay(tuple(marks))

@@ -10,15 +10,15 @@ from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.viewport import possessed_at
 
 
-class GraphGrip:
-    """A possessed mesh in the hand of :class:`~enliven_viewer.studio.tools.carry.Carry`."""
+class GraphDrag:
+    """A possessed mesh that :class:`~enliven_viewer.studio.tools.carry.CarryTool` drags."""
 
     def __init__(self, editor: Editor, graph: str, at: Float, start: Pointer) -> None:
         self.editor, self.graph, self._at, self._start = editor, graph, at, start
 
     @classmethod
-    def of(cls, editor: Editor, pointer: Pointer) -> GraphGrip | None:
-        """The grip on what is under the pointer, or None."""
+    def of(cls, editor: Editor, pointer: Pointer) -> GraphDrag | None:
+        """The drag of the possessed mesh under the pointer; None where none is."""
         hit = possessed_at(editor.possessed, editor.lens, pointer.at)
         if hit is None:
             return None

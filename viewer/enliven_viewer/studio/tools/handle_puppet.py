@@ -1,4 +1,4 @@
-"""A puppet in the hand: moved, turned where it stands, or dropped on another with Shift to become one."""
+"""Dragging a puppet: it is moved, turned in place, or dropped on another with Shift to merge with it."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ _TURN = 0.01
 _UPRIGHT = np.array([0.0, 1.0, 0.0])
 
 
-class PuppetHold:
-    """A puppet held by a place on its surface."""
+class PuppetDrag:
+    """A puppet that is dragged by a place on its surface."""
 
     def __init__(self, editor: Editor, puppet: str, at: Float, start: Pointer) -> None:
         self.editor, self.puppet, self._at, self._start = editor, puppet, at, start
 
     @classmethod
-    def of(cls, editor: Editor, pointer: Pointer) -> PuppetHold | None:
-        """The hold on what is under the pointer, or None."""
+    def of(cls, editor: Editor, pointer: Pointer) -> PuppetDrag | None:
+        """The drag of the puppet under the pointer; None where no puppet is."""
         hit = puppet_at(editor.puppets.standing, editor.lens, pointer.at)
         if hit is None:
             return None

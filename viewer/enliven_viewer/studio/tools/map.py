@@ -15,8 +15,8 @@ from enliven_viewer.studio.viewport import Overlay
 
 
 @dataclass(frozen=True)
-class Mapping:
-    """What was mapped last, so that it can be flipped."""
+class MappedChain:
+    """The chains that were mapped last, so that they can be flipped."""
 
     shape: str
     target: Chain
@@ -25,7 +25,7 @@ class Mapping:
     flip: bool
 
 
-class Map(Tool):
+class MapTool(Tool):
     """Gives a chain of a shape the motion of a chain of a take.
 
     Attributes:
@@ -43,7 +43,7 @@ class Map(Tool):
         self.offered: list[Offer] = []
         self.lit: Offer | None = None
         self._start: tuple[str, int] | None = None
-        self._last: Mapping | None = None
+        self._last: MappedChain | None = None
 
     @property
     def hint(self) -> str:
@@ -72,14 +72,14 @@ class Map(Tool):
             chain = chain[::-1]
         self.editor.select(joint=None, chain=chain)
         if self.source.take is not None and self.source.chain:
-            self._bind(Mapping(hit.shape, chain, self.source.take, self.source.chain, False))
+            self._bind(MappedChain(hit.shape, chain, self.source.take, self.source.chain, False))
         return True
 
     def type(self, key: str) -> bool:
         if key == "y" and self._last is not None:
             last = self._last
             self.editor.undo()
-            self._bind(Mapping(last.shape, last.target, last.take, last.source, not last.flip))
+            self._bind(MappedChain(last.shape, last.target, last.take, last.source, not last.flip))
             return True
         return False
 
@@ -95,7 +95,7 @@ class Map(Tool):
         return plain
 
     def rank(self) -> None:
-        """Offer matches of the take as it stands on the chosen shape as it is seen."""
+        """Offer the matches of the take's pose now with the chosen shape, as both are seen."""
         clip, shape = self.source.clip, self.editor.selection.shape
         self.offered = []
         if clip is None or shape is None:
@@ -103,9 +103,9 @@ class Map(Tool):
         editor = self.editor
         try:
             time = editor.time % max(clip.duration, clip.step)
-            stance = editor.stance(shape)
+            posed = editor.posed(shape)
             most = editor.settings.matches
-            self.offered = offers(clip, time, stance, editor.lens, self.source.lens, most)
+            self.offered = offers(clip, time, posed, editor.lens, self.source.lens, most)
         except EnlivenError as error:
             editor.toasts.complain(error)
 
@@ -136,7 +136,7 @@ class Map(Tool):
             count = len(offer.pairs)
             editor.toasts.say(f"{offer.take} drives {count} chain{'s' * (count != 1)} of {offer.shape}")
 
-    def _bind(self, wish: Mapping) -> None:
+    def _bind(self, wish: MappedChain) -> None:
         """Map one chain onto one, as both are seen now."""
         lens, other = self.editor.lens, self.source.lens
 

@@ -9,7 +9,7 @@ from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import CUT, STROKE, Disc, Hit, Overlay, bone_at, joint_at
 
 
-class Insert(Tool):
+class InsertTool(Tool):
     """A click on a bone puts a node there."""
 
     name, label, key, icon = "insert", "Add node", "i", "\uf055"
@@ -20,7 +20,7 @@ class Insert(Tool):
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
-        return bone_at(editor.stances, editor.lens, pointer.at, editor.settings.reach)
+        return bone_at(editor.posed_shapes, editor.lens, pointer.at, editor.settings.reach)
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
@@ -44,17 +44,17 @@ class Insert(Tool):
         plain, hit = super().overlay(), self.hovered
         if hit is None or hit.shape not in self.editor.project.shapes:
             return plain
-        stance = self.editor.stance(hit.shape)
-        if hit.joint >= len(stance.joints):
+        posed = self.editor.posed(hit.shape)
+        if hit.joint >= len(posed.joints):
             return plain
-        start, end = stance.joints[stance.shape.skeleton.parents[hit.joint]], stance.joints[hit.joint]
+        start, end = posed.joints[posed.shape.skeleton.parents[hit.joint]], posed.joints[hit.joint]
         pixel = self.editor.lens.project((start + hit.along * (end - start))[None])[0][0]
         return Overlay(
             (Disc((float(pixel[0]), float(pixel[1])), 7.0, STROKE, 2.5),), plain.chain, plain.hovered
         )
 
 
-class Remove(Tool):
+class RemoveTool(Tool):
     """A click on a joint takes it out; what hung on it hangs on the one before."""
 
     name, label, key, icon = "remove", "Remove node", "x", "\uf056"
@@ -65,13 +65,13 @@ class Remove(Tool):
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
-        return joint_at(editor.stances, editor.lens, pointer.at, editor.settings.reach)
+        return joint_at(editor.posed_shapes, editor.lens, pointer.at, editor.settings.reach)
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
         if hit is None:
             return False
-        remove(self.editor, hit.shape, hit.joint)
+        remove_joint(self.editor, hit.shape, hit.joint)
         self.hovered = None
         return True
 
@@ -79,14 +79,14 @@ class Remove(Tool):
         plain, hit = super().overlay(), self.hovered
         if hit is None or hit.shape not in self.editor.project.shapes:
             return plain
-        joints = self.editor.stance(hit.shape).joints
+        joints = self.editor.posed(hit.shape).joints
         if hit.joint >= len(joints):
             return plain
         pixel = self.editor.lens.project(joints[hit.joint][None])[0][0]
         return Overlay((Disc((float(pixel[0]), float(pixel[1])), 10.0, CUT, 2.5),), plain.chain, None)
 
 
-def remove(editor: Editor, shape: str, joint: int) -> None:
+def remove_joint(editor: Editor, shape: str, joint: int) -> None:
     """Take a joint out of a shape."""
     if editor.edit("remove node", lambda project: remove_node(project, shape, joint)):
         editor.select(shape=shape)

@@ -11,23 +11,23 @@ from enliven.document import Project
 from enliven.modeling.rigged import drag_joint, turn_bone
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.handle_puppet import PuppetHold
-from enliven_viewer.studio.viewport import Stance
+from enliven_viewer.studio.tools.handle_puppet import PuppetDrag
+from enliven_viewer.studio.viewport import PosedShape
 
 _TURN = 0.01
 """Radians a pixel."""
 _UPRIGHT = np.array([0.0, 1.0, 0.0])
 
 
-class Pose(Tool):
+class PoseTool(Tool):
     """Turns one bone; dragged by the root, or by its surface, the shape turns in the picture's plane."""
 
     name, label, key, icon = "pose", "Pose", "r", "\uf183"
 
     def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
         super().__init__(editor)
-        self._held: tuple[Stance, int, Pointer] | None = None
-        self._puppet: PuppetHold | None = None
+        self._held: tuple[PosedShape, int, Pointer] | None = None
+        self._puppet: PuppetDrag | None = None
 
     @property
     def hint(self) -> str:
@@ -42,14 +42,14 @@ class Pose(Tool):
     def press(self, pointer: Pointer) -> bool:
         hit = self.shape_at(pointer)
         if hit is None:
-            self._puppet = PuppetHold.of(self.editor, pointer)
+            self._puppet = PuppetDrag.of(self.editor, pointer)
             return self._puppet is not None
         on_handle = self.handle_at(pointer) is not None
         joint = hit.joint if on_handle else 0
         self.editor.select(shape=hit.shape)
         self.editor.select(joint=joint, chain=())
         self.editor.playing = False
-        self._held = (self.editor.stance(hit.shape), joint, pointer)
+        self._held = (self.editor.posed(hit.shape), joint, pointer)
         return True
 
     def drag(self, pointer: Pointer) -> None:
@@ -75,19 +75,19 @@ class Pose(Tool):
 
     def _posed(self, project: Project, pointer: Pointer) -> Project:
         assert self._held is not None
-        stance, joint, start = self._held
-        shape, time = stance.shape.id, self.editor.time
+        posed, joint, start = self._held
+        shape, time = posed.shape.id, self.editor.time
         if joint:
-            point = self.editor.lens.on_plane(pointer.at, stance.joints[joint])
+            point = self.editor.lens.on_plane(pointer.at, posed.joints[joint])
             return drag_joint(project, shape, joint, point, time)
-        return turn_bone(project, shape, 0, self._turn_of_all(stance, start, pointer), time)
+        return turn_bone(project, shape, 0, self._turn_of_all(posed, start, pointer), time)
 
-    def _turn_of_all(self, stance: Stance, start: Pointer, pointer: Pointer) -> Float:
+    def _turn_of_all(self, posed: PosedShape, start: Pointer, pointer: Pointer) -> Float:
         """(4,) the world turn about the view's axis by as much as the pointer went around the root."""
         lens = self.editor.lens
         if pointer.shift:
             return from_rotation_vector(_UPRIGHT * (_TURN * (pointer.at[0] - start.at[0])))
-        centre = lens.project(stance.joints[:1])[0][0]
+        centre = lens.project(posed.joints[:1])[0][0]
         before, after = (np.array(p.at) - centre for p in (start, pointer))
         if np.linalg.norm(before) < 24:
             angle = _TURN * float(pointer.at[0] - start.at[0])

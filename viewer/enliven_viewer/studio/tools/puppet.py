@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
+from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.studio.puppets import (
     Manipulator,
-    Standing,
-    Suggested,
+    PointSuggestions,
+    StandingPuppet,
     ghost_at,
     point_at,
     puppet_at,
     vertex_hit,
 )
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.puppet_drag import PointGrip
+from enliven_viewer.studio.tools.puppet_drag import PointDrag
 from enliven_viewer.studio.tools.puppet_marks import marks_of
 from enliven_viewer.studio.viewport import Overlay, Point, possessed_at
 
@@ -23,14 +24,13 @@ _STILL = 4.0
 """Pixels that a click may move."""
 _MANY = 1_000_000
 """Faces: where there are more, it is not looked which is under a pointer that only passes."""
-_TURN = 0.008
-"""Radians a pixel of dragging, as when the stage is dragged."""
 _NUDGES: dict[str, tuple[float, float]] = {
     "left": (-1.0, 0.0),
     "right": (1.0, 0.0),
     "up": (0.0, 1.0),
     "down": (0.0, -1.0),
 }
+"""Steps to the right and up of each arrow key, in pixels of the picture."""
 
 
 class PuppetTool(Tool):
@@ -40,12 +40,12 @@ class PuppetTool(Tool):
 
     def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
         super().__init__(editor)
-        self.desk = editor.puppets
-        self.suggested = Suggested()
-        self.over = ""
-        self.over_point: int | None = None
-        self.over_vertex: int | None = None
-        self._grip: PointGrip | None = None
+        self.puppets = editor.puppets
+        self.suggested = PointSuggestions()
+        self.hovered_part = ""
+        self.hovered_point: int | None = None
+        self.hovered_vertex: int | None = None
+        self._drag: PointDrag | None = None
         self._click: Pointer | None = None
         self._last: Point = (0.0, 0.0)
         self._turning = False
@@ -53,13 +53,13 @@ class PuppetTool(Tool):
 
     @property
     def hint(self) -> str:
-        desk, puppet = self.desk, self.desk.puppet
-        if self._grip is not None:
+        puppets, puppet = self.puppets, self.puppets.puppet
+        if self._drag is not None:
             return "Let go to keep it; Shift goes in steps, Esc drops it."
         if puppet is None:
             return "Click a puppet. Ctrl+P makes one of the chosen shape, Ctrl+O opens a mesh to make one of."
-        if desk.posing:
-            name = f"key pose {desk.number + 1}" if desk.number is not None else ""
+        if puppets.posing:
+            name = f"key pose {puppets.number + 1}" if puppets.number is not None else ""
             return f"Drag control points for {name}. Enter keeps it; R resets a point, Delete removes it."
         if not puppet.points:
             return "Click the mesh where it is to be held: the ends of its limbs, its feet, its head."
@@ -67,86 +67,86 @@ class PuppetTool(Tool):
 
     @property
     def warning(self) -> str:
-        """What passes through what, while a key pose is edited."""
-        return self.desk.crossing.said if self.desk.warn and self.desk.shaping else ""
+        """A line about parts that pass through one another while a key pose is edited; else empty."""
+        return self.puppets.crossing.said if self.puppets.warn and self.puppets.shaping else ""
 
     @property
-    def held(self) -> PointGrip | None:
-        """The control point in the hand."""
-        return self._grip
+    def held(self) -> PointDrag | None:
+        """The drag of a control point that goes on; None for none."""
+        return self._drag
 
     def hover(self, pointer: Pointer) -> None:
         standing = self._standing()
-        self.over, self.over_point, self.over_vertex = "", None, None
+        self.hovered_part, self.hovered_point, self.hovered_vertex = "", None, None
         if standing is None:
             return
         lens = self.editor.lens
         manipulator = self.manipulator()
         if manipulator is not None:
-            self.over = manipulator.at(pointer.at)
-        if self.over:
+            self.hovered_part = manipulator.at(pointer.at)
+        if self.hovered_part:
             return
-        self.over_point = point_at(standing, lens, pointer.at, self.editor.settings.reach)
-        if self.over_point is None and len(standing.puppet.mesh.faces) <= _MANY:
-            self.over_vertex = self._vertex_at(standing, pointer)
+        self.hovered_point = point_at(standing, lens, pointer.at, self.editor.settings.reach)
+        if self.hovered_point is None and len(standing.puppet.mesh.faces) <= _MANY:
+            self.hovered_vertex = self._vertex_at(standing, pointer)
 
     def press(self, pointer: Pointer) -> bool:
         self.hover(pointer)
-        desk, standing = self.desk, self._standing()
+        puppets, standing = self.puppets, self._standing()
         self._last, self._turning = pointer.at, False
-        if standing is not None and self.over and desk.point is not None:
-            self._grip = PointGrip(self.editor, standing, desk.point, self.over, pointer.at)
-        elif standing is not None and self.over_point is not None:
+        if standing is not None and self.hovered_part and puppets.point is not None:
+            self._drag = PointDrag(self.editor, standing, puppets.point, self.hovered_part, pointer.at)
+        elif standing is not None and self.hovered_point is not None:
             self._fresh = None
-            desk.choose(standing.puppet.id, self.over_point)
-            self._grip = PointGrip(self.editor, standing, self.over_point, "view", pointer.at)
+            puppets.choose(standing.puppet.id, self.hovered_point)
+            self._drag = PointDrag(self.editor, standing, self.hovered_point, "view", pointer.at)
         else:
             self._click = pointer
         self.editor.playing = False
         return True
 
     def drag(self, pointer: Pointer) -> None:
-        if self._grip is not None:
-            self._grip.drag(pointer)
+        if self._drag is not None:
+            self._drag.drag(pointer)
         elif self._turning or (self._click is not None and self._far(pointer, self._click)):
             # What began as a click on the mesh, or beside it, turns the view as on the empty stage.
             self._click, self._turning = None, True
             across, down = pointer.at[0] - self._last[0], pointer.at[1] - self._last[1]
-            self.editor.camera.orbit(-_TURN * across, _TURN * down)
+            self.editor.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
         self._last = pointer.at
 
     def release(self, pointer: Pointer) -> None:
-        grip, click = self._grip, self._click
-        self._grip = self._click = None
+        drag, click = self._drag, self._click
+        self._drag = self._click = None
         self._turning = False
-        if grip is not None:
-            grip.drop()
+        if drag is not None:
+            drag.drop()
         elif click is not None:
             self._clicked(click)
         self.hover(pointer)
 
     def type(self, key: str) -> bool:
-        desk = self.desk
+        puppets = self.puppets
         if key == "escape":
             return self._step_back()
-        if key == "enter" and desk.posing:
-            desk.accept()
+        if key == "enter" and puppets.posing:
+            puppets.accept()
             return True
-        if desk.point is None:
+        if puppets.point is None:
             return False
         if key in ("delete", "backspace"):
-            return desk.remove_point() or True
+            return puppets.remove_point() or True
         if key == "r":
-            return desk.reset_point() or True
-        if key.removeprefix("shift+") in _NUDGES and desk.posing:
+            return puppets.reset_point() or True
+        if key.removeprefix("shift+") in _NUDGES and puppets.posing:
             return self._nudge(key.removeprefix("shift+"), 10.0 if key.startswith("shift+") else 1.0)
         return False
 
     def cancel(self) -> None:
         super().cancel()
-        self._grip = self._click = None
-        self.desk.let_go()
-        self.desk.accept()
+        self._drag = self._click = None
+        self.puppets.let_go()
+        self.puppets.accept()
 
     def overlay(self) -> Overlay:
         standing = self._standing()
@@ -155,28 +155,28 @@ class PuppetTool(Tool):
         return Overlay(marks_of(self, standing, self.editor.lens))
 
     def manipulator(self) -> Manipulator | None:
-        """At the chosen control point; none while it plays, nor where a click has just put it.
+        """The manipulator at the chosen control point; None while the puppet plays, or just after a click.
 
         There it would be in the way of the next click on the mesh.
         """
-        standing, point = self._standing(), self.desk.point
-        if point == self._fresh and not self.desk.posing:
+        standing, point = self._standing(), self.puppets.point
+        if point == self._fresh and not self.puppets.posing:
             return None
         if self.editor.playing or standing is None or point is None or point >= len(standing.points):
             return None
         return Manipulator(standing.points[point], self.editor.lens)
 
-    def _standing(self) -> Standing | None:
+    def _standing(self) -> StandingPuppet | None:
         chosen = self.editor.selection.puppet
-        return self.desk.stage.standing_of(chosen) if chosen else None
+        return self.puppets.stage.standing_of(chosen) if chosen else None
 
-    def _vertex_at(self, standing: Standing, pointer: Pointer) -> int | None:
+    def _vertex_at(self, standing: StandingPuppet, pointer: Pointer) -> int | None:
         """The vertex of the chosen puppet under the pointer; a suggested one that is near."""
         lens = self.editor.lens
         ghost = ghost_at(standing, self.suggested.of(standing.puppet), lens, pointer.at)
         if ghost is not None:
             return ghost
-        hit = puppet_at(self.desk.standing, lens, pointer.at)
+        hit = puppet_at(self.puppets.standing, lens, pointer.at)
         if hit is None or hit[0] is not standing:
             return None
         place = lens.view.eye + hit[2] * lens.ray(pointer.at)
@@ -186,17 +186,17 @@ class PuppetTool(Tool):
         return float(np.hypot(*np.subtract(pointer.at, start.at))) > _STILL
 
     def _clicked(self, pointer: Pointer) -> None:
-        """A click on the mesh puts a control point; on another puppet it chooses that; beside all, none."""
+        """Take a click: it adds a control point, chooses another puppet, or clears the choice of point."""
         standing = self._standing()
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:
-            self._fresh = self.desk.point if self.desk.add_point(vertex) else None
+            self._fresh = self.puppets.point if self.puppets.add_point(vertex) else None
             return
-        hit = puppet_at(self.desk.standing, self.editor.lens, pointer.at)
+        hit = puppet_at(self.puppets.standing, self.editor.lens, pointer.at)
         if hit is not None:
-            self.desk.accept()
-            self.desk.choose(hit[0].puppet.id)
-        elif self.desk.point is not None:
+            self.puppets.accept()
+            self.puppets.choose(hit[0].puppet.id)
+        elif self.puppets.point is not None:
             self.editor.select(point=None)
         elif standing is None:
             self._choose_shape(pointer)
@@ -211,17 +211,17 @@ class PuppetTool(Tool):
             self.editor.select(graph=graph[0])
 
     def _step_back(self) -> bool:
-        """Escape: first what is in the hand, then the chosen control point, then the key pose."""
-        desk = self.desk
-        if self._grip is not None or self._click is not None:
-            self._grip = self._click = None
-            desk.let_go()
+        """Escape drops one thing: first the drag, then the chosen control point, then the key pose."""
+        puppets = self.puppets
+        if self._drag is not None or self._click is not None:
+            self._drag = self._click = None
+            puppets.let_go()
             return True
-        if desk.point is not None:
+        if puppets.point is not None:
             self.editor.select(point=None)
             return True
-        if desk.posing:
-            desk.accept()
+        if puppets.posing:
+            puppets.accept()
             return True
         return False
 
@@ -233,5 +233,5 @@ class PuppetTool(Tool):
         right: Float = np.asarray(lens.view.camera_from_world[0, :3])
         across, up = _NUDGES[key]
         way = (across * right + up * lens.up) * pixels * manipulator.pixel
-        self.desk.nudge(standing.way_into(way))
+        self.puppets.nudge(standing.way_into(way))
         return True

@@ -1,4 +1,4 @@
-"""A control point in the hand, from pressing the button to letting it go."""
+"""Dragging a control point, from pressing the button to letting it go."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.puppets import Manipulator, Standing
+from enliven_viewer.studio.puppets import Manipulator, StandingPuppet
 from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.viewport import Point
 
 
-class PointGrip:
+class PointDrag:
     """Drags one control point.
 
     Attributes:
@@ -20,7 +20,7 @@ class PointGrip:
         moved: whether it went anywhere.
     """
 
-    def __init__(self, editor: Editor, standing: Standing, point: int, part: str, at: Point) -> None:
+    def __init__(self, editor: Editor, standing: StandingPuppet, point: int, part: str, at: Point) -> None:
         self.editor, self.point, self.part = editor, point, part
         self._standing, self._start = standing, at
         self._from: Float = np.array(standing.points[point])

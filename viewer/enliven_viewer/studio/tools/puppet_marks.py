@@ -12,39 +12,40 @@ from enliven_viewer.studio.puppets import (
     GHOST_RADIUS,
     POINT_RADIUS,
     Manipulator,
-    PuppetDesk,
-    Standing,
-    Suggested,
+    PointSuggestions,
+    PuppetEditor,
+    StandingPuppet,
     normals_of,
     partner_vertex,
 )
-from enliven_viewer.studio.tools.puppet_drag import PointGrip
-from enliven_viewer.studio.viewport import Colour, Disc, Fill, Lens, Line, Point, Words
+from enliven_viewer.studio.tools.puppet_drag import PointDrag
+from enliven_viewer.studio.viewport import Colour, Disc, Fill, Label, Lens, Line, Point
 
 _WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
+"""Names and rings around what is chosen: readable on every mesh."""
 
 
-Mark = Line | Disc | Fill | Words
+Mark = Line | Disc | Fill | Label
 
 
 class Pointing(Protocol):
-    """What is under the pointer, and what is in the hand, of the puppet tool."""
+    """The state of the puppet tool that its marks show."""
 
-    desk: PuppetDesk
-    suggested: Suggested
-    over: str
-    over_point: int | None
-    over_vertex: int | None
+    puppets: PuppetEditor
+    suggested: PointSuggestions
+    hovered_part: str
+    hovered_point: int | None
+    hovered_vertex: int | None
 
     @property
-    def held(self) -> PointGrip | None:
-        """The control point in the hand."""
+    def held(self) -> PointDrag | None:
+        """The drag of a control point that goes on; None for none."""
 
     def manipulator(self) -> Manipulator | None:
         """The arrows of the chosen control point."""
 
 
-def marks_of(tool: Pointing, standing: Standing, lens: Lens) -> tuple[Mark, ...]:
+def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark, ...]:
     """Suggestions, where a click would put a control point, names, the manipulator's squares."""
     found: list[Mark] = []
     if tool.held is None:
@@ -54,13 +55,13 @@ def marks_of(tool: Pointing, standing: Standing, lens: Lens) -> tuple[Mark, ...]
     manipulator = tool.manipulator()
     if manipulator is not None:
         part = tool.held.part if tool.held is not None else ""
-        found += manipulator.marks(part or tool.over, part)
+        found += manipulator.marks(part or tool.hovered_part, part)
     return tuple(found)
 
 
-def _suggestions(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
+def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """Rings at the ends of limbs; only before key poses are made, then they are in the way."""
-    if standing.puppet.poses or tool.desk.posing:
+    if standing.puppet.poses or tool.puppets.posing:
         return []
     found: list[Mark] = []
     for vertex in tool.suggested.of(standing.puppet):
@@ -75,14 +76,14 @@ def _suggestions(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
     return found
 
 
-def _next_point(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
+def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """A ring where a click would put a control point, and at its mirror image."""
-    if tool.over_vertex is None:
+    if tool.hovered_vertex is None:
         return []
-    wanted = [tool.over_vertex]
-    if tool.desk.symmetric:
-        other = partner_vertex(standing.puppet, tool.over_vertex)
-        wanted += [other] if other is not None and other != tool.over_vertex else []
+    wanted = [tool.hovered_vertex]
+    if tool.puppets.symmetric:
+        other = partner_vertex(standing.puppet, tool.hovered_vertex)
+        wanted += [other] if other is not None and other != tool.hovered_vertex else []
     found: list[Mark] = []
     for pixel in _pixels(lens, standing.vertices[wanted]):
         found.append(Disc(pixel, 6.5, ACCENT, 2.0))
@@ -90,11 +91,11 @@ def _next_point(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
     return found
 
 
-def _names(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
+def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """The names of the chosen control point and of the one under the pointer; a ring around the chosen."""
     found: list[Mark] = []
-    chosen, points = tool.desk.point, standing.puppet.points
-    for number in dict.fromkeys([chosen, tool.over_point]):
+    chosen, points = tool.puppets.point, standing.puppet.points
+    for number in dict.fromkeys([chosen, tool.hovered_point]):
         if number is None or number >= len(points):
             continue
         for pixel in _pixels(lens, standing.points[[number]]):
@@ -102,9 +103,9 @@ def _names(tool: Pointing, standing: Standing, lens: Lens) -> list[Mark]:
                 found.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, _WHITE, 1.5))
             point = points[number]
             at = (pixel[0] + 16, pixel[1] + 24)
-            found.append(Words(at, point.name, INK))
+            found.append(Label(at, point.name, INK))
             if point.joint:
-                found.append(Words((at[0], at[1] + 16), point.joint, QUIET))
+                found.append(Label((at[0], at[1] + 16), point.joint, QUIET))
     return found
 
 

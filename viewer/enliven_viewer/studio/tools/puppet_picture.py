@@ -1,4 +1,4 @@
-"""What of the puppet in the hand is drawn into the picture: control points, arrows, outline, warning."""
+"""What the puppet tool draws into the picture: control points, arrows, outline, warning."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ALWAYS = 0.8
 
 @dataclass(frozen=True, eq=False)
 class PuppetPicture:
-    """What is drawn over the meshes.
+    """What the puppet tool draws over the meshes.
 
     Attributes:
         crossing: vertices (V, 3) metres in the world and the faces (K, 3) of them that warn, or None.
@@ -36,24 +36,24 @@ NOTHING = PuppetPicture()
 
 
 def picture_of(tool: Tool) -> PuppetPicture:
-    """Of the tool in hand; nothing where it is another tool, or no puppet is chosen."""
+    """The picture of the active tool; nothing for another tool, or where no puppet is chosen."""
     if not isinstance(tool, PuppetTool):
         return NOTHING
-    desk, lens = tool.desk, tool.editor.lens
-    puppet = desk.puppet
-    standing = desk.stage.standing_of(puppet.id) if puppet is not None else None
+    puppets, lens = tool.puppets, tool.editor.lens
+    puppet = puppets.puppet
+    standing = puppets.stage.standing_of(puppet.id) if puppet is not None else None
     if puppet is None or standing is None:
         return NOTHING
-    mesh, warned, ghost = puppet.mesh, desk.crossing.faces, desk.stage.ghost
+    mesh, warned, ghost = puppet.mesh, puppets.crossing.faces, puppets.stage.ghost
     near = float(np.linalg.norm(standing.out(middle_of(puppet.mesh)[None])[0] - lens.view.eye))
-    tubes = [(point_rows(standing, lens, desk.point, tool.over_point), _SEEN_THROUGH * max(near, 0.05))]
+    tubes = [(point_rows(standing, lens, puppets.point, tool.hovered_point), _SEEN_THROUGH * max(near, 0.05))]
     manipulator = tool.manipulator()
     if manipulator is not None:
         part = tool.held.part if tool.held is not None else ""
         away = float(np.linalg.norm(manipulator.place - lens.view.eye))
-        tubes.append((manipulator.rows(part or tool.over, part), _ALWAYS * away))
+        tubes.append((manipulator.rows(part or tool.hovered_part, part), _ALWAYS * away))
     return PuppetPicture(
-        (standing.drawn, mesh.faces[warned]) if desk.warn and len(warned) else None,
+        (standing.drawn, mesh.faces[warned]) if puppets.warn and len(warned) else None,
         (ghost.drawn, mesh.faces, size_of(mesh)) if ghost is not None else None,
         tuple(tubes),
     )

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from enliven_viewer.studio.tools.base import Tool
-from enliven_viewer.studio.tools.carry import Carry
-from enliven_viewer.studio.tools.choose import Choose
-from enliven_viewer.studio.tools.cut import Cut
-from enliven_viewer.studio.tools.map import Map
-from enliven_viewer.studio.tools.nodes import Insert, Remove
-from enliven_viewer.studio.tools.pose import Pose
+from enliven_viewer.studio.tools.carry import CarryTool
+from enliven_viewer.studio.tools.choose import ChooseTool
+from enliven_viewer.studio.tools.cut import CutTool
+from enliven_viewer.studio.tools.map import MapTool
+from enliven_viewer.studio.tools.nodes import InsertTool, RemoveTool
+from enliven_viewer.studio.tools.pose import PoseTool
 from enliven_viewer.studio.tools.puppet import PuppetTool
-from enliven_viewer.studio.tools.sketch import Sketch
+from enliven_viewer.studio.tools.sketch import SketchTool
 
-TOOLS: tuple[type[Tool], ...] = (Choose, Sketch, Carry, Pose, Insert, Remove, Cut, Map, PuppetTool)
+TOOLS: tuple[type[Tool], ...] = (
+    ChooseTool,
+    SketchTool,
+    CarryTool,
+    PoseTool,
+    InsertTool,
+    RemoveTool,
+    CutTool,
+    MapTool,
+    PuppetTool,
+)
 """Every tool."""

@@ -17,9 +17,10 @@ _APART = 4.0
 _CLOSED = 22.0
 """Pixels from its begin within which a stroke shows that it is closed."""
 _FEWEST = 8
+"""Points of a stroke at least: fewer are a slip of the pointer, and outline nothing."""
 
 
-class Sketch(Tool):
+class SketchTool(Tool):
     """A stroke around a part, in the plane of the picture that goes through what the camera looks at."""
 
     name, label, key, icon = "sketch", "Sketch part", "s", "\uf040"
@@ -89,7 +90,7 @@ class Sketch(Tool):
         return bool(np.hypot(ax - bx, ay - by) < _CLOSED)
 
     def _in_plane(self, stroke: list[Point]) -> tuple[Plane, Float]:
-        """The plane parallel to the picture through what is looked at, and the stroke in it, metres."""
+        """The plane parallel to the picture through the camera's target, and the stroke in it, metres."""
         lens = self.editor.lens
         through = self.editor.camera.target
         right, up = lens.view.camera_from_world[0, :3], lens.up

@@ -1,4 +1,4 @@
-"""What the viewport needs to show and pick: lens, hits, overlays, colours, players and the selection."""
+"""Showing and picking in the viewport: lens, hits, overlays, colours, players and the selection."""
 
 import lazy_loader
 

@@ -1,11 +1,11 @@
 from .axes import axes_marks
-from .colours import clay_of, coloured
-from .overlay import Disc, Fill, Line, Overlay, Point, Words
+from .colours import coloured, default_colour
+from .overlay import Disc, Fill, Label, Line, Overlay, Point
 from .picking import Hit, Lens, bone_at, crossings, joint_at, surface_at
-from .playback import Company, end_of, layers_of, length_of, used_layers
-from .pose_at_time import Stance, joints_of
+from .playback import Players, end_of, layers_of, length_of, used_layers
+from .pose_at_time import PosedShape, joints_of
 from .possessed import Characters, Possessed, end_of_streams, possessed_at, possessed_of, with_performance
-from .selection import Selection, mended
+from .selection import Selection, valid_selection
 from .theme import (
     AXES,
     BONE,
@@ -52,34 +52,34 @@ __all__ = [
     "WARNING",
     "Characters",
     "Colour",
-    "Company",
     "Disc",
     "Fill",
     "Hit",
+    "Label",
     "Lens",
     "Line",
     "Overlay",
+    "Players",
     "Point",
+    "PosedShape",
     "Possessed",
     "Selection",
-    "Stance",
-    "Words",
     "axes_marks",
     "bone_at",
-    "clay_of",
     "coloured",
     "crossings",
+    "default_colour",
     "end_of",
     "end_of_streams",
     "joint_at",
     "joints_of",
     "layers_of",
     "length_of",
-    "mended",
     "point_colour",
     "possessed_at",
     "possessed_of",
     "surface_at",
     "used_layers",
+    "valid_selection",
     "with_performance",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven_viewer.studio.viewport.overlay import Disc, Line, Point, Words
+from enliven_viewer.studio.viewport.overlay import Disc, Label, Line, Point
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.studio.viewport.theme import AXES, Colour
 
@@ -12,10 +12,10 @@ _LENGTH = 24.0
 """Pixels."""
 
 
-def axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Words, ...]:
+def axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Label, ...]:
     """The world's axes as a view sees them, from a place in its pixels; what points away is drawn first."""
     seen = lens.view.camera_from_world[:3, :3]
-    found: list[Line | Disc | Words] = []
+    found: list[Line | Disc | Label] = []
     for axis in sorted(range(3), key=lambda k: seen[2, k]):
         right, up, nearer = (float(value) for value in seen[:, axis])
         red, green, blue = AXES[axis]
@@ -23,7 +23,7 @@ def axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Words, ...]:
         end = (at[0] + _LENGTH * right, at[1] - _LENGTH * up)
         found.append(Line((at, end), tint, 2.4))
         if np.hypot(right, up) > 0.3:
-            found.append(Words((end[0] + 7 * right - 3, end[1] - 8 * up), "xyz"[axis], tint))
+            found.append(Label((end[0] + 7 * right - 3, end[1] - 8 * up), "xyz"[axis], tint))
         else:
             found.append(Disc(end, 2.5, tint))
     return tuple(found)

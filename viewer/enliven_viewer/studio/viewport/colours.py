@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.document import Character
-from enliven_viewer.studio.viewport.theme import CLAYS
+from enliven_viewer.studio.viewport.theme import DEFAULT_COLOURS
 
 
-def clay_of(shape_id: str) -> tuple[int, int, int]:
-    """The sRGB of a mesh that brings no colours: always the same for a name."""
-    return CLAYS[zlib.crc32(shape_id.encode()) % len(CLAYS)]
+def default_colour(shape_id: str) -> tuple[int, int, int]:
+    """The sRGB of a mesh without colours of its own, always the same for a name."""
+    return DEFAULT_COLOURS[zlib.crc32(shape_id.encode()) % len(DEFAULT_COLOURS)]
 
 
 def coloured(character: Character) -> Character:
-    """The character, in its clay where it has no colours."""
+    """The character, in its default colour where the mesh brings none."""
     if character.colours is not None:
         return character
-    clay = np.array(clay_of(character.id), np.uint8)
-    return replace(character, colours=np.tile(clay, (len(character.vertices), 1)))
+    colour = np.array(default_colour(character.id), np.uint8)
+    return replace(character, colours=np.tile(colour, (len(character.vertices), 1)))

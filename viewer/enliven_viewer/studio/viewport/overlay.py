@@ -38,8 +38,8 @@ class Fill:
 
 
 @dataclass(frozen=True)
-class Words:
-    """A line of text whose left middle is at a place."""
+class Label:
+    """A line of text with its left middle at a place."""
 
     at: Point
     text: str
@@ -56,6 +56,6 @@ class Overlay:
         hovered: (shape, joint) under the pointer, or None.
     """
 
-    marks: tuple[Line | Disc | Fill | Words, ...] = ()
+    marks: tuple[Line | Disc | Fill | Label, ...] = ()
     chain: tuple[str, tuple[int, ...]] | None = None
     hovered: tuple[str, int] | None = None

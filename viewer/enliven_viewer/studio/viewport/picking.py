@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven_viewer.render import View
-from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.render import CameraView
+from enliven_viewer.studio.viewport.pose_at_time import PosedShape
 
 _NEAREST = 1e-3
 """Metres before the eye: what is nearer, or behind it, cannot be picked."""
@@ -23,7 +23,7 @@ _NEAREST = 1e-3
 class Lens:
     """A view and the size in pixels (width, height) that it is shown at."""
 
-    view: View
+    view: CameraView
     size: tuple[float, float]
 
     def project(self, points: Float) -> tuple[Float, Float]:
@@ -76,61 +76,65 @@ class Hit:
     depth: float
 
 
-def joint_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float], reach: float) -> Hit | None:
+def joint_at(
+    posed_shapes: Iterable[PosedShape], lens: Lens, at: tuple[float, float], reach: float
+) -> Hit | None:
     """The joint nearest to a pixel within ``reach`` pixels; of two as near, the one before the other."""
     found = []
-    for stance in stances:
-        pixels, depth = lens.project(stance.joints)
+    for posed in posed_shapes:
+        pixels, depth = lens.project(posed.joints)
         away = np.linalg.norm(pixels - at, axis=1)
         for joint in np.flatnonzero(away <= reach):
-            found.append(Hit(stance.shape.id, int(joint), 1.0, float(away[joint]), float(depth[joint])))
+            found.append(Hit(posed.shape.id, int(joint), 1.0, float(away[joint]), float(depth[joint])))
     return min(found, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def bone_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float], reach: float) -> Hit | None:
+def bone_at(
+    posed_shapes: Iterable[PosedShape], lens: Lens, at: tuple[float, float], reach: float
+) -> Hit | None:
     """The bone nearest to a pixel within ``reach`` pixels, and the place on it."""
     found = []
-    for stance in stances:
-        pixels, depth = lens.project(stance.joints)
-        for joint in range(1, len(stance.joints)):
-            parent = int(stance.shape.skeleton.parents[joint])
+    for posed in posed_shapes:
+        pixels, depth = lens.project(posed.joints)
+        for joint in range(1, len(posed.joints)):
+            parent = int(posed.shape.skeleton.parents[joint])
             share, away = _nearest_on(pixels[parent], pixels[joint], np.array(at))
             if away <= reach:
                 along = _in_space(share, depth[parent], depth[joint])
                 deep = float(depth[parent] + along * (depth[joint] - depth[parent]))
-                found.append(Hit(stance.shape.id, joint, along, away, deep))
+                found.append(Hit(posed.shape.id, joint, along, away, deep))
     return min(found, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def surface_at(stances: Iterable[Stance], lens: Lens, at: tuple[float, float]) -> Hit | None:
+def surface_at(posed_shapes: Iterable[PosedShape], lens: Lens, at: tuple[float, float]) -> Hit | None:
     """The mesh that the ray of a pixel meets first; ``joint`` is the bone that its place follows most."""
     way, eye = lens.ray(at), lens.view.eye
     best: Hit | None = None
-    for stance in stances:
-        mesh, skin = stance.shape.mesh, stance.shape.skin
+    for posed in posed_shapes:
+        mesh, skin = posed.shape.mesh, posed.shape.skin
         if mesh is None or skin is None:
             continue
-        face, distance = first_face(stance.surface(), mesh.faces, eye, way)
+        face, distance = first_face(posed.surface(), mesh.faces, eye, way)
         if face >= 0 and (best is None or distance < best.depth):
             vertex = mesh.faces[face, 0]
             bone = int(skin.indices[vertex, int(skin.weights[vertex].argmax())])
-            best = Hit(stance.shape.id, bone, 0.5, 0.0, distance)
+            best = Hit(posed.shape.id, bone, 0.5, 0.0, distance)
     return best
 
 
-def crossings(stances: Iterable[Stance], lens: Lens, stroke: Float) -> list[Hit]:
+def crossings(posed_shapes: Iterable[PosedShape], lens: Lens, stroke: Float) -> list[Hit]:
     """The bones that a stroke (P, 2) of pixels crosses, in its order, each once and where."""
     found: list[Hit] = []
-    for stance in stances:
-        pixels, depth = lens.project(stance.joints)
-        for joint in range(1, len(stance.joints)):
-            parent = int(stance.shape.skeleton.parents[joint])
+    for posed in posed_shapes:
+        pixels, depth = lens.project(posed.joints)
+        for joint in range(1, len(posed.joints)):
+            parent = int(posed.shape.skeleton.parents[joint])
             for first, last in itertools.pairwise(stroke):
                 share = _crossing(pixels[parent], pixels[joint], first, last)
                 if share is not None:
                     along = _in_space(share, depth[parent], depth[joint])
                     deep = float(depth[parent] + along * (depth[joint] - depth[parent]))
-                    found.append(Hit(stance.shape.id, joint, along, 0.0, deep))
+                    found.append(Hit(posed.shape.id, joint, along, 0.0, deep))
                     break
     return found
 

@@ -1,4 +1,4 @@
-"""How shapes stand at a moment, and how long the project plays."""
+"""The shapes of a project at a moment, and the length of the project."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ import math
 
 from enliven.document import Layer, Project, Shape
 from enliven.motion.layers import Player
-from enliven_viewer.studio.viewport.pose_at_time import Stance
+from enliven_viewer.studio.viewport.pose_at_time import PosedShape
 
-_MOST, _ALMOST = 4.0, 0.02
-"""How much longer than needed a project may play so that loops meet, and what share of a round is no jump."""
+_MOST = 4.0
+"""Times its length that a project may play longer to end where all loops begin again together."""
+_ALMOST = 0.02
+"""Share of a round by which loops may miss one another there: too little to be seen as a jump."""
 
 
-class Company:
-    """The players of a project's shapes; one whose shape and layers stay the same is kept."""
+class Players:
+    """The players of a project's shapes; a player is kept while its shape and layers stay the same."""
 
     def __init__(self) -> None:
         self._players: dict[str, tuple[tuple[object, ...], Player]] = {}
 
-    def stances(self, project: Project, time: float) -> tuple[Stance, ...]:
+    def posed_shapes(self, project: Project, time: float) -> tuple[PosedShape, ...]:
         """Every shape of the project at a time, seconds."""
         self._players = {name: self._player(project, shape) for name, shape in project.shapes.items()}
-        return tuple(_stance(player, time) for _, player in self._players.values())
+        return tuple(_posed(player, time) for _, player in self._players.values())
 
     def _player(self, project: Project, shape: Shape) -> tuple[tuple[object, ...], Player]:
         parts = (shape, *(project.layers[name] for name in layers_of(shape)))
@@ -35,9 +37,9 @@ class Company:
         return parts, Player(project, shape.id)
 
 
-def stance_of(project: Project, shape_id: str, time: float) -> Stance:
+def posed_shape(project: Project, shape_id: str, time: float) -> PosedShape:
     """One shape at a time of the project, seconds."""
-    return _stance(Player(project, shape_id), time)
+    return _posed(Player(project, shape_id), time)
 
 
 def layers_of(shape: Shape) -> tuple[str, ...]:
@@ -55,9 +57,9 @@ def used_layers(project: Project) -> tuple[Layer, ...]:
 
 
 def length_of(project: Project, shortest: float) -> float:
-    """Seconds that the project plays: until the last layer in use has been played once, and ``shortest``.
+    """Seconds that the project plays: until each layer in use was played once, at least ``shortest``.
 
-    Where layers loop it is a little more, if that is a time at which all of them begin again together.
+    With looping layers it is a little longer, where all of them then begin again together.
     """
     layers = used_layers(project)
     least = max([shortest, *(end_of(project, layer) for layer in layers)])
@@ -78,6 +80,6 @@ def end_of(project: Project, layer: Layer) -> float:
     return layer.offset + project.takes[layer.take].duration / abs(layer.speed)
 
 
-def _stance(player: Player, time: float) -> Stance:
+def _posed(player: Player, time: float) -> PosedShape:
     at = player.at(time)
-    return Stance(player.shape, at.turns, at.joints)
+    return PosedShape(player.shape, at.turns, at.joints)

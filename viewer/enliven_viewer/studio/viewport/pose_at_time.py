@@ -1,4 +1,4 @@
-"""Where a shape is at a moment: its bones' turns and its joints, and how the renderer is told."""
+"""A shape at one moment: the turns of its bones, its joints, and its pose for the renderer."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from enliven.rotation import rotate, to_matrix
 
 
 @dataclass(frozen=True, eq=False)
-class Stance:
+class PosedShape:
     """A shape at one moment.
 
     Attributes:
-        shape: whose.
+        shape: the shape in its rest pose.
         turns: (N, 4) unit quaternions D_j, world turns since rest.
         joints: (N, 3) metres.
     """
@@ -31,7 +31,7 @@ class Stance:
         return self.joints[parents], self.joints[1:]
 
     def pose(self) -> Pose:
-        """Of the character that :func:`enliven.document.rigged.character_of` makes of the shape."""
+        """The pose of the character that :func:`enliven.document.rigged.character_of` makes of the shape."""
         above = np.maximum(self.shape.skeleton.parents, 0)
         linear = to_matrix(self.turns).astype(np.float32)
         return Pose(self.shape.id, 0, linear, self.joints[above].astype(np.float32))

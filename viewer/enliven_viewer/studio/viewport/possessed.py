@@ -1,4 +1,4 @@
-"""Possessed meshes in the studio: how they stand, which is picked, and those of a recorded take."""
+"""Possessed meshes in the studio: their poses, picking, and loading them from a recorded take."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def end_of_streams(project: Project) -> float:
 
 
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:
-    """The project with what was possessed in a recorded take, and with its performers as takes to map.
+    """The project with the possessed meshes of a recorded take, and its performers as takes to map.
 
     Returns:
         The project, and the ids of all that was added.

@@ -1,4 +1,4 @@
-"""What an artist has chosen."""
+"""The selection of an artist: a shape, a mesh or a puppet, and parts of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.document import Project
 
 @dataclass(frozen=True)
 class Selection:
-    """What the next command is about.
+    """The objects that the next command applies to.
 
     Attributes:
         shape: its id, or None.
@@ -32,14 +32,14 @@ class Selection:
     puppet_layer: int | None = None
 
 
-def mended(chosen: Selection, project: Project) -> Selection:
-    """The selection without what is no longer in the project."""
+def valid_selection(chosen: Selection, project: Project) -> Selection:
+    """The selection without the objects that the project no longer has."""
     if chosen.layer is not None and chosen.layer not in project.layers:
         chosen = replace(chosen, layer=None)
     if chosen.graph is not None and chosen.graph not in project.graphs:
         chosen = replace(chosen, graph=None)
     if chosen.puppet is not None:
-        chosen = _mended_puppet(chosen, project)
+        chosen = _valid_puppet(chosen, project)
     if chosen.shape is not None and chosen.shape not in project.shapes:
         chosen = Selection(layer=chosen.layer)
     count = len(project.shapes[chosen.shape].skeleton) if chosen.shape else 0
@@ -50,7 +50,7 @@ def mended(chosen: Selection, project: Project) -> Selection:
     return chosen
 
 
-def _mended_puppet(chosen: Selection, project: Project) -> Selection:
+def _valid_puppet(chosen: Selection, project: Project) -> Selection:
     """The selection without a puppet, a control point or a layer that is no longer there."""
     puppet = project.puppets.get(str(chosen.puppet))
     if puppet is None:

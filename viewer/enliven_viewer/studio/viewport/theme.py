@@ -8,23 +8,36 @@ Colour = tuple[float, float, float, float]
 """sRGB and opacity, 0..1 each."""
 
 PANEL: Colour = (0.082, 0.092, 0.115, 1.0)
+"""Panels: darker than the stage, so that the work is the brightest."""
 RAISED: Colour = (0.125, 0.139, 0.170, 1.0)
+"""Buttons, fields and boxes on a panel."""
 PRESSED: Colour = (0.19, 0.21, 0.255, 1.0)
+"""A button or field under the pointer or pressed."""
 LINE: Colour = (1.0, 1.0, 1.0, 0.09)
+"""Lines between parts: barely seen."""
 DARK: Colour = (0.055, 0.062, 0.078, 1.0)
+"""Views and lanes within a panel: deeper than the panel."""
 STROKE: Colour = (1.0, 0.80, 0.36, 1.0)
+"""A stroke that is being sketched."""
 CUT: Colour = (1.0, 0.42, 0.36, 1.0)
+"""A stroke that cuts, and the places where it does."""
 CHAIN: Colour = (0.36, 0.92, 0.86, 1.0)
+"""A chain of joints, in overlays and lists."""
 
 BONE = (226, 232, 242)
+"""sRGB of bones of the selected shape."""
 FADED = (138, 150, 172)
+"""sRGB of bones of other shapes: dimmer."""
 CHOSEN = (255, 176, 76)
+"""sRGB of the chosen joint: the amber of whatever is active."""
 HOVERED = (255, 226, 160)
+"""sRGB of the joint under the pointer: between plain and chosen."""
 CHAINED = (92, 232, 220)
+"""sRGB of a chain of joints: as in overlays."""
 ROOT = (255, 120, 96)
-"""sRGB of bones: of the selected shape, of others, chosen, under the pointer, of a chain, and the root."""
+"""sRGB of the root joint, which moves the whole shape."""
 
-CLAYS = (
+DEFAULT_COLOURS = (
     (226, 142, 84),
     (118, 164, 190),
     (150, 176, 120),
@@ -45,11 +58,13 @@ LANES: tuple[Colour, ...] = (
 """Bars of the timeline, a colour a take."""
 
 AXES = ((236, 92, 84), (128, 206, 92), (92, 146, 246))
+"""sRGB of the manipulator's x, y and z: red, green, blue, as every 3-D program has them."""
 HELD_AXIS = (255, 226, 160)
-"""sRGB of the manipulator's x, y and z, and of the part that is under the pointer."""
+"""sRGB of the part of the manipulator under the pointer."""
 WARNING = (255, 74, 58)
+"""sRGB of faces that pass through one another."""
 GHOST = (150, 226, 255)
-"""sRGB of faces that pass through one another, and of the outline of the key pose before."""
+"""sRGB of the outline of the key pose before."""
 
 POINTS = (
     (255, 196, 84),

@@ -1,7 +1,7 @@
-from .command_table import DEEDS
-from .file_browser import Browser
+from .command_table import MENU_COMMANDS
+from .file_browser import FileBrowser
 from .go_to import begin_pose, edit_pose
 from .renaming import renamed
-from .workspace import Desk
+from .workspace import Workspace
 
-__all__ = ["DEEDS", "Browser", "Desk", "begin_pose", "edit_pose", "renamed"]
+__all__ = ["MENU_COMMANDS", "FileBrowser", "Workspace", "begin_pose", "edit_pose", "renamed"]

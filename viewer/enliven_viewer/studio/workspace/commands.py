@@ -1,4 +1,4 @@
-"""What menus and keys do: one method a command."""
+"""The commands of menus and keys, a method each."""
 
 from __future__ import annotations
 
@@ -21,16 +21,13 @@ from enliven.motion.contact import pin_feet, unpin
 from enliven.motion.layers import clear_chain, copy_motion
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sources import seen
-from enliven_viewer.studio.tools import remove
-from enliven_viewer.studio.workspace.puppet_commands import PuppetDeeds
-
-_ASIDE = 0.3
-"""Metres between the bones of a shape and those of a copy that is put beside it."""
+from enliven_viewer.studio.sources import matching_view
+from enliven_viewer.studio.tools import remove_joint
+from enliven_viewer.studio.workspace.puppet_commands import ASIDE, PuppetCommands
 
 
-class Deeds:
-    """Commands on an editor; the clipboard is theirs.
+class Commands:
+    """Commands on an editor, and their clipboard.
 
     Attributes:
         ask: opens a dialogue of the window ("open", "save", "export", "help", ...); without a window nothing
@@ -42,22 +39,22 @@ class Deeds:
         self._shape: tuple[Project, str] | None = None
         self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None
-        self.puppets = PuppetDeeds(editor)
+        self.puppets = PuppetCommands(editor)
 
     def play(self) -> None:
-        """Play, or stop."""
+        """Start or stop playing."""
         self.editor.playing = not self.editor.playing
 
     def step(self, count: int) -> None:
-        """Some frames on, or back."""
+        """Move the playhead by some frames."""
         self.editor.scrub(self.editor.time + count * self.editor.settings.frame_step)
 
     def bones(self) -> None:
-        """Show the bones, or not."""
+        """Show or hide the bones."""
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
-        """Take the chosen node out, or else the chosen shape away."""
+        """Remove the chosen joint, or else the chosen shape."""
         chosen = self.editor.selection
         if self.puppets.delete():
             return
@@ -67,7 +64,7 @@ class Deeds:
         elif chosen.shape is None:
             self.editor.toasts.say("Nothing is chosen", "Click a node or a shape first.")
         elif chosen.joint:
-            remove(self.editor, chosen.shape, chosen.joint)
+            remove_joint(self.editor, chosen.shape, chosen.joint)
         else:
             self.editor.edit(
                 f"delete {chosen.shape}", lambda project: project.without_shape(str(chosen.shape))
@@ -94,7 +91,7 @@ class Deeds:
             self.editor.edit(f"cut out {shape}", lambda project: project.without_shape(shape))
 
     def paste(self) -> None:
-        """Put a copy of the remembered shape beside what is there."""
+        """Paste a copy of the remembered shape beside the others."""
         if self.puppets.paste():
             return
         if self._shape is None:
@@ -113,7 +110,7 @@ class Deeds:
             self.editor.select(shape=made[-1])
 
     def duplicate(self) -> None:
-        """A copy of the chosen shape beside it, the clipboard untouched."""
+        """Put a copy of the chosen shape beside it; the clipboard stays."""
         if self.puppets.duplicate():
             return
         graph = self.editor.selection.graph
@@ -173,7 +170,7 @@ class Deeds:
         self.editor.toasts.say("Copied the chain's motion", "Choose another chain and press Ctrl+Shift+V.")
 
     def paste_motion(self) -> None:
-        """Give the chosen chain the remembered motion, on top of what moves it."""
+        """Add the remembered motion to the chosen chain, on top of its own."""
         chosen = self.editor.selection
         if self._motion is None:
             self.editor.toasts.say("No motion was copied", "Choose a chain and press Ctrl+Shift+C first.")
@@ -219,12 +216,12 @@ class Deeds:
             self.editor.toasts.say(f"{name} stays where it stands", "P lets it go again.")
 
     def best_view(self) -> None:
-        """Look from where most of the chosen shape's bones are seen, no further round than needed."""
+        """Turn the camera to the direction from which most of the chosen shape's bones are seen."""
         shape = self._chosen()
         if shape is None:
             return
-        starts, ends = self.editor.stance(shape).bones()
-        way = best_view(ends - starts, seen(self.editor.lens)).direction
+        starts, ends = self.editor.posed(shape).bones()
+        way = best_view(ends - starts, matching_view(self.editor.lens)).direction
         # From behind as much is seen, and never from below the floor.
         way = -way if way[1] > 0 else way
         azimuth, elevation = np.arctan2(-way[0], -way[2]), np.arcsin(np.clip(-way[1], -1.0, 1.0))
@@ -253,7 +250,7 @@ class Deeds:
         project, copy = copy_graph(project, graph)
         right = self.editor.lens.view.camera_from_world[0, :3]
         wide = float(np.ptp(project.graphs[graph].mesh.vertices @ right))
-        return move_graph(project, copy, right * (wide + _ASIDE))
+        return move_graph(project, copy, right * (wide + ASIDE))
 
     def _chosen(self) -> str | None:
         if self.editor.selection.shape is None:
@@ -264,16 +261,16 @@ class Deeds:
         self.editor.toasts.say("No chain is chosen", "Click the joint where it begins, Shift-click its end.")
 
     def _outwards(self, shape: str, chain: tuple[int, ...]) -> tuple[int, ...]:
-        """The chain from the root's side; one that goes up is turned round."""
+        """The chain in the order from the root to the end."""
         parents = self.editor.project.shapes[shape].skeleton.parents
         return chain[::-1] if len(chain) > 1 and parents[chain[0]] == chain[1] else chain
 
     def _aside(self, source: Project, name: str) -> np.ndarray:
-        """(3,) metres, to the right as it is seen, by about the shape's width."""
+        """(3,) metres, an offset to the right of the view by about the shape's width."""
         lens, points = self.editor.lens, source.shapes[name].skeleton.positions
         right = lens.view.camera_from_world[0, :3]
         wide = float(np.ptp(points @ right))
-        way = np.asarray(right * (wide + _ASIDE))
+        way = np.asarray(right * (wide + ASIDE))
         way[1] = 0.0
         return way
 

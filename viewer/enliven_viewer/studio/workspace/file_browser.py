@@ -9,8 +9,8 @@ from enliven.errors import InputError
 
 
 @dataclass
-class Browser:
-    """What an open or save dialogue shows.
+class FileBrowser:
+    """The state of an open or save dialogue.
 
     Attributes:
         folder: that is listed.
@@ -66,7 +66,7 @@ class Browser:
         return path
 
     def _listed(self) -> list[Path]:
-        """What is in the folder, by name; nothing where it cannot be read."""
+        """The entries of the folder, by name; none where it cannot be read."""
         self.problem = ""
         try:
             found = [path for path in self.folder.iterdir() if not path.name.startswith(".")]

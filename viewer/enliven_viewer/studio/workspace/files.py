@@ -36,8 +36,10 @@ _LONGEST = 130
 """Letters of a file's note that are shown."""
 _BESIDE = 0.3
 """Metres between a model that is opened and what is there."""
-_LIKELY, _PERSON = (0.25, 6.0), 1.7
-"""Metres: heights of a mesh that are believed, and the one that others are given."""
+_LIKELY = (0.25, 6.0)
+"""Metres: a height of a mesh between these is believed; others are taken for another unit."""
+_PERSON = 1.7
+"""Metres: the height that a mesh of no likely height is given, that of a person."""
 
 
 def add_file(editor: Editor, path: Path) -> None:
@@ -212,7 +214,7 @@ def _add_performance(editor: Editor, path: Path) -> None:
 
 
 def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
-    """What was opened, and what was odd about it, in one message."""
+    """Tell in one message what was opened and what was odd about it."""
     if notes:
         more = f" (and {len(notes) - 1} more)" if len(notes) > 1 else ""
         first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."

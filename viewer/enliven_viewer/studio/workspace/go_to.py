@@ -7,23 +7,23 @@ from typing import Protocol
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of, time_of
 from enliven_viewer.studio.performer import PerformerView
-from enliven_viewer.studio.workspace.input import Hand
+from enliven_viewer.studio.workspace.input import ViewportInput
 
 _ROOM = 1.35
 """How much air is left around a puppet that is brought into the picture."""
 
 
-class Workplace(Protocol):
-    """The editor, the tool in hand and the second view, which go to a moment together."""
+class WorkspaceViews(Protocol):
+    """The editor, the input and the second view, which go to a moment together."""
 
     editor: Editor
     performer: PerformerView
-    hand: Hand
+    input: ViewportInput
 
 
-def go_to(desk: Workplace, take: str, seconds: float) -> None:
+def go_to(workspace: WorkspaceViews, take: str, seconds: float) -> None:
     """The playhead to a second of a take, where the puppet plays it; the second view shows that take."""
-    editor, puppet = desk.editor, desk.editor.puppets.puppet
+    editor, puppet = workspace.editor, workspace.editor.puppets.puppet
     if puppet is None:
         return
     editor.puppets.accept()
@@ -31,32 +31,32 @@ def go_to(desk: Workplace, take: str, seconds: float) -> None:
     if number is not None:
         editor.select(puppet_layer=number)
         editor.scrub(time_of(editor.project, puppet.layers[number], seconds))
-    desk.performer.show(take)
+    workspace.performer.show(take)
 
 
-def edit_pose(desk: Workplace, number: int) -> None:
+def edit_pose(workspace: WorkspaceViews, number: int) -> None:
     """Edit a key pose at its moment."""
-    puppet = desk.editor.puppets.puppet
+    puppet = workspace.editor.puppets.puppet
     if puppet is not None and 0 <= number < len(puppet.poses):
-        _take_in_hand(desk)
-        go_to(desk, puppet.poses[number].take, puppet.poses[number].time)
-        desk.editor.puppets.edit_pose(number)
-        bring_into_view(desk)
+        _take_tool(workspace)
+        go_to(workspace, puppet.poses[number].take, puppet.poses[number].time)
+        workspace.editor.puppets.edit_pose(number)
+        bring_into_view(workspace)
 
 
-def begin_pose(desk: Workplace, take: str, seconds: float) -> None:
+def begin_pose(workspace: WorkspaceViews, take: str, seconds: float) -> None:
     """Make a key pose for a second of a take, and edit it."""
-    clip = desk.editor.project.takes[take]
+    clip = workspace.editor.project.takes[take]
     frame = min(max(round(seconds / clip.step), 0), len(clip.turns) - 1)
-    _take_in_hand(desk)
-    go_to(desk, take, frame * clip.step)
-    desk.editor.puppets.begin_pose(take, frame * clip.step)
-    bring_into_view(desk)
+    _take_tool(workspace)
+    go_to(workspace, take, frame * clip.step)
+    workspace.editor.puppets.begin_pose(take, frame * clip.step)
+    bring_into_view(workspace)
 
 
-def bring_into_view(desk: Workplace) -> None:
+def bring_into_view(workspace: WorkspaceViews) -> None:
     """Move the camera to the chosen puppet where it is not wholly in the picture: it may have walked away."""
-    editor = desk.editor
+    editor = workspace.editor
     standing = editor.puppets.stage.standing_of(editor.selection.puppet or "")
     if standing is None:
         return
@@ -66,6 +66,6 @@ def bring_into_view(desk: Workplace) -> None:
         editor.camera.frame((low, high), editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
 
 
-def _take_in_hand(desk: Workplace) -> None:
-    if desk.hand.tool.name != "puppet":
-        desk.hand.take("puppet")
+def _take_tool(workspace: WorkspaceViews) -> None:
+    if workspace.input.tool.name != "puppet":
+        workspace.input.take("puppet")

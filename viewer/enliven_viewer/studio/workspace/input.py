@@ -1,33 +1,37 @@
-"""The artist's hand: buttons, wheel and keys, given to the tool in hand, to the camera or to a command."""
+"""Buttons, wheel and keys over the viewport, passed to the active tool, the camera or a command."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools import TOOLS, Pointer, Tool
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace.command_table import DEEDS
-from enliven_viewer.studio.workspace.commands import Deeds
+from enliven_viewer.studio.workspace.command_table import MENU_COMMANDS
+from enliven_viewer.studio.workspace.commands import Commands
 
-_TURN = 0.008
-"""Radians a pixel of dragging."""
-LEFT, RIGHT, MIDDLE = 0, 1, 2
+LEFT = 0
+"""The left button, as ImGui counts; it works with the tool."""
+RIGHT = 1
+"""The right button, which turns the camera."""
+MIDDLE = 2
+"""The middle button, which moves the camera."""
 
 
-class Hand:
-    """Forwards what a pointer and a keyboard do over the viewport.
+class ViewportInput:
+    """Passes the input over the viewport to the active tool, the camera or a command.
 
     Args:
         editor: what is edited.
-        deeds: what keys and menus do.
+        commands: what keys and menus do.
 
     Attributes:
         first: asked about every key before the tool is; True where it took it.
     """
 
-    def __init__(self, editor: Editor, deeds: Deeds) -> None:
-        self.editor, self.deeds = editor, deeds
+    def __init__(self, editor: Editor, commands: Commands) -> None:
+        self.editor, self.commands = editor, commands
         self.tools = {kind.name: kind(editor) for kind in TOOLS}
         self.tool: Tool = self.tools[TOOLS[0].name]
         self.at: Point = (0.0, 0.0)
@@ -36,7 +40,7 @@ class Hand:
         self._with_tool = False
 
     def take(self, name: str) -> None:
-        """Take another tool in hand."""
+        """Make another tool the active one."""
         self.tool.cancel()
         self.tool = self.tools[name]
 
@@ -59,7 +63,7 @@ class Hand:
             height = max(self.editor.size[1], 1.0)
             self.editor.camera.pan(-across / height, down / height)
         else:
-            self.editor.camera.orbit(-_TURN * across, _TURN * down)
+            self.editor.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
 
     def release(self, at: Point, button: int = LEFT, *, shift: bool = False, ctrl: bool = False) -> None:
         """A button went up."""
@@ -79,7 +83,7 @@ class Hand:
         return self._held is not None
 
     def key(self, key: str) -> bool:
-        """A key such as "c", "space", "ctrl+z", "ctrl+shift+v"; whether anything came of it."""
+        """Take a key such as "c", "space", "ctrl+z" or "ctrl+shift+v"; returns whether it had an effect."""
         if self.first(key) or self.tool.type(key):
             return True
         if key == "escape":
@@ -90,8 +94,8 @@ class Hand:
             if key == kind.key:
                 self.take(kind.name)
                 return True
-        for deed in DEEDS:
-            if key in deed.keys:
-                deed.do(self.deeds)
+        for command in MENU_COMMANDS:
+            if key in command.keys:
+                command.do(self.commands)
                 return True
         return False

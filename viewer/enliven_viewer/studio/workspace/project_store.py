@@ -1,4 +1,4 @@
-"""Where the work is kept: the project's file, what of it is not saved, and files to recover it from."""
+"""Saves the project to its file, and to recovery files while it has unsaved changes."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _FRESH = 60.0
 """Seconds."""
 
 
-class Cabinet:
+class ProjectStore:
     """The file of an editor's project.
 
     A recovery file is written every few seconds while something is not saved, and removed when it is. A
-    studio that ends badly leaves it behind; the next one offers it.
+    studio that crashes leaves it behind, and the next one offers it.
 
     Args:
         folder: where recovery files are; None takes the user's own place.
@@ -35,12 +35,12 @@ class Cabinet:
         self.path: Path | None = None
         self.folder = folder or own_folder()
         self._saved: Project = editor.history.project
-        self._kept: Project = self._saved
+        self._autosaved: Project = self._saved
         self._since = time.monotonic()
 
     @property
     def name(self) -> str:
-        """What to call the project."""
+        """The name of the project: of its file, or "Untitled"."""
         return self.path.stem if self.path else _UNNAMED
 
     @property
@@ -49,7 +49,7 @@ class Cabinet:
         return self.editor.history.project is not self._saved
 
     def forget(self) -> None:
-        """What is not saved is given up."""
+        """Give up the unsaved changes."""
         self._saved = self.editor.history.project
 
     def new(self, project: Project | None = None) -> None:
@@ -78,26 +78,26 @@ class Cabinet:
         assert target is not None, "a project without a file is saved with a path"
         project = self.editor.history.project
         write_project(target, project)
-        self.path, self._saved, self._kept = target, project, project
+        self.path, self._saved, self._autosaved = target, project, project
         self._own().unlink(missing_ok=True)
         self.editor.toasts.say(f"Saved {target.name}")
 
-    def keep(self, now: float | None = None) -> None:
+    def autosave(self, now: float | None = None) -> None:
         """Write the recovery file where it is time and something has changed."""
         now = time.monotonic() if now is None else now
         if now - self._since >= self.editor.settings.autosave:
             self._since = now
-            self.keep_now()
+            self.autosave_now()
 
-    def keep_now(self) -> None:
+    def autosave_now(self) -> None:
         """Write the recovery file where something has changed since the last."""
         project = self.editor.history.project
-        if project is self._kept or not self.dirty:
+        if project is self._autosaved or not self.dirty:
             return
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             write_project(self._own(), project)
-            self._kept = project
+            self._autosaved = project
         except (OSError, EnlivenError) as error:
             said = error.what if isinstance(error, EnlivenError) else str(error.strerror)
             self.editor.toasts.say(
@@ -126,19 +126,19 @@ class Cabinet:
         self.folder.mkdir(parents=True, exist_ok=True)
         path.replace(self._own())
 
-    def throw_away(self, paths: list[Path]) -> None:
+    def discard(self, paths: list[Path]) -> None:
         """Remove recovery files."""
         for path in paths:
             with contextlib.suppress(OSError):
                 path.unlink()
 
     def close(self) -> None:
-        """The studio ends as it was asked to: nothing is left to recover."""
+        """Remove the recovery file, since the studio ends without fault."""
         self._own().unlink(missing_ok=True)
 
     def _begin(self, project: Project) -> None:
         self.editor.begin(project)
-        self._saved = self._kept = self.editor.history.project
+        self._saved = self._autosaved = self.editor.history.project
         self._own().unlink(missing_ok=True)
 
     def _own(self) -> Path:

@@ -1,4 +1,4 @@
-"""What menus and keys do to the chosen puppet, and how a puppet is made of a shape."""
+"""Commands on the chosen puppet, and making a puppet of a shape."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from enliven.modeling.puppet import (
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 
-_ASIDE = 0.3
-"""Metres between a puppet and what is put beside it."""
+ASIDE = 0.3
+"""Metres between a shape or puppet and a copy that is put beside it: both are seen apart."""
 
 
-class PuppetDeeds:
-    """Commands on the chosen puppet; each tells whether there was one. The clipboard is theirs."""
+class PuppetCommands:
+    """Commands on the chosen puppet, and a clipboard; each command returns whether a puppet was chosen."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
@@ -54,11 +54,11 @@ class PuppetDeeds:
         return True
 
     def forget(self) -> None:
-        """Something else was copied."""
+        """Clear the clipboard, since something else was copied."""
         self._source = None
 
     def paste(self) -> bool:
-        """Put a copy of what was remembered beside what is there."""
+        """Paste a copy of the remembered puppet beside the others."""
         if self._source is None:
             return False
         source, name = self._source
@@ -67,7 +67,7 @@ class PuppetDeeds:
         return self._add(f"paste {name}", lambda p: paste_puppet(p, source, name, offset=offset))
 
     def duplicate(self) -> bool:
-        """A copy beside it, the clipboard untouched."""
+        """Put a copy of the puppet beside it; the clipboard stays."""
         name = self._name()
         if name is None:
             return False
@@ -113,17 +113,17 @@ class PuppetDeeds:
 
     def outline(self) -> None:
         """Outline the key pose before while one is edited, or not."""
-        desk = self.editor.puppets
-        desk.silhouette = not desk.silhouette
-        said = "is outlined" if desk.silhouette else "is not outlined any more"
+        puppets = self.editor.puppets
+        puppets.silhouette = not puppets.silhouette
+        said = "is outlined" if puppets.silhouette else "is not outlined any more"
         self.editor.toasts.say(f"The key pose before {said}")
 
     def warn(self) -> None:
         """Show faces that pass through one another while a key pose is edited, or not."""
-        desk = self.editor.puppets
-        desk.warn = not desk.warn
+        puppets = self.editor.puppets
+        puppets.warn = not puppets.warn
         self.editor.toasts.say(
-            "Faces that pass through one another are " + ("red" if desk.warn else "not shown")
+            "Faces that pass through one another are " + ("red" if puppets.warn else "not shown")
         )
 
     def bake(self) -> bool:
@@ -138,10 +138,10 @@ class PuppetDeeds:
     def _chosen_mesh(self) -> tuple[str, Mesh] | None:
         editor, chosen = self.editor, self.editor.selection
         if chosen.shape is not None:
-            stance = editor.stance(chosen.shape)
-            mesh = stance.shape.mesh
+            posed = editor.posed(chosen.shape)
+            mesh = posed.shape.mesh
             if mesh is not None and len(mesh.faces):
-                return chosen.shape, replace(mesh, vertices=stance.surface())
+                return chosen.shape, replace(mesh, vertices=posed.surface())
         for one in editor.possessed:
             if one.shape.id == chosen.graph:
                 return one.shape.id, replace(one.shape.mesh, vertices=one.vertices)
@@ -155,7 +155,7 @@ class PuppetDeeds:
         return True
 
     def _add(self, name: str, change) -> bool:  # type: ignore[no-untyped-def]
-        """An edit that gives another puppet too, which is chosen then."""
+        """Do an edit that adds a puppet, and choose that puppet."""
         made: list[str] = []
 
         def alone(project: Project) -> Project:
@@ -168,9 +168,9 @@ class PuppetDeeds:
         return True
 
     def _aside(self, mesh: Mesh) -> Float:
-        """(3,) metres to the right, as it is seen, by about the mesh's width."""
+        """(3,) metres, an offset to the right of the view by about the mesh's width."""
         right = self.editor.lens.view.camera_from_world[0, :3]
-        way = np.asarray(right * (float(np.ptp(mesh.vertices @ right)) + _ASIDE))
+        way = np.asarray(right * (float(np.ptp(mesh.vertices @ right)) + ASIDE))
         way[1] = 0.0
         return way
 

@@ -1,4 +1,4 @@
-"""Giving a shape another name."""
+"""Renames a shape."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.errors import InputError
 
 
 def renamed(project: Project, name: str, wanted: str) -> Project:
-    """A project in which a shape is called ``wanted``; its place among the others stays.
+    """A project with a shape renamed to ``wanted``; its place among the others stays.
 
     Raises:
         InputError: where there is no such shape, or another is called so.

@@ -1,4 +1,4 @@
-"""What the window holds together: the editor, the hand, the files, and where its widgets are."""
+"""The state behind the studio's window: editor, input, project store, dialogues and the places of widgets."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import Exporting
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.performer import PerformerView
-from enliven_viewer.studio.timeline import TimelineHand
-from enliven_viewer.studio.workspace.commands import Deeds
-from enliven_viewer.studio.workspace.file_browser import Browser
+from enliven_viewer.studio.timeline import TimelineInput
+from enliven_viewer.studio.workspace.commands import Commands
+from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.files import (
     MESHES,
     MODELS,
@@ -26,60 +26,60 @@ from enliven_viewer.studio.workspace.files import (
     save_session,
 )
 from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
-from enliven_viewer.studio.workspace.input import Hand
-from enliven_viewer.studio.workspace.project_store import PROJECT, Cabinet
+from enliven_viewer.studio.workspace.input import ViewportInput
+from enliven_viewer.studio.workspace.project_store import PROJECT, ProjectStore
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in the window's pixels."""
 
 
-class Desk:
-    """Everything that panels draw and change; it lives without a window as well.
+class Workspace:
+    """Everything that panels draw and change; it works without a window as well.
 
     Attributes:
         widgets: where each widget was drawn last, by name, so that a session can click on it.
         asking: the dialogue that is open, or empty.
         browser: what a dialogue about files shows.
-        caption: what a session says of what it does; empty in an artist's hands.
+        caption: what a session says of what it does; empty without a session.
         pressed: the key that a session presses just now.
-        over: whether the studio is to end.
+        ended: whether the studio is to end.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
-        self.hand = Hand(editor, Deeds(editor, self.ask))
-        self.timeline = TimelineHand(editor)
+        self.input = ViewportInput(editor, Commands(editor, self.ask))
+        self.timeline = TimelineInput(editor)
         self.timeline.puppets.edit_pose = lambda number: edit_pose(self, number)
         self.timeline.puppets.begin_pose = lambda take, seconds: begin_pose(self, take, seconds)
-        self.hand.first = self.timeline.type
+        self.input.first = self.timeline.type
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.puppets.coverages
-        self.cabinet = Cabinet(editor, folder)
+        self.store = ProjectStore(editor, folder)
         self.exporting = Exporting(editor.toasts)
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""
-        self.browser: Browser | None = None
-        self.over = False
+        self.browser: FileBrowser | None = None
+        self.ended = False
         self._after = ""
         self._wanted: Path | None = None
 
     @classmethod
-    def new(cls, editor: Editor, folder: Path | None = None) -> Desk:
-        """A desk with an empty project and the library of motions."""
-        desk = cls(editor, folder)
-        desk.cabinet.new(Project().with_takes(*library()))
-        return desk
+    def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:
+        """A workspace with an empty project and the library of motions."""
+        workspace = cls(editor, folder)
+        workspace.store.new(Project().with_takes(*library()))
+        return workspace
 
     def ask(self, dialogue: str) -> None:
         """Open a dialogue, or do at once what needs none."""
-        if dialogue in ("new", "quit") and self.cabinet.dirty:
+        if dialogue in ("new", "quit") and self.store.dirty:
             self._after, self.asking = dialogue, "unsaved"
         elif dialogue == "new":
-            self.cabinet.new(Project().with_takes(*library()))
+            self.store.new(Project().with_takes(*library()))
         elif dialogue == "quit":
-            self.over = True
-        elif dialogue == "save" and self.cabinet.path is not None:
-            self.attempt(self.cabinet.save)
+            self.ended = True
+        elif dialogue == "save" and self.store.path is not None:
+            self.attempt(self.store.save)
         elif dialogue == "session" and self.editor.puppets.puppet is None:
             self.editor.toasts.say("No puppet is chosen", "Click the one whose examples are to be saved.")
         elif dialogue in ("open", "save", "save as", "export", "session"):
@@ -95,10 +95,10 @@ class Desk:
         """
         if path.suffix.lower() != PROJECT:
             add_file(self.editor, path)
-        elif self.cabinet.dirty:
+        elif self.store.dirty:
             self._after, self._wanted, self.asking = "open", path, "unsaved"
         else:
-            self.cabinet.open(path)
+            self.store.open(path)
 
     def chosen(self, path: Path) -> None:
         """A file was chosen in the dialogue.
@@ -116,20 +116,20 @@ class Desk:
             self.editor.toasts.say(f"Saved {path.name}", "`enliven examples fit` plays it without a window.")
         else:
             try:
-                self.cabinet.save(path)
+                self.store.save(path)
             except EnlivenError:
                 self.cancel()  # what waited for the work to be saved must not go on later
                 raise
             self._go_on()
 
     def go_on(self, *, discard: bool) -> None:
-        """What was asked for goes on: without saving, or after saving."""
+        """Go on with the command that waited for unsaved work, with or without saving."""
         self.asking = ""
         if discard:
-            self.cabinet.forget()
+            self.store.forget()
             self._go_on()
-        elif self.cabinet.path is not None:
-            if self.attempt(self.cabinet.save):
+        elif self.store.path is not None:
+            if self.attempt(self.store.save):
                 self._go_on()
         else:
             self._browse("save as")
@@ -138,17 +138,17 @@ class Desk:
         """Close the dialogue; nothing goes on."""
         self.asking, self._after, self._wanted = "", "", None
 
-    def attempt(self, deed: Callable[[], object]) -> bool:
-        """Do something that may fail; where it does, say so."""
+    def attempt(self, command: Callable[[], object]) -> bool:
+        """Call a function; show its EnlivenError as a message and return False where it raises one."""
         try:
-            deed()
+            command()
         except EnlivenError as error:
             self.editor.toasts.complain(error)
             return False
         return True
 
     def widget(self, name: str) -> Rectangle:
-        """Where a widget was drawn last.
+        """The rectangle where a widget was drawn last.
 
         Raises:
             InputError: where it has not been drawn.
@@ -175,26 +175,26 @@ class Desk:
             self.editor.toasts.say(export(project, path))
 
     def _browse(self, dialogue: str) -> None:
-        folder = self.cabinet.path.parent if self.cabinet.path else Path.cwd()
+        folder = self.store.path.parent if self.store.path else Path.cwd()
         endings = {
             "open": (PROJECT, *MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS),
             "save as": (PROJECT,),
             "export": (".glb",),
             "session": SESSIONS,
         }[dialogue]
-        puppet, unnamed = self.editor.selection.puppet, self.cabinet.path is None
+        puppet, unnamed = self.editor.selection.puppet, self.store.path is None
         about_it = dialogue == "session" or (dialogue == "export" and unnamed and puppet is not None)
-        stem = puppet if about_it else self.cabinet.name
+        stem = puppet if about_it else self.store.name
         name = "" if dialogue == "open" else f"{stem}{endings[0]}"
-        own = self.cabinet.path if dialogue == "save as" else None
-        self.browser = Browser(folder, endings, name, dialogue != "open", own)
+        own = self.store.path if dialogue == "save as" else None
+        self.browser = FileBrowser(folder, endings, name, dialogue != "open", own)
         self.asking = dialogue
 
     def _go_on(self) -> None:
-        """Do what waited for the work to be saved or given up."""
+        """Run the command that waited until the work was saved or given up."""
         after, self._after = self._after, ""
         wanted, self._wanted = self._wanted, None
         if after == "open" and wanted is not None:
-            self.attempt(lambda: self.cabinet.open(wanted))
+            self.attempt(lambda: self.store.open(wanted))
         elif after:
             self.ask(after)

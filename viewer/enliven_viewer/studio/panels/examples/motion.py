@@ -1,4 +1,4 @@
-"""What the chosen puppet plays: its layer's numbers, and what is held hard at single frames."""
+"""The layer of the chosen puppet: its numbers, and the hard constraints at single frames."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Coupling, Position, Puppet, PuppetLayer, Velocity
 from enliven.modeling.puppet import change_layer, remove_layer
 from enliven_viewer.studio.examples import (
-    Held,
-    held_of,
+    HardConstraint,
+    constraints_of,
     layer_of,
     seconds_at,
     time_of,
-    with_held,
-    without_held,
+    with_constraint,
+    without_constraint,
 )
 from enliven_viewer.studio.panels.style import heading, quiet, small
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _REMOVE = "\uf00d"
 _TOLD = {
@@ -31,9 +31,9 @@ _TOLD = {
 _WORDS = {"travel": "travels", "level_feet": "level feet"}
 
 
-def draw_layer(desk: Desk, puppet: Puppet) -> None:
-    """The numbers of the layer that is chosen, or of the first."""
-    editor = desk.editor
+def draw_layer(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the numbers of the chosen layer, or of the first."""
+    editor = workspace.editor
     number = layer_of(puppet, editor.selection.puppet_layer)
     assert number is not None
     layer = puppet.layers[number]
@@ -44,54 +44,61 @@ def draw_layer(desk: Desk, puppet: Puppet) -> None:
     if imgui.small_button("Remove##layer"):
         editor.edit("remove a layer", lambda project: remove_layer(project, puppet.id, number))
         return
-    desk.remember("remove layer")
-    _slider(desk, puppet.id, number, layer, "weight", 0.0, 1.0, "weight %.2f")
-    _slider(desk, puppet.id, number, layer, "offset", -5.0, 30.0, "begins at %.2f s")
-    _slider(desk, puppet.id, number, layer, "speed", -3.0, 3.0, "speed %.2f")
+    workspace.remember("remove layer")
+    _slider(workspace, puppet.id, number, layer, "weight", 0.0, 1.0, "weight %.2f")
+    _slider(workspace, puppet.id, number, layer, "offset", -5.0, 30.0, "begins at %.2f s")
+    _slider(workspace, puppet.id, number, layer, "speed", -3.0, 3.0, "speed %.2f")
     for name in ("loop", "muted", "travel", "level_feet", "mirrored"):
         toggled, on = imgui.checkbox(_WORDS.get(name, name), getattr(layer, name))
-        desk.remember(f"layer {name}")
+        workspace.remember(f"layer {name}")
         if imgui.is_item_hovered():
             imgui.set_tooltip(_TOLD[name])
         if toggled:
-            change(desk, puppet.id, number, _WORDS.get(name, name), **{name: on})
+            change(workspace, puppet.id, number, _WORDS.get(name, name), **{name: on})
         if name in ("loop", "travel"):
             imgui.same_line(126)
 
 
-def change(desk: Desk, puppet: str, number: int, word: str, **changes: Any) -> bool:
+def change(workspace: Workspace, puppet: str, number: int, word: str, **changes: Any) -> bool:
     """An edit of a layer's attributes."""
-    return desk.editor.edit(word, lambda project: change_layer(project, puppet, number, **changes))
+    return workspace.editor.edit(word, lambda project: change_layer(project, puppet, number, **changes))
 
 
 def _slider(
-    desk: Desk, puppet: str, number: int, layer: PuppetLayer, name: str, low: float, high: float, said: str
+    workspace: Workspace,
+    puppet: str,
+    number: int,
+    layer: PuppetLayer,
+    name: str,
+    low: float,
+    high: float,
+    said: str,
 ) -> None:
-    """A number of a layer: shown while it is dragged, remembered as one edit when it is let go."""
+    """Draw a slider of a layer's number: a draft while it is dragged, one edit when it is let go."""
     imgui.set_next_item_width(-1)
     changed, wanted = imgui.slider_float(f"##puppet {name}", getattr(layer, name), low, high, said)
-    desk.remember(f"layer {name}")
+    workspace.remember(f"layer {name}")
     if changed and (name != "speed" or abs(wanted) > 0.02):
-        desk.editor.sketch(lambda project: change_layer(project, puppet, number, **{name: wanted}))
+        workspace.editor.sketch(lambda project: change_layer(project, puppet, number, **{name: wanted}))
     if imgui.is_item_deactivated_after_edit():
-        last = getattr(desk.editor.project.puppets[puppet].layers[number], name)
-        change(desk, puppet, number, f"change {name}", **{name: last})
+        last = getattr(workspace.editor.project.puppets[puppet].layers[number], name)
+        change(workspace, puppet, number, f"change {name}", **{name: last})
 
 
-def draw_held(desk: Desk, puppet: Puppet) -> None:
-    """What is held hard at frames of the layer's take."""
-    number = layer_of(puppet, desk.editor.selection.puppet_layer)
-    found = held_of(desk.editor.project, puppet.id, number) if number is not None else ()
+def draw_held(workspace: Workspace, puppet: Puppet) -> None:
+    """List the hard constraints of the layer's take."""
+    number = layer_of(puppet, workspace.editor.selection.puppet_layer)
+    found = constraints_of(workspace.editor.project, puppet.id, number) if number is not None else ()
     if number is None or not found:
         return
     heading("Held hard")
     for row, held in enumerate(found):
-        _held_row(desk, puppet, number, row, held)
+        _held_row(workspace, puppet, number, row, held)
 
 
-def draw_holding(desk: Desk, puppet: Puppet) -> None:
-    """Buttons that hold the chosen control point hard at the playhead."""
-    editor, chosen = desk.editor, desk.editor.puppets.point
+def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the buttons that add hard constraints of the chosen control point at the playhead."""
+    editor, chosen = workspace.editor, workspace.editor.puppets.point
     number = layer_of(puppet, editor.selection.puppet_layer)
     if chosen is None or number is None:
         return
@@ -100,17 +107,17 @@ def draw_holding(desk: Desk, puppet: Puppet) -> None:
     frame = round(seconds_at(editor.project, puppet.layers[number], editor.time) / take.step)
     name = puppet.points[chosen].name
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
-    wanted: Held | None = None
+    wanted: HardConstraint | None = None
     if imgui.button("Here", third):
         x, y, z = editor.puppets.shown(puppet)[chosen].tolist()
         wanted = Position(name, frame, (x, y, z))
-    desk.remember("hold here")
+    workspace.remember("hold here")
     if imgui.is_item_hovered():
         imgui.set_tooltip(f"{name} goes through this place at this frame")
     imgui.same_line()
     if imgui.button("Still", third):
         wanted = Velocity(name, max(frame, 1), (0.0, 0.0, 0.0))
-    desk.remember("hold still")
+    workspace.remember("hold still")
     if imgui.is_item_hovered():
         imgui.set_tooltip(f"{name} does not move at this frame")
     imgui.same_line()
@@ -120,28 +127,30 @@ def draw_holding(desk: Desk, puppet: Puppet) -> None:
             if imgui.selectable(f"with {other}", False)[0]:
                 wanted = Coupling(name, other, frame)
         imgui.end_combo()
-    desk.remember("hold level")
+    workspace.remember("hold level")
     if imgui.is_item_hovered():
         imgui.set_tooltip(f"{name} is as high as another control point at this frame")
     if wanted is not None:
-        editor.edit(f"hold {name}", lambda project: with_held(project, puppet.id, number, wanted))
+        editor.edit(f"hold {name}", lambda project: with_constraint(project, puppet.id, number, wanted))
 
 
-def _held_row(desk: Desk, puppet: Puppet, number: int, row: int, held: Held) -> None:
-    """One of them: a click goes there, the cross takes it away."""
-    editor = desk.editor
+def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
+    """Draw one constraint: a click goes to its frame, the cross removes it."""
+    editor = workspace.editor
     take = editor.project.takes[puppet.layers[number].take]
     wide = imgui.get_content_region_avail().x
     with small():
-        if imgui.selectable(f"{told(held, take.step)}##held {row}", False, 0, ImVec2(wide - 30, 0))[0]:
+        if imgui.selectable(
+            f"{constraint_text(held, take.step)}##held {row}", False, 0, ImVec2(wide - 30, 0)
+        )[0]:
             editor.scrub(time_of(editor.project, puppet.layers[number], held.frame * take.step))
         imgui.same_line(wide - 12)
         if imgui.small_button(f"{_REMOVE}##held {row}"):
-            editor.edit("let go", lambda project: without_held(project, puppet.id, number, held))
-        desk.remember(f"let go {row}")
+            editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))
+        workspace.remember(f"let go {row}")
 
 
-def told(held: Held, step: float) -> str:
+def constraint_text(held: HardConstraint, step: float) -> str:
     """A hard constraint in a few words."""
     at = f"{held.frame * step:.2f} s"
     if isinstance(held, Position):

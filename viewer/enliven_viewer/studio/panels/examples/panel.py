@@ -14,64 +14,65 @@ from enliven_viewer.studio.panels.examples.settings import draw_settings
 from enliven_viewer.studio.panels.style import packed, panel, small, tinted
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport import RAISED, Colour
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _BACK = "\uf060"
 _PAD = 10.0
+"""Pixels between the edge of the status box and its text."""
 
 
-def draw_examples(desk: Desk, area: Area) -> None:
-    """Everything about the chosen puppet, at the right."""
-    puppet = desk.editor.puppets.puppet
+def draw_examples(workspace: Workspace, area: Area) -> None:
+    """Draw the panel of the chosen puppet at the right."""
+    puppet = workspace.editor.puppets.puppet
     with panel("side", area):
         if puppet is None:
             return
-        _head(desk, puppet)
-        draw_status(desk, puppet)
-        draw_points(desk, puppet)
-        puppet = desk.editor.puppets.puppet
+        _head(workspace, puppet)
+        draw_status(workspace, puppet)
+        draw_points(workspace, puppet)
+        puppet = workspace.editor.puppets.puppet
         if puppet is not None and puppet.layers:
-            draw_layer(desk, puppet)
-            draw_held(desk, puppet)
+            draw_layer(workspace, puppet)
+            draw_held(workspace, puppet)
         if puppet is not None:
-            draw_settings(desk, puppet)
+            draw_settings(workspace, puppet)
 
 
-def _head(desk: Desk, puppet: Puppet) -> None:
-    """Back to everything, and the puppet's name."""
+def _head(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the button back to the side panel, and the puppet's name."""
     if imgui.button(_BACK, ImVec2(30, 0)):
-        desk.editor.puppets.accept()
-        desk.editor.puppets.choose(None)
-    desk.remember("all shapes")
+        workspace.editor.puppets.accept()
+        workspace.editor.puppets.choose(None)
+    workspace.remember("all shapes")
     if imgui.is_item_hovered():
         imgui.set_tooltip("Back to everything that is on the stage")
     imgui.same_line()
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, wanted = imgui.input_text("##puppet name", puppet.id, flags)
-    desk.remember("name")
+    workspace.remember("name")
     wanted = wanted.strip()
     if typed and wanted and wanted != puppet.id:
-        point, layer = desk.editor.selection.point, desk.editor.selection.puppet_layer
-        if desk.editor.edit("rename", lambda project: renamed_puppet(project, puppet.id, wanted)):
-            desk.editor.select(puppet=wanted)
-            desk.editor.select(point=point, puppet_layer=layer)
+        point, layer = workspace.editor.selection.point, workspace.editor.selection.puppet_layer
+        if workspace.editor.edit("rename", lambda project: renamed_puppet(project, puppet.id, wanted)):
+            workspace.editor.select(puppet=wanted)
+            workspace.editor.select(point=point, puppet_layer=layer)
 
 
-def draw_status(desk: Desk, puppet: Puppet) -> None:
-    """What is missing before it moves; else that it moves; else why it does not."""
-    project, solving = desk.editor.project, desk.editor.solving
+def draw_status(workspace: Workspace, puppet: Puppet) -> None:
+    """Show what the puppet lacks to move, or the error that keeps it from moving, or that it moves."""
+    project, solving = workspace.editor.project, workspace.editor.solving
     lacking, problem = missing(project, puppet), solving.problem(puppet.id)
     if lacking:
-        _box(desk, ACCENT, "Before it moves", _gathered(lacking))
+        _box(workspace, ACCENT, "Before it moves", _gathered(lacking))
     elif problem is not None:
-        _box(desk, BAD, "It cannot move like this", (problem.what, problem.mend))
+        _box(workspace, BAD, "It cannot move like this", (problem.what, problem.mend))
     elif not puppet.layers:
-        _box(desk, ACCENT, "Before it moves", ("Choose a take for it, in the performer's view.",))
+        _box(workspace, ACCENT, "Before it moves", ("Choose a take for it, in the performer's view.",))
     else:
         count = len(puppet.poses)
         doubled = " and their mirror images" if puppet.symmetry is not None else ""
-        _box(desk, GOOD, "It moves", (f"by {count} examples{doubled}.",))
+        _box(workspace, GOOD, "It moves", (f"by {count} examples{doubled}.",))
 
 
 def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
@@ -84,7 +85,7 @@ def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
     return (gathered, *(line for line in lacking if line not in pairs))
 
 
-def _box(desk: Desk, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
+def _box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
     """A raised box with a coloured edge."""
     imgui.dummy(ImVec2(0, 2))
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
@@ -110,4 +111,4 @@ def _box(desk: Desk, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
     low = ImVec2(origin.x + 3, origin.y + 8), ImVec2(origin.x + 6, bottom - 8)
     draw.add_rect_filled(*low, packed(tint), 2.0)
     draw.channels_merge()
-    desk.widgets["status"] = (origin.x, origin.y, origin.x + wide, bottom)
+    workspace.widgets["status"] = (origin.x, origin.y, origin.x + wide, bottom)

@@ -4,52 +4,52 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import ACCENT, GLASS, INK, QUIET, clock
+from enliven_viewer.live import ACCENT, GLASS, INK, QUIET, time_text
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport import DARK, LINE, axes_marks
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _LINKED = "\uf0c1"
 
 
-def draw_performer(desk: Desk, area: Area, texture: int | None) -> None:
-    """The picture of the performer, which take it is of, and what lies under the pointer."""
+def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> None:
+    """Draw the performer, the choice of take, and the name of the joint under the pointer."""
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     with panel("performer", area, flags):
         imgui.pop_style_var()
-        view = desk.performer
+        view = workspace.performer
         view.size = (area.width, area.height)
         origin = imgui.get_cursor_screen_pos()
-        _picture(desk, origin, area, texture)
+        _picture(workspace, origin, area, texture)
         imgui.set_cursor_screen_pos(ImVec2(origin.x + 12, origin.y + 12))
-        _bar(desk, area)
-        _words(desk, origin, area)
+        _bar(workspace, area)
+        _words(workspace, origin, area)
 
 
-def _bar(desk: Desk, area: Area) -> None:
-    """Which take, whether the puppet plays it, and whether both views turn together."""
-    view, puppet = desk.performer, desk.editor.puppets.puppet
-    takes = desk.editor.project.takes
+def _bar(workspace: Workspace, area: Area) -> None:
+    """Draw the choice of take, and the switches for playing it and for turning both views together."""
+    view, puppet = workspace.performer, workspace.editor.puppets.puppet
+    takes = workspace.editor.project.takes
     unused = puppet is not None and view.take is not None and layer_of(puppet, None, view.take) is None
     imgui.set_next_item_width(max(area.width - (152 if unused else 66), 90))
     if imgui.begin_combo("##performer take", view.take or "choose a take"):
         for name, take in takes.items():
             if imgui.selectable(f"{name}   {take.duration:.1f} s", name == view.take)[0]:
                 view.show(name)
-            desk.remember(f"pick {name}")
+            workspace.remember(f"pick {name}")
         if not takes:
             quiet("There are no takes. Open one with Ctrl+O.")
         imgui.end_combo()
-    desk.remember("takes")
+    workspace.remember("takes")
     if unused:
         imgui.same_line()
         if imgui.button("Play it", ImVec2(78, 0)):
             view.play()
-        desk.remember("play take")
+        workspace.remember("play take")
         if imgui.is_item_hovered():
             imgui.set_tooltip("The puppet plays this take too, as a layer of its own")
     imgui.same_line()
@@ -60,16 +60,16 @@ def _bar(desk: Desk, area: Area) -> None:
         view.linked = not view.linked
     if linked:
         imgui.pop_style_color()
-    desk.remember("linked")
+    workspace.remember("linked")
     if imgui.is_item_hovered():
         imgui.set_tooltip("Both views turn together")
 
 
-def _picture(desk: Desk, origin: ImVec2, area: Area, texture: int | None) -> None:
-    view, size = desk.performer, ImVec2(area.width, area.height)
+def _picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | None) -> None:
+    view, size = workspace.performer, ImVec2(area.width, area.height)
     imgui.set_next_item_allow_overlap()
     imgui.invisible_button("##performer", size)
-    desk.remember("performer")
+    workspace.remember("performer")
     draw = imgui.get_window_draw_list()
     corner = ImVec2(origin.x + size.x, origin.y + size.y)
     if texture is not None and view.moment is not None:
@@ -91,9 +91,9 @@ def _picture(desk: Desk, origin: ImVec2, area: Area, texture: int | None) -> Non
         view.release()
 
 
-def _words(desk: Desk, origin: ImVec2, area: Area) -> None:
-    """The moment, at the lower left; the joint under the pointer beside it; what to do where nothing is."""
-    view, moment = desk.performer, desk.performer.moment
+def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
+    """Write the moment at the lower left and the joint beside it, or what to do where there is none."""
+    view, moment = workspace.performer, workspace.performer.moment
     draw = imgui.get_window_draw_list()
     if moment is not None:
         for mark in axes_marks(view.lens, (46, area.height - 42)):
@@ -106,7 +106,7 @@ def _words(desk: Desk, origin: ImVec2, area: Area) -> None:
             draw.add_text(at, packed(INK if row == 0 else QUIET), line)
         return
     with small():
-        said = f"the performer at {clock(moment[1])}"
+        said = f"the performer at {time_text(moment[1])}"
         wide = imgui.calc_text_size(said).x + 18
         low = origin.y + area.height - 32
         left = origin.x + area.width - wide - 12
@@ -116,8 +116,8 @@ def _words(desk: Desk, origin: ImVec2, area: Area) -> None:
         if view.hovered is not None and figure is not None:
             x, y = view.lens.project(figure.joints)[0][view.hovered]
             name = figure.skeleton.names[view.hovered]
-            point = desk.editor.puppets.point
-            puppet = desk.editor.puppets.puppet
+            point = workspace.editor.puppets.point
+            puppet = workspace.editor.puppets.puppet
             if point is not None and puppet is not None:
                 name = f"{puppet.points[point].name} follows {name}"
             wide = imgui.calc_text_size(name).x + 14

@@ -1,4 +1,4 @@
-"""The list of control points: choose, name, pair with a joint, foot, how hard it pulls, remove; symmetry."""
+"""The list of control points: to choose, name, pair, weigh and remove them, and to set the symmetry."""
 
 from __future__ import annotations
 
@@ -9,61 +9,64 @@ from enliven.examples import guess_joints
 from enliven.modeling.mesh import extremities
 from enliven.modeling.puppet import change_point, set_symmetry
 from enliven_viewer.live import ACCENT, INK, QUIET
-from enliven_viewer.studio.examples import guessed, stood, with_points
+from enliven_viewer.studio.examples import turned_a_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding
 from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
 from enliven_viewer.studio.puppets import plane_for
 from enliven_viewer.studio.viewport import RAISED, point_colour
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
-_ROW, _FOOT, _LOCKED, _SOFT = 24.0, "\uf063", "\uf023", "\uf09c"
+_ROW = 24.0
+"""Pixels from one control point of the list to the next: a line of text with room to click."""
+_FOOT, _LOCKED, _SOFT = "\uf063", "\uf023", "\uf09c"
+"""Icons of Font Awesome 4: a foot, a point that is held hard, a soft one."""
 _SUGGESTED = 6
 """Control points that are suggested at once."""
 _AXES = ("left to right", "above to below", "front to back")
 
 
-def draw_points(desk: Desk, puppet: Puppet) -> None:
-    """The heading, a row a point, what concerns the chosen one, and the buttons."""
+def draw_points(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the heading, a row per point, the fields of the chosen one, and the buttons."""
     heading(f"Control points   {len(puppet.points) or ''}")
     if not puppet.points:
-        _standing(desk, puppet)
+        _standing(workspace, puppet)
         quiet("Click the surface where you would hold it: hands, feet, head. Or let some be suggested.")
     for number, point in enumerate(puppet.points):
-        _row(desk, puppet, number, point)
-        if desk.editor.puppets.point == number:
-            _chosen(desk, puppet, point)
-    _buttons(desk, puppet)
-    _symmetry(desk, puppet)
+        _row(workspace, puppet, number, point)
+        if workspace.editor.puppets.point == number:
+            _chosen(workspace, puppet, point)
+    _buttons(workspace, puppet)
+    _symmetry(workspace, puppet)
 
 
-def _standing(desk: Desk, puppet: Puppet) -> None:
-    """Buttons for a mesh that lies on its back, or looks aside."""
+def _standing(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the buttons that turn a mesh that lies on its back or looks aside."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, said in (
         ("Stand it up", "x", "For a mesh that lies on its back"),
         ("Quarter turn", "y", "Until it looks at you with View > From the front (1)"),
     ):
         if imgui.button(label, half):
-            _stand(desk, puppet.id, label, axis)
-        desk.remember(label.lower())
+            _stand(workspace, puppet.id, label, axis)
+        workspace.remember(label.lower())
         if imgui.is_item_hovered():
             imgui.set_tooltip(said)
         if axis == "x":
             imgui.same_line()
 
 
-def _stand(desk: Desk, puppet: str, label: str, axis: str) -> None:
-    if desk.editor.edit(label.lower(), lambda project: stood(project, puppet, axis)):
-        desk.editor.frame_all(reset=False)
+def _stand(workspace: Workspace, puppet: str, label: str, axis: str) -> None:
+    if workspace.editor.edit(label.lower(), lambda project: turned_a_quarter(project, puppet, axis)):
+        workspace.editor.frame_all(reset=False)
 
 
-def _row(desk: Desk, puppet: Puppet, number: int, point: ControlPoint) -> None:
-    """One point: its mark as in 3-D, its name, and what it follows."""
+def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint) -> None:
+    """Draw one point: its mark as in 3-D, its name, and its joint."""
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-    puppets = desk.editor.puppets
+    puppets = workspace.editor.puppets
     if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW - 4)):
         puppets.choose(puppet.id, None if puppets.point == number else number)
-    desk.remember(f"point {point.name}")
+    workspace.remember(f"point {point.name}")
     hovered, chosen = imgui.is_item_hovered(), puppets.point == number
     draw = imgui.get_window_draw_list()
     if chosen or hovered:
@@ -83,9 +86,9 @@ def _row(desk: Desk, puppet: Puppet, number: int, point: ControlPoint) -> None:
             draw.add_text(ImVec2(right - 34, origin.y + 4), packed(QUIET), _SOFT)
 
 
-def _chosen(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
-    """What can be changed about the chosen point."""
-    editor, name = desk.editor, point.name
+def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
+    """Draw the fields of the chosen point."""
+    editor, name = workspace.editor, point.name
 
     def change(what: str, **changes: object) -> bool:
         return editor.edit(what, lambda project: change_point(project, puppet.id, name, **changes))
@@ -94,14 +97,14 @@ def _chosen(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, wanted = imgui.input_text("##point name", name, flags)
-    desk.remember("point name")
+    workspace.remember("point name")
     if typed and wanted.strip() and wanted.strip() != name:
         change("rename a control point", name=wanted.strip())
         imgui.unindent(22)
         return
-    _joint(desk, puppet, point)
+    _joint(workspace, puppet, point)
     toggled, foot = imgui.checkbox("foot", point.foot)
-    desk.remember("foot")
+    workspace.remember("foot")
     if imgui.is_item_hovered():
         imgui.set_tooltip("The puppet can stand on it, and walks by it")
     if toggled:
@@ -115,7 +118,7 @@ def _chosen(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
     imgui.same_line()
     if imgui.button("Remove"):
         editor.puppets.remove_point()
-    desk.remember("remove point")
+    workspace.remember("remove point")
     if point.weight is not None:
         imgui.set_next_item_width(-1)
         log = imgui.SliderFlags_.logarithmic
@@ -126,13 +129,13 @@ def _chosen(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
             now = editor.project.puppets[puppet.id]
             last = now.points[now.index(name)].weight
             change("how hard it pulls", weight=last)
-    draw_holding(desk, puppet)
+    draw_holding(workspace, puppet)
     imgui.unindent(22)
 
 
-def _joint(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
-    """The joint that it follows: from the list, the likeliest first; or clicked in the performer's view."""
-    editor, take = desk.editor, desk.performer.take
+def _joint(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
+    """Draw the list of joints that the point may follow, the likeliest first."""
+    editor, take = workspace.editor, workspace.performer.take
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##joint", point.joint or "click a joint of the performer, or choose"):
         clip = editor.project.takes.get(take or "")
@@ -140,53 +143,53 @@ def _joint(desk: Desk, puppet: Puppet, point: ControlPoint) -> None:
         if clip is not None:
             best = guess_joints(clip.skeleton, puppet.rest)[puppet.index(point.name)]
             if imgui.selectable(f"{best}   likely", best == point.joint)[0]:
-                desk.performer.pair(best)
+                workspace.performer.pair(best)
             imgui.separator()
         for joint in names:
             if imgui.selectable(f"{joint}##joint", joint == point.joint)[0]:
-                desk.performer.pair(joint)
+                workspace.performer.pair(joint)
         imgui.end_combo()
-    desk.remember("joint")
+    workspace.remember("joint")
 
 
-def _buttons(desk: Desk, puppet: Puppet) -> None:
-    editor = desk.editor
+def _buttons(workspace: Workspace, puppet: Puppet) -> None:
+    editor = workspace.editor
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     if imgui.button("Suggest points", half):
-        suggest(desk, puppet)
-    desk.remember("suggest points")
+        suggest(workspace, puppet)
+    workspace.remember("suggest points")
     if imgui.is_item_hovered():
         imgui.set_tooltip("Control points at the ends of the limbs")
     imgui.same_line()
-    take = desk.performer.take
+    take = workspace.performer.take
     open_ones = [point.name for point in puppet.points if not point.joint]
     imgui.begin_disabled(take is None or not open_ones)
     if imgui.button("Guess joints", half):
-        editor.edit("guess joints", lambda project: guessed(project, puppet.id, str(take)))
-    desk.remember("guess joints")
+        editor.edit("guess joints", lambda project: with_guessed_joints(project, puppet.id, str(take)))
+    workspace.remember("guess joints")
     imgui.end_disabled()
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip("Pair every point that has no joint with the likeliest, by side and height")
 
 
-def suggest(desk: Desk, puppet: Puppet) -> bool:
+def suggest(workspace: Workspace, puppet: Puppet) -> bool:
     """Put control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
         return with_points(project, puppet.id, [int(v) for v in extremities(puppet.mesh, _SUGGESTED)])
 
-    return desk.editor.edit("suggest control points", change)
+    return workspace.editor.edit("suggest control points", change)
 
 
-def _symmetry(desk: Desk, puppet: Puppet) -> None:
-    """Whether examples count for their mirror images, in which plane, and whether both sides are edited."""
-    editor = desk.editor
+def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the switches of symmetry: mirrored examples, the plane, and editing both sides at once."""
+    editor = workspace.editor
     toggled, on = imgui.checkbox("symmetric", puppet.symmetry is not None)
-    desk.remember("symmetric")
+    workspace.remember("symmetric")
     if imgui.is_item_hovered():
         imgui.set_tooltip("Every example counts for its mirror image too: pose one side, and both are shown")
     if toggled:
-        set_mirrored(desk, puppet, on)
+        set_mirrored(workspace, puppet, on)
         return
     if puppet.symmetry is None:
         return
@@ -195,16 +198,16 @@ def _symmetry(desk: Desk, puppet: Puppet) -> None:
     with small(), tinted(QUIET, imgui.Col_.text):
         imgui.text_unformatted(_AXES[normal.index(max(normal))])
     toggled, on = imgui.checkbox("edit both sides at once", editor.puppets.symmetric)
-    desk.remember("both sides")
+    workspace.remember("both sides")
     if imgui.is_item_hovered():
         imgui.set_tooltip("Control points are put and dragged together with their mirror image")
     if toggled:
         editor.puppets.set_symmetric(on)
 
 
-def set_mirrored(desk: Desk, puppet: Puppet, on: bool) -> None:
-    """Take the mesh's plane of symmetry for the examples, or none; and edit both sides while they are few."""
-    editor = desk.editor
+def set_mirrored(workspace: Workspace, puppet: Puppet, on: bool) -> None:
+    """Set or clear the plane of symmetry of the examples, and editing of both sides while there are few."""
+    editor = workspace.editor
     plane = plane_for(puppet) if on else None
     editor.puppets.set_symmetric(on and not puppet.poses)
     if (plane is None) == (puppet.symmetry is None):

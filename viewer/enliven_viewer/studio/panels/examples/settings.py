@@ -1,4 +1,4 @@
-"""The numbers of the three solvers that an artist may want to change, with what they mean."""
+"""Sliders for the settings of the three solvers, each with its meaning."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.document import Puppet
 from enliven_viewer.studio.examples import with_default_settings, with_setting
 from enliven_viewer.studio.panels.style import tinted
 from enliven_viewer.studio.viewport import PRESSED, RAISED
-from enliven_viewer.studio.workspace import Desk
+from enliven_viewer.studio.workspace import Workspace
 
 _NUMBERS = (
     ("surface", "squash_and_stretch", "squash and stretch", 0.0, 1.0, ""),
@@ -24,26 +24,33 @@ _NUMBERS = (
 """Group, field, label, lowest, highest, and how the number is written."""
 
 
-def draw_settings(desk: Desk, puppet: Puppet) -> None:
-    """The sliders, folded away at first."""
+def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the sliders, folded away at first."""
     imgui.dummy(ImVec2(0, 4))
     with tinted(RAISED, imgui.Col_.header), tinted(PRESSED, imgui.Col_.header_hovered):
         opened = imgui.collapsing_header("Settings")
-    desk.remember("settings")
+    workspace.remember("settings")
     if not opened:
         return
     for group, name, label, low, high, said in _NUMBERS:
-        _number(desk, puppet, group, name, label, low, high, said)
+        _number(workspace, puppet, group, name, label, low, high, said)
     if imgui.button("Reset"):
-        desk.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
-    desk.remember("reset settings")
+        workspace.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
+    workspace.remember("reset settings")
 
 
 def _number(
-    desk: Desk, puppet: Puppet, group: str, name: str, label: str, low: float, high: float, said: str
+    workspace: Workspace,
+    puppet: Puppet,
+    group: str,
+    name: str,
+    label: str,
+    low: float,
+    high: float,
+    said: str,
 ) -> None:
-    """One setting: shown while it is dragged, remembered as one edit when it is let go."""
-    editor, value = desk.editor, getattr(getattr(puppet, group), name)
+    """Draw a slider of a setting: a draft while it is dragged, one edit when it is let go."""
+    editor, value = workspace.editor, getattr(getattr(puppet, group), name)
     changed, wanted = False, value
     if isinstance(value, bool):
         changed, wanted = imgui.checkbox(label, value)
@@ -53,7 +60,7 @@ def _number(
     else:
         imgui.set_next_item_width(-1)
         changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said)
-    desk.remember(f"setting {name}")
+    workspace.remember(f"setting {name}")
     if imgui.is_item_hovered():
         imgui.set_tooltip(_doc(getattr(puppet, group), name))
     if changed and isinstance(value, bool):

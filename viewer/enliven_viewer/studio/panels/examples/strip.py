@@ -1,4 +1,4 @@
-"""The strip of key poses: small pictures of the puppet, each with the performer that it answers to."""
+"""The strip of key poses: thumbnails of the puppet, each beside the performer at that moment."""
 
 from __future__ import annotations
 
@@ -6,53 +6,53 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven.modeling.puppet import remove_key_pose
-from enliven_viewer.live import ACCENT, GLASS, GOOD, INK, QUIET, clock
-from enliven_viewer.studio.examples import Coverage, duplicated, mirrored_copy, retimed
+from enliven_viewer.live import ACCENT, GLASS, GOOD, INK, QUIET, time_text
+from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport import CHAIN, DARK, LINE, RAISED
-from enliven_viewer.studio.workspace import Desk, begin_pose, edit_pose
+from enliven_viewer.studio.workspace import Workspace, begin_pose, edit_pose
 
 TILE = ImVec2(88, 80)
 _PLUS = "\uf067"
 
 
-def draw_strip(desk: Desk, area: Area, thumbnails: Thumbnails) -> None:
-    """All key poses by time, what is suggested after them, and what can be done with the one in hand."""
-    puppet = desk.editor.puppets.puppet
+def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None:
+    """Draw all key poses by time, the suggested ones after them, and buttons for the edited one."""
+    puppet = workspace.editor.puppets.puppet
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(12, 6))
     with panel("strip", area, flags):
         imgui.pop_style_var()
         if puppet is None:
             return
-        take = desk.performer.take
-        coverage = desk.coverages.of(desk.editor.project, puppet, take) if take else None
-        _head(desk, puppet, coverage)
+        take = workspace.performer.take
+        coverage = workspace.coverages.of(workspace.editor.project, puppet, take) if take else None
+        _head(workspace, puppet, coverage)
         tall = imgui.get_content_region_avail().y
         scroll = imgui.WindowFlags_.horizontal_scrollbar | imgui.WindowFlags_.no_background
         imgui.begin_child("##tiles", ImVec2(0, tall), 0, scroll)
         _wheel()
-        _plus(desk, puppet)
+        _plus(workspace, puppet)
         order = sorted(range(len(puppet.poses)), key=lambda k: (puppet.poses[k].take, puppet.poses[k].time))
         for place, number in enumerate(order, start=1):
             imgui.same_line()
-            _tile(desk, puppet, number, place, thumbnails)
-        _ghosts(desk, puppet, coverage)
+            _tile(workspace, puppet, number, place, thumbnails)
+        _ghosts(workspace, puppet, coverage)
         imgui.end_child()
 
 
 def _wheel() -> None:
-    """The wheel moves the strip sideways."""
+    """Scroll the strip sideways by the wheel."""
     if imgui.is_window_hovered() and imgui.get_io().mouse_wheel:
         imgui.set_scroll_x(imgui.get_scroll_x() - 60 * imgui.get_io().mouse_wheel)
 
 
-def _head(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
-    """How many there are, how many would be enough, and buttons for the one that is edited."""
-    puppets = desk.editor.puppets
+def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
+    """Draw the number of key poses, the number still needed, and buttons for the edited one."""
+    puppets = workspace.editor.puppets
     imgui.align_text_to_frame_padding()
     with small(), tinted(QUIET, imgui.Col_.text):
         imgui.text_unformatted(f"KEY POSES   {len(puppet.poses) or ''}")
@@ -70,11 +70,11 @@ def _head(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
         return
     imgui.same_line(max(imgui.get_window_width() - 398, 40))
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(7, 2))
-    _tools(desk, puppet, number)
+    _tools(workspace, puppet, number)
     imgui.pop_style_var()
 
 
-def _said(coverage: Coverage, count: int) -> str:
+def _said(coverage: TakeCoverage, count: int) -> str:
     if count == 0:
         return f"about {coverage.needed} would be enough for {coverage.take}"
     far = f"the farthest moment is {100 * coverage.left:.0f} % away"
@@ -83,8 +83,8 @@ def _said(coverage: Coverage, count: int) -> str:
     return f"{coverage.needed} more would be enough for {coverage.take}: {far}"
 
 
-def _tools(desk: Desk, puppet: Puppet, number: int) -> None:
-    """Buttons for the key pose that is edited."""
+def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
+    """Draw the buttons for the edited key pose."""
     labels = ("Done", "Cancel", "Duplicate", "Mirror", "Here", "Remove")
     told = {
         "Done": "Keep it, and let the puppet play (Enter)",
@@ -102,39 +102,39 @@ def _tools(desk: Desk, puppet: Puppet, number: int) -> None:
         pressed = imgui.button(label)
         if label == "Done":
             imgui.pop_style_color()
-        desk.remember(f"pose {label}")
+        workspace.remember(f"pose {label}")
         if imgui.is_item_hovered():
             imgui.set_tooltip(told[label])
         if pressed:
-            deed_on_pose(desk, puppet, number, label)
+            run_pose_command(workspace, puppet, number, label)
 
 
-def deed_on_pose(desk: Desk, puppet: Puppet, number: int, label: str) -> None:
-    """What a button or a line of the menu does with a key pose."""
-    editor, key, name = desk.editor, puppet.poses[number], puppet.id
+def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: str) -> None:
+    """Run the command of a button or a line of the menu on a key pose."""
+    editor, key, name = workspace.editor, puppet.poses[number], puppet.id
     if label == "Done":
         editor.puppets.accept()
     elif label == "Cancel":
         editor.puppets.cancel()
     elif label == "Edit":
-        edit_pose(desk, number)
+        edit_pose(workspace, number)
     elif label == "Remove":
         editor.puppets.accept()
         editor.edit("remove a key pose", lambda project: remove_key_pose(project, name, number))
     elif label == "Here":
-        moved = desk.performer.playhead(key.take)
+        moved = workspace.performer.playhead(key.take)
         editor.edit("retime a key pose", lambda project: retimed(project, name, number, moved))
     else:
         make = duplicated if label == "Duplicate" else mirrored_copy
-        moment = _free_moment(desk, puppet, number)
+        moment = _free_moment(workspace, puppet, number)
         if editor.edit(f"{label.lower()} a key pose", lambda p: make(p, name, number, key.take, moment)):
-            edit_pose(desk, len(puppet.poses))
+            edit_pose(workspace, len(puppet.poses))
 
 
-def _free_moment(desk: Desk, puppet: Puppet, number: int) -> float:
-    """Seconds of the key pose's take, half a second after it or before, where no key pose is."""
+def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
+    """Seconds of the take without a key pose, half a second after or before this one."""
     key = puppet.poses[number]
-    clip = desk.editor.project.takes[key.take]
+    clip = workspace.editor.project.takes[key.take]
     taken = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
     here, aside, last = round(key.time / clip.step), max(round(0.5 / clip.step), 1), len(clip.turns) - 1
     ways = [here + aside, here - aside, *range(last + 1)]
@@ -142,14 +142,14 @@ def _free_moment(desk: Desk, puppet: Puppet, number: int) -> float:
     return free * clip.step
 
 
-def _plus(desk: Desk, puppet: Puppet) -> None:
-    """A key pose for the moment that the performer shows."""
-    moment = desk.performer.moment
+def _plus(workspace: Workspace, puppet: Puppet) -> None:
+    """Draw the button for a key pose of the moment that the performer shows."""
+    moment = workspace.performer.moment
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_disabled(moment is None or not puppet.points)
     imgui.begin_group()
     pressed = imgui.invisible_button("##plus", TILE)
-    desk.remember("add key pose")
+    workspace.remember("add key pose")
     hovered = imgui.is_item_hovered()
     corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
     draw = imgui.get_window_draw_list()
@@ -162,22 +162,22 @@ def _plus(desk: Desk, puppet: Puppet) -> None:
     imgui.end_group()
     imgui.end_disabled()
     if pressed and moment is not None:
-        begin_pose(desk, *moment)
+        begin_pose(workspace, *moment)
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip("A key pose for what the performer does now")
 
 
-def _tile(desk: Desk, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
-    """One key pose; a click edits it."""
-    pose, chosen = puppet.poses[number], desk.editor.puppets.number == number
+def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
+    """Draw one key pose; a click edits it."""
+    pose, chosen = puppet.poses[number], workspace.editor.puppets.number == number
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
     if imgui.invisible_button(f"##pose {number}", TILE):
-        edit_pose(desk, number)
-    desk.remember(f"key pose {place}")
+        edit_pose(workspace, number)
+    workspace.remember(f"key pose {place}")
     hovered = imgui.is_item_hovered()
     if imgui.begin_popup_context_item(f"##of pose {number}"):
-        _menu(desk, puppet, number)
+        _menu(workspace, puppet, number)
         imgui.end_popup()
     draw = imgui.get_window_draw_list()
     corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
@@ -189,7 +189,7 @@ def _tile(desk: Desk, puppet: Puppet, number: int, place: int, thumbnails: Thumb
         draw.add_image_rounded(
             imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 0), ImVec2(1, 1), white, 7.0
         )
-    figure = desk.performer.figure((pose.take, pose.time))
+    figure = workspace.performer.figure((pose.take, pose.time))
     if figure is not None:
         inset = Area(origin.x + 4, origin.y + TILE.y - 38, 26, 34)
         draw.add_rect_filled(
@@ -201,19 +201,19 @@ def _tile(desk: Desk, puppet: Puppet, number: int, place: int, thumbnails: Thumb
     with small():
         if len({one.take for one in puppet.poses}) > 1:
             draw.add_text(ImVec2(origin.x + 6, origin.y + 4), packed(QUIET), _short(pose.take))
-        imgui.text_unformatted(f"{place}   {clock(pose.time)}")
+        imgui.text_unformatted(f"{place}   {time_text(pose.time)}")
     imgui.end_group()
 
 
-def _menu(desk: Desk, puppet: Puppet, number: int) -> None:
-    """What the right button offers."""
+def _menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
+    """Draw the menu of the right button."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
         if imgui.menu_item_simple(label):
-            deed_on_pose(desk, puppet, number, label)
+            run_pose_command(workspace, puppet, number, label)
 
 
-def _ghosts(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
-    """Moments that are suggested: the performer there; a click begins a key pose."""
+def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
+    """Draw the performer at the suggested moments; a click begins a key pose."""
     if coverage is None or not puppet.points:
         return
     wanted = coverage.frames[: max(coverage.needed, 1)]
@@ -223,18 +223,18 @@ def _ghosts(desk: Desk, puppet: Puppet, coverage: Coverage | None) -> None:
         origin = imgui.get_cursor_screen_pos()
         imgui.begin_group()
         if imgui.invisible_button(f"##ghost {place}", TILE):
-            begin_pose(desk, coverage.take, seconds)
-        desk.remember(f"suggested {place + 1}")
+            begin_pose(workspace, coverage.take, seconds)
+        workspace.remember(f"suggested {place + 1}")
         hovered = imgui.is_item_hovered()
         draw = imgui.get_window_draw_list()
         corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
         dashed(draw, origin, corner, packed(CHAIN, 0.9 if hovered else 0.5))
-        figure = desk.performer.figure((coverage.take, seconds))
+        figure = workspace.performer.figure((coverage.take, seconds))
         if figure is not None:
             room = Area(origin.x + 10, origin.y + 6, TILE.x - 20, TILE.y - 12)
             stick(draw, figure, room, packed(CHAIN, 0.95 if hovered else 0.6))
         with small(), tinted((*CHAIN[:3], 0.85), imgui.Col_.text):
-            imgui.text_unformatted(f"suggested  {clock(seconds)}")
+            imgui.text_unformatted(f"suggested  {time_text(seconds)}")
         imgui.end_group()
         if hovered:
             imgui.set_tooltip("Pose the puppet for this moment: no example is like it")

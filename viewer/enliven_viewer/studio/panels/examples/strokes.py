@@ -1,4 +1,4 @@
-"""Small drawings of strokes: a figure of the performer, a dashed frame."""
+"""Small line drawings: a stick figure of the performer, a dashed frame."""
 
 from __future__ import annotations
 
@@ -7,15 +7,12 @@ import math
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.studio.performer import Figure
+from enliven_viewer.studio.performer import SIDE, PerformerFigure
 from enliven_viewer.studio.places import Area
 
-SIDE = 0.42
-"""Radians from the front that figures are seen from, as key poses are."""
 
-
-def stick(draw: imgui.ImDrawList, figure: Figure, room: Area, colour: int) -> None:
-    """A figure of strokes, from its front right, as large as its rest pose fits the room."""
+def stick(draw: imgui.ImDrawList, figure: PerformerFigure, room: Area, colour: int) -> None:
+    """Draw a stick figure from its front right, scaled so that its rest pose fits the room."""
     joints, parents, tall = figure.joints, figure.skeleton.parents, figure.height
     across = joints[:, 0] * math.cos(SIDE) - joints[:, 2] * math.sin(SIDE)
     scale = room.height / (1.12 * tall)

@@ -8,15 +8,15 @@ from enliven.errors import InputError
 from enliven_viewer.studio.places import places_in
 from enliven_viewer.studio.session.actions import STEP
 from enliven_viewer.studio.session.places import source_of
-from enliven_viewer.studio.tools import Map
+from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Desk, renamed
+from enliven_viewer.studio.workspace import Workspace, renamed
 
 _AREA = 100_000.0
 """Pixels between the areas of a stage without a window: each is far from the others."""
 
 
-class DeskStage:
+class HeadlessStage:
     """A stage without a window: the viewport, the view of sources and the timeline, each far from the others.
 
     Args:
@@ -25,11 +25,11 @@ class DeskStage:
 
     pace = STEP
 
-    def __init__(self, desk: Desk) -> None:
-        self.desk, self.at = desk, (0.0, 0.0)
-        area = places_in(desk.editor.settings.width, desk.editor.settings.height).viewport
-        desk.editor.size = (area.width, area.height)
-        desk.editor.frame_all(at_once=True)
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace, self.at = workspace, (0.0, 0.0)
+        area = places_in(workspace.editor.settings.width, workspace.editor.settings.height).viewport
+        workspace.editor.size = (area.width, area.height)
+        workspace.editor.frame_all(at_once=True)
         self._shift = False
         self._in = ""
 
@@ -37,34 +37,34 @@ class DeskStage:
         self.at = at = float(math.floor(at[0])), float(math.floor(at[1]))  # whole pixels, as a mouse has
         area = self._in or self._area()
         if area == "source":
-            source_of(self.desk).move((at[0] - _AREA, at[1]))
+            source_of(self.workspace).move((at[0] - _AREA, at[1]))
         elif area == "timeline":
-            self.desk.timeline.drag(at[0] - 2 * _AREA)
+            self.workspace.timeline.drag(at[0] - 2 * _AREA)
         else:
-            self.desk.hand.move(at, shift=self._shift)
+            self.workspace.input.move(at, shift=self._shift)
 
     def button(self, button: int, down: bool) -> None:
         area, x = self._in or self._area(), self.at[0]
         self._in = area if down else ""
         if area == "source":
-            source = source_of(self.desk)
+            source = source_of(self.workspace)
             source.press((x - _AREA, self.at[1])) if down else source.release()
         elif area == "timeline":
-            hand = self.desk.timeline
-            hand.press(x - 2 * _AREA, self.at[1]) if down else hand.release(x - 2 * _AREA)
+            timeline = self.workspace.timeline
+            timeline.press(x - 2 * _AREA, self.at[1]) if down else timeline.release(x - 2 * _AREA)
         elif down:
-            self.desk.hand.press(self.at, button, shift=self._shift)
+            self.workspace.input.press(self.at, button, shift=self._shift)
         else:
-            self.desk.hand.release(self.at, button, shift=self._shift)
+            self.workspace.input.release(self.at, button, shift=self._shift)
 
     def shift(self, down: bool) -> None:
         self._shift = down
 
     def key(self, key: str) -> None:
-        self.desk.hand.key(key)
+        self.workspace.input.key(key)
 
     def write(self, text: str) -> None:
-        """There is no field without a window."""
+        """Do nothing, since there is no field without a window."""
 
     def viewport(self) -> Point:
         return 0.0, 0.0
@@ -80,27 +80,27 @@ class DeskStage:
 
     def rename(self, name: str) -> bool:
         """Rename the chosen shape, since there is no field."""
-        editor = self.desk.editor
+        editor = self.workspace.editor
         before = editor.selection.shape or ""
         if editor.edit("rename", lambda project: renamed(project, before, name)):
             editor.select(shape=name)
         return True
 
     def activate(self, name: str) -> bool:
-        """What a click on a widget does, for those that a session needs.
+        """Do what a click on a widget does, for the widgets that a session needs.
 
         Raises:
             InputError: for one that it does not know.
         """
         kind, _, rest = name.partition(" ")
-        mapping = self.desk.hand.tools["map"]
-        assert isinstance(mapping, Map)
+        mapping = self.workspace.input.tools["map"]
+        assert isinstance(mapping, MapTool)
         if kind == "tool":
-            self.desk.hand.take(rest)
+            self.workspace.input.take(rest)
         elif kind == "takes":
             pass  # a list that opens
         elif kind in ("take", "pick"):
-            self.desk.hand.take("map")
+            self.workspace.input.take("map")
             mapping.source.show(rest)
         elif kind == "loop":
             mapping.loop = not mapping.loop

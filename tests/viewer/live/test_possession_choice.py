@@ -6,37 +6,37 @@ import numpy as np
 
 from enliven.person.parts import parts_named
 from enliven_viewer.live.hud import KEYS
-from enliven_viewer.live.possession_choice import PARTS, Grasp
-from enliven_viewer.playback.timeline import Cues
+from enliven_viewer.live.possession_choice import PARTS, PossessionChoice
+from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.overlay.marks import CUE_TINT, CUE_TINTS, cue_rows
-from enliven_viewer.render.scene import Actor
+from enliven_viewer.render.scene import SceneCharacter
 
 
 def test_every_key_names_parts_that_there_are() -> None:
     assert len(PARTS) == 9 and all(parts_named(name) for name in PARTS)
-    grasp = Grasp()
+    possession = PossessionChoice()
     for number, name in enumerate(PARTS):
-        grasp.choose(number)
-        assert grasp.parts == name
+        possession.choose(number)
+        assert possession.parts == name
 
 
 def test_the_choice_goes_round_those_in_view() -> None:
-    grasp, seen = Grasp(), []
+    possession, seen = PossessionChoice(), []
     for present in ([7, 3], [7, 3], [7, 3], [3], [], [5]):
-        grasp.next_performer(present)
-        seen.append(grasp.body)
+        possession.next_performer(present)
+        seen.append(possession.body)
     assert seen == [3, 7, None, 3, None, 5]
-    assert grasp.words == "P takes hold: the whole of performer 5"
+    assert possession.words == "P takes hold: the whole of performer 5"
 
 
 def test_smoothing_is_asked_for_whom_it_is_meant_and_ends_at_off() -> None:
-    grasp = Grasp()
-    assert grasp.smoother(1, [3, 7]) == {3: 2.0, 7: 2.0}
-    grasp.next_performer([3, 7])
-    assert [grasp.smoother(-1, [3, 7])[3] for _ in range(4)] == [1.0, 0.5, 0.0, 0.0]
-    assert "smoothed by 0" in grasp.words
-    grasp.locked = True
-    assert grasp.words.endswith("locked")
+    possession = PossessionChoice()
+    assert possession.smoother(1, [3, 7]) == {3: 2.0, 7: 2.0}
+    possession.next_performer([3, 7])
+    assert [possession.smoother(-1, [3, 7])[3] for _ in range(4)] == [1.0, 0.5, 0.0, 0.0]
+    assert "smoothed by 0" in possession.words
+    possession.locked = True
+    assert possession.words.endswith("locked")
 
 
 def test_the_help_tells_the_keys_of_possession() -> None:
@@ -47,7 +47,7 @@ def test_the_help_tells_the_keys_of_possession() -> None:
 def test_nodes_are_tinted_by_their_performers_and_previews_are_fainter(box) -> None:
     nodes, strengths = np.arange(5, dtype=np.int32), np.ones(5, np.float32)
     owners = np.array([4, 9, 4, 9, 9], np.int32)
-    actor = Actor(box, box.rest_pose(), Cues("box", nodes, strengths, "possessed", owners, 3))
+    actor = SceneCharacter(box, box.rest_pose(), CueFrame("box", nodes, strengths, "possessed", owners, 3))
     rows = cue_rows(actor, 1.0, [9, 4])
     np.testing.assert_allclose(rows[:, 4:7], [CUE_TINTS[k] for k in (1, 0, 1, 0, 0)])
     away = cue_rows(actor, 1.0, [9])
@@ -57,6 +57,6 @@ def test_nodes_are_tinted_by_their_performers_and_previews_are_fainter(box) -> N
 
 def test_cues_that_name_no_owner_look_as_ever(box) -> None:
     nodes, strengths = np.arange(3, dtype=np.int32), np.ones(3, np.float32)
-    held = cue_rows(Actor(box, box.rest_pose(), Cues("box", nodes, strengths)), 1.0)
-    shown = cue_rows(Actor(box, box.rest_pose(), Cues("box", nodes, strengths, "preview")), 1.0)
+    held = cue_rows(SceneCharacter(box, box.rest_pose(), CueFrame("box", nodes, strengths)), 1.0)
+    shown = cue_rows(SceneCharacter(box, box.rest_pose(), CueFrame("box", nodes, strengths, "preview")), 1.0)
     assert np.allclose(held[:, 4:7], CUE_TINT) and (shown[:, 7] < held[:, 7]).all()
