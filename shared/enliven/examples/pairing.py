@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
 from enliven.document import Skeleton
-from enliven.mapping import Anatomy, Limb, anatomy_of, turned_level
+from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_level
 
 _MIDDLE, _TRUNK, _OTHER = 0.25, 0.35, 0.6
 """What it costs, in widths and heights, to follow the middle of a limb, the trunk, or a finger."""
@@ -90,7 +90,7 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     What is near the end, as a wrist before fingers, is neither: the end says as much.
     """
     cost, side = np.full(len(skeleton), _OTHER), np.zeros(len(skeleton), np.int64)
-    singles: list[Limb] = [limb for limb in (anatomy.head, anatomy.tail) if limb is not None]
+    singles: list[SkeletonLimb] = [limb for limb in (anatomy.head, anatomy.tail) if limb is not None]
     limbs = [limb for pair in anatomy.pairs for limb in pair] + singles
     cost[list(anatomy.trunk)] = _TRUNK
     for limb in limbs:

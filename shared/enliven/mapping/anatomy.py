@@ -36,7 +36,7 @@ _FLOOR, _DROP = 0.15, 0.12
 
 
 @dataclass(frozen=True)
-class Limb:
+class SkeletonLimb:
     """A chain of joints from a fork to an end.
 
     Attributes:
@@ -62,7 +62,7 @@ class Limb:
         return self.chain[: self.start + 1]
 
 
-Pair = tuple[Limb, Limb]
+Pair = tuple[SkeletonLimb, SkeletonLimb]
 """The left limb and the right."""
 
 
@@ -80,8 +80,8 @@ class Anatomy:
     facing: float
     trunk: tuple[int, ...]
     pairs: tuple[Pair, ...]
-    head: Limb | None
-    tail: Limb | None
+    head: SkeletonLimb | None
+    tail: SkeletonLimb | None
 
     @property
     def legs(self) -> tuple[Pair, ...]:
@@ -168,7 +168,7 @@ def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
 
 def _beheaded(
     trunk: tuple[int, ...], pairs: list[Pair], at: Float
-) -> tuple[tuple[int, ...], list[Pair], Limb | None]:
+) -> tuple[tuple[int, ...], list[Pair], SkeletonLimb | None]:
     """A trunk that goes on beyond the arms to a fork that has nothing but pairs (ears) ends in a head."""
     forks = [
         trunk.index(pair[0].chain[0]) for pair in pairs if pair[0].chain[0] in trunk and not pair[0].grounded
@@ -184,7 +184,7 @@ def _length(chain: tuple[int, ...], at: Float) -> float:
     return float(np.linalg.norm(np.diff(at[list(chain)], axis=0), axis=1).sum())
 
 
-def _limb(chain: tuple[int, ...], at: Float) -> Limb:
+def _limb(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
     """A chain with its girdle told from the limb proper."""
     length = _length(chain, at)
     bones = np.linalg.norm(np.diff(at[list(chain)], axis=0), axis=1)
@@ -198,7 +198,7 @@ def _limb(chain: tuple[int, ...], at: Float) -> Limb:
     end = at[chain[-1]]
     drop = float(at[list(chain), 1].max() - end[1])
     grounded = bool(end[1] < floor + _FLOOR * tall and drop > _DROP * tall)
-    return Limb(chain, start, grounded, (float(end[0]), float(end[1]), float(end[2])))
+    return SkeletonLimb(chain, start, grounded, (float(end[0]), float(end[1]), float(end[2])))
 
 
 def _sideways(points: Float) -> Bool:
@@ -210,7 +210,9 @@ def _sideways(points: Float) -> Bool:
     return np.asarray(across & (along < _ONWARD) & (np.arange(len(bones)) < len(bones) - 1))
 
 
-def _paired(limbs: list[Limb], at: Float, names: tuple[str, ...]) -> tuple[list[Pair], list[Limb]]:
+def _paired(
+    limbs: list[SkeletonLimb], at: Float, names: tuple[str, ...]
+) -> tuple[list[Pair], list[SkeletonLimb]]:
     """Pairs (left, right), ordered, and the limbs that have no partner.
 
     Two limbs of a pair are of one length; how a performer holds them says less.
@@ -233,7 +235,7 @@ def _paired(limbs: list[Limb], at: Float, names: tuple[str, ...]) -> tuple[list[
     return pairs, [limb for k, limb in enumerate(limbs) if k not in used]
 
 
-def _on_sides(left: Limb, right: Limb, at: Float, names: tuple[str, ...]) -> bool:
+def _on_sides(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[str, ...]) -> bool:
     """Whether one limb is on the left and the other on the right, by name or by place."""
     sides = [side_of(names[limb.chain[-1]]) for limb in (left, right)]
     if sides != [0, 0]:
@@ -242,7 +244,7 @@ def _on_sides(left: Limb, right: Limb, at: Float, names: tuple[str, ...]) -> boo
     return apart > _APART * max(_length(left.chain, at), _length(right.chain, at))
 
 
-def _off_mirror(left: Limb, right: Limb, at: Float) -> float:
+def _off_mirror(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> float:
     """Metres that the ends of a limb are away from where the other's are in the mirror."""
     mirror = np.array([-1.0, 1.0, 1.0])
     off = np.linalg.norm(at[left.chain[0]] * mirror - at[right.chain[0]])
@@ -256,7 +258,7 @@ def _ahead(pair: Pair, at: Float) -> float:
     return float(starts[2] + starts[1] + 0.1 * (ends[2] + ends[1]))
 
 
-def _ends(single: list[Limb], at: Float) -> tuple[Limb | None, Limb | None]:
+def _ends(single: list[SkeletonLimb], at: Float) -> tuple[SkeletonLimb | None, SkeletonLimb | None]:
     """Head and tail of the limbs that have no partner."""
     ways = {limb: np.array(limb.end) - at[limb.chain[0]] for limb in single}
     scored = sorted(single, key=lambda limb: float(ways[limb][1] + ways[limb][2]))

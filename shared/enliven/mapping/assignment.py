@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from enliven.mapping.anatomy import Anatomy, Limb, Pair
+from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def _exchanged(pair: Pair, times: int) -> Pair:
     return (pair[1], pair[0]) if times % 2 else pair
 
 
-def _limb_drives(source: Limb, target: Limb, role: str) -> list[Drive]:
+def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
     """The limb proper, and the girdle where both have one; else the limb takes the girdle's turn along."""
     if len(source.girdle) > 1 and len(target.girdle) > 1:
         return [

@@ -9,7 +9,7 @@ from enliven.arrays import Float
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class MatchRow:
     """One match.
 
     Attributes:
@@ -45,6 +45,6 @@ class Board:
     body: int = -1
     time_ns: int = 0
     shown: int = -1
-    rows: tuple[Row, ...] = ()
+    rows: tuple[MatchRow, ...] = ()
     total: int = 0
     held: float = 0.0

@@ -15,7 +15,7 @@ from enliven.document import Skeleton
 from enliven.matching.abstraction import Abstraction, SubTree, abstract_skeleton
 from enliven.matching.kernels import rank_rows, seen_branches
 from enliven.matching.matches import Match, Ranking
-from enliven.matching.views import View
+from enliven.matching.views import ScreenView
 from enliven.settings import setting
 
 __all__ = ["Match", "Matcher", "Ranking", "RankingSettings"]
@@ -87,7 +87,11 @@ class Matcher:
         self._rest = self._points(np.asarray(at, np.float64))
 
     def rank(
-        self, source: Float, view: View, source_view: View | None = None, positions: Float | None = None
+        self,
+        source: Float,
+        view: ScreenView,
+        source_view: ScreenView | None = None,
+        positions: Float | None = None,
     ) -> Ranking:
         """Every match.
 
@@ -114,7 +118,7 @@ class Matcher:
         trees = self.abstraction.candidates
         return Ranking(trees, which[order], columns[order], scores[order], plan.total)
 
-    def _seen(self, points: Float, first: Int, view: View) -> Float:
+    def _seen(self, points: Float, first: Int, view: ScreenView) -> Float:
         """(B, 2) branches on the screen, comparable."""
         eye = _NOWHERE if view.eye is None else view.eye
         dots = self.settings.measure == "dot"

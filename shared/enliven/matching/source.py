@@ -14,7 +14,7 @@ from enliven.matching.abstraction import Branch, abstract
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class MatchSource:
     """A skeleton simplified in a single step to the branches of one joint (AniMesh, Figure 3b).
 
     What hangs on a branch is abstracted as in the target: what moves is averages of joints, with weights
@@ -43,7 +43,7 @@ class Source:
 
 def source_of(
     positions: Float, links: Iterable[tuple[int, int]], root: int | None = None, joints: Iterable[int] = ()
-) -> Source:
+) -> MatchSource:
     """The source that a tree of joints is, or the part of it that some joints are.
 
     Args:
@@ -71,10 +71,10 @@ def source_of(
     weights = np.zeros((len(branches), len(at)))
     for row, branch in zip(weights, branches, strict=True):
         row[list(branch.weights)] = list(branch.weights.values())
-    return Source(kept[found.root], branches, weights)
+    return MatchSource(kept[found.root], branches, weights)
 
 
-def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterable[int] = ()) -> Source:
+def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterable[int] = ()) -> MatchSource:
     """The same, of a skeleton at rest."""
     links = [(int(parent), joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
     return source_of(skeleton.positions, links, root, joints)

@@ -18,7 +18,7 @@ def _axis(*values: float) -> Float:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class ScreenView:
     """From where a skeleton is seen.
 
     A performer who is to act as before a mirror is seen by a view against the sensor's: what the sensor has
@@ -72,7 +72,7 @@ class View:
         return np.asarray(np.maximum((points - self.eye) @ self.direction, NEAREST))
 
 
-def end_on(vectors: Float, view: View, share: float = 0.2) -> Bool:
+def end_on(vectors: Float, view: ScreenView, share: float = 0.2) -> Bool:
     """(N,) whether each of (N, 3) vectors is seen so nearly end-on that its direction on the screen is noise.
 
     Args:
@@ -89,7 +89,7 @@ def projected_length(vectors: Float, direction: Float) -> float:
     return float(np.sqrt(np.maximum((vectors**2).sum(1) - along**2, 0.0)).sum())
 
 
-def best_view(vectors: Float, view: View, most_turn: float = np.pi / 2, steps: int = 60) -> View:
+def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, steps: int = 60) -> ScreenView:
     """The view that shows most bone: with the largest sum of projected lengths (AniMesh, section 8).
 
     The sum of *squared* lengths is largest along the eigenvector of the smallest eigenvalue of the scatter
@@ -157,9 +157,9 @@ def _within(direction: Float, current: Float, most_turn: float) -> Float:
     return np.asarray(np.cos(most_turn) * current + np.sin(most_turn) * across)
 
 
-def _towards(direction: Float, view: View) -> View:
+def _towards(direction: Float, view: ScreenView) -> ScreenView:
     """The view along another direction, with its up as near as it can be."""
     up = view.up
     if abs(float(direction @ up)) > 1.0 - 1e-9:
         up = view.direction * -np.sign(direction @ up)
-    return View(direction, up)
+    return ScreenView(direction, up)

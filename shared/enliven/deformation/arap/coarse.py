@@ -37,7 +37,7 @@ _FINEST = 1.5
 """Edges of the mesh; samples are not nearer."""
 
 
-class Search(NamedTuple):
+class CoarseSampling(NamedTuple):
     """What is known of a mesh of V vertices before there are control points.
 
     Attributes:
@@ -83,7 +83,7 @@ class Coarse(NamedTuple):
     near: Int32
     weights: Float32
     notes: tuple[str, ...]
-    base: Search
+    base: CoarseSampling
     added: Int
 
 
@@ -120,7 +120,7 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
     return Coarse(coarse, links, numbers, start, near, weights, notes, base, added)
 
 
-def _search(mesh: Mesh, count: int, awake: Float | None = None) -> Search:
+def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSampling:
     """Samples of the mesh, and who is near them; the shells at the positions ``awake`` (A, 3) do not ride."""
     whole, welded = _in_order(*weld(mesh))
     net = edges_around(whole.vertices, whole.faces)
@@ -138,7 +138,7 @@ def _search(mesh: Mesh, count: int, awake: Float | None = None) -> Search:
             break
         spacing = max(spacing * float(np.sqrt(len(samples) / count)), finest)
     near = ways(*net, samples, len(whole.vertices), _DETOUR * _REACH * spacing)
-    return Search(whole, welded, net, spacing, samples, riding, *near)
+    return CoarseSampling(whole, welded, net, spacing, samples, riding, *near)
 
 
 def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
@@ -151,7 +151,7 @@ def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
     return Mesh(whole.vertices[order], faces.astype(np.int32), whole.name), place[welded]
 
 
-def _with_more(base: Search, added: Int) -> tuple[Int, Int32, Float]:
+def _with_more(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:
     """The base's CSR with the samples ``added`` (A,), numbered after its own."""
     if not len(added):
         return base.start, base.near, base.way
@@ -169,7 +169,7 @@ def _with_more(base: Search, added: Int) -> tuple[Int, Int32, Float]:
     return offsets, every, ways_to
 
 
-def _check_held(held: Int, base: Search) -> None:
+def _check_held(held: Int, base: CoarseSampling) -> None:
     count, offsets = len(base.welded), base.net[0]
     for vertex in held.tolist():
         if not 0 <= vertex < count:
@@ -183,7 +183,7 @@ def _check_held(held: Int, base: Search) -> None:
             )
 
 
-def _notes(base: Search, count: int) -> tuple[str, ...]:
+def _notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
     """What the user is told."""
     vertices, points = len(base.welded), len(base.riding)
     notes = [f"{vertices:,} vertices: {count:,} of them are solved and carry the others with their detail."]

@@ -22,7 +22,7 @@ from enliven.deformation.arap.detail import carry
 from enliven.deformation.arap.guide import Guide, come, handles_of, rows_of
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import check_mesh
-from enliven.deformation.arap.threads import Pace, shared
+from enliven.deformation.arap.threads import ThreadChoice, shared
 from enliven.document import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes import Mesh
@@ -62,7 +62,7 @@ class PuppetSurface:
         self.mesh, self._settings = mesh, settings or ArapSettings()
         check_mesh(mesh, self._settings.most_carried)
         self._aside: PuppetSurface | None = None
-        self._pace = Pace()
+        self._pace = ThreadChoice()
         self._body: tuple[ArapSolver, Coarse | None] | None = None
         self.hold(held, weights)
 

@@ -28,12 +28,12 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap.cells import energy, residual, turn_and_scale, turn_and_squash
 from enliven.deformation.arap.detail import cell_maps
-from enliven.deformation.arap.handles import Held, follow, hold, pull
+from enliven.deformation.arap.handles import HeldVertices, follow, hold, pull
 from enliven.deformation.arap.input import WHERE, Handle, check_handle, checked_target
 from enliven.deformation.arap.solves import backward, forward
 from enliven.deformation.arap.step import give, gone_along, moved, plain
 from enliven.deformation.arap.surface import surface_of
-from enliven.deformation.arap.threads import Pace, shared
+from enliven.deformation.arap.threads import ThreadChoice, shared
 from enliven.deformation.arap.volume import press
 from enliven.document import ArapSettings
 from enliven.errors import InputError
@@ -73,9 +73,9 @@ class ArapSolver:
         self._z = np.zeros(4 * (count + 4), np.float32)
         self._room = np.zeros(4 * (self._surface.factor.tallest + 4), np.float32)
         self._columns: dict[int, tuple[Int32, Float]] = {}
-        self._pace, self._threads = Pace(), 1
+        self._pace, self._threads = ThreadChoice(), 1
         self.handles: dict[str, Handle] = {}
-        self._held: Held | None = None
+        self._held: HeldVertices | None = None
         self._wanted: dict[str, Float] = {}
         self.reset()
 
@@ -178,7 +178,9 @@ class ArapSolver:
         self._pace.note(self._threads, perf_counter() - start)
         return pose
 
-    def check(self, targets: Mapping[str, Float] | None = None) -> tuple[dict[str, Float], Held, Float]:
+    def check(
+        self, targets: Mapping[str, Float] | None = None
+    ) -> tuple[dict[str, Float], HeldVertices, Float]:
         """What :meth:`solve` is to do, refused as there, before anything has changed."""
         wanted = self._wanted | {
             name: checked_target(name, value, self.handles, self._surface)
@@ -197,7 +199,7 @@ class ArapSolver:
         """The kernel over all vertices."""
         shared(kernel, len(self._surface.rest), self._threads, *arguments)
 
-    def _global(self, held: Held, rows: Float, volume: float = 0.0) -> tuple[float, float, float]:
+    def _global(self, held: HeldVertices, rows: Float, volume: float = 0.0) -> tuple[float, float, float]:
         """The correction of eq. 9 (or 13, with a pressure) into ``_z``, and the shift of the whole."""
         surface, frames = self._surface, self._frames.reshape(-1)
         self._share(residual, surface.cells, frames, self._z)
@@ -269,7 +271,7 @@ class ArapSolver:
         vertices = np.flatnonzero(rows >= 0)
         return vertices, rows[vertices]
 
-    def _together(self, wanted: Mapping[str, Float]) -> tuple[Held, Float]:
+    def _together(self, wanted: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
         """(H, 3) the targets about the centre, or an InputError where hard handles contradict each other."""
         if self._held is None:
             raise InputError("there is no handle", where=WHERE, mend="Add one, or the mesh stays at rest.")

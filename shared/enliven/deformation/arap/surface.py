@@ -17,7 +17,7 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 
 
-class Surface(NamedTuple):
+class PreparedSurface(NamedTuple):
     """What the solver needs of a mesh.
 
     Attributes:
@@ -47,7 +47,7 @@ class Surface(NamedTuple):
     notes: tuple[str, ...]
 
 
-def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surface:
+def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> PreparedSurface:
     """The surface of any mesh that has a face.
 
     Args:
@@ -91,7 +91,7 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surf
     eliminated[factor.order] = np.arange(len(points))
     cells = cells_of(rest, edges, weights, eliminated)
     volume = volume_of(rest, place[welded.faces], cells, factor)
-    return Surface(
+    return PreparedSurface(
         place[of],
         rest,
         centre,

@@ -22,7 +22,7 @@ _ASKED, _FORGOTTEN = 40, 1.01
 """Calls after which the way that seemed slower is tried again, and how fast old times are forgotten."""
 
 
-class Pace:
+class ThreadChoice:
     """Whether a second thread pays just now: on idle cores it does, beside other work it costs.
 
     Both ways are timed, the one that was faster of late is taken, and the other is asked again now and then.

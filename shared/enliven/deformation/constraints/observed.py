@@ -41,7 +41,7 @@ class ObservedSettings:
 
 
 @dataclass(frozen=True)
-class Seen:
+class ObservedPoints:
     """What a sensor sees of one performer.
 
     Attributes:

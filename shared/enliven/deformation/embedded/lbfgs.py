@@ -29,7 +29,7 @@ _ARMIJO = 1e-4
 _HALVINGS = 30
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """What the descent works in; nothing else is allocated in a frame.
 
     Attributes:
@@ -58,12 +58,12 @@ class Room(NamedTuple):
     energies: Float
 
     @staticmethod
-    def empty(count: int) -> Room:
+    def empty(count: int) -> Workspace:
         """For ``count`` nodes."""
         pairs = np.zeros((2, _PAIRS, 16 * count))
         now, before, own, raw, way, bend, here, trial, last = np.zeros((9, 16 * count))
         curvatures, energies = np.zeros(_PAIRS), np.zeros(6)
-        return Room(
+        return Workspace(
             pairs[0], pairs[1], curvatures, now, before, own, raw, way, bend, here, trial, last, energies
         )
 

@@ -50,7 +50,7 @@ class Web(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Net:
+class SurfaceGraph:
     """The points that ways along a surface run over.
 
     Attributes:
@@ -80,7 +80,7 @@ class Net:
     origin: Int | None
 
 
-def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> Net:
+def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> SurfaceGraph:
     """The net of a mesh whose nodes will be about ``spacing`` metres apart.
 
     Args:
@@ -104,7 +104,9 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
     shell = components(count, edges)
     links = _links(points, normals, shell, spacing)
     web = _web(points, np.concatenate([edges, links]))
-    return Net(mesh, cell, points, normals, radii, label[welded_of], shell, web, label, faces, origin)
+    return SurfaceGraph(
+        mesh, cell, points, normals, radii, label[welded_of], shell, web, label, faces, origin
+    )
 
 
 def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
@@ -154,7 +156,7 @@ class Territories:
         lengths: (B,) metres, the shortest way between the two across their border.
     """
 
-    net: Net
+    net: SurfaceGraph
     web: Web
     owner: Int
     borders: Int
@@ -166,7 +168,7 @@ class Territories:
         return np.asarray(self.owner[self.net.of_vertex])
 
 
-def territories(net: Net, positions: Float, faces: Int32) -> Territories:
+def territories(net: SurfaceGraph, positions: Float, faces: Int32) -> Territories:
     """Split the surface between nodes by distance along it (a geodesic Voronoi diagram).
 
     A part without any node goes, as a whole, to the node that is nearest in space.
@@ -188,7 +190,7 @@ def territories(net: Net, positions: Float, faces: Int32) -> Territories:
     return Territories(net, web, owner[:count], borders, across)
 
 
-def _tied(net: Net, positions: Float, faces: Int32) -> Web:
+def _tied(net: SurfaceGraph, positions: Float, faces: Int32) -> Web:
     """The net's web with each node tied to the corners of its face, and each part without a node to one."""
     count = len(net.points)
     origin = np.arange(len(net.faces)) if net.origin is None else net.origin
@@ -255,7 +257,7 @@ def ways_from_nodes(
         reach = 4 * reach if reach < 100 * spacing else np.inf
 
 
-def points_around(net: Net, reach: float) -> tuple[Int, Int32, Float]:
+def points_around(net: SurfaceGraph, reach: float) -> tuple[Int, Int32, Float]:
     """The points within ``reach`` metres along the net of each point, itself first, then the nearest.
 
     Returns:
@@ -265,7 +267,7 @@ def points_around(net: Net, reach: float) -> tuple[Int, Int32, Float]:
     return ends, points, metres
 
 
-def members(net: Net) -> tuple[Int, Int32]:
+def members(net: SurfaceGraph) -> tuple[Int, Int32]:
     """CSR: offsets (C + 1,) and the vertices of each point."""
     starts, order = kernels.by_label(net.of_vertex, len(net.points))
     return starts, order

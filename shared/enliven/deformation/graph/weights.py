@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.graph.surface import Net, members, points_around
+from enliven.deformation.graph.surface import SurfaceGraph, members, points_around
 from enliven.document import SkinWeights
 from enliven.kernels import njit
 
@@ -66,7 +66,7 @@ def carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> I
 
 
 def blending_weights(
-    net: Net, near: tuple[Int, Int32, Float], positions: Float, spacing: float, k: int = 4
+    net: SurfaceGraph, near: tuple[Int, Int32, Float], positions: Float, spacing: float, k: int = 4
 ) -> SkinWeights:
     """Four nodes and weights for each vertex of the net's mesh, the largest first.
 

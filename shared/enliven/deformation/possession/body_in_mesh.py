@@ -39,7 +39,7 @@ _TO_RIGHT = 4
 
 
 @dataclass(frozen=True)
-class Likeness:
+class BodyInMesh:
     """A person's skeleton within a mesh.
 
     Attributes:
@@ -60,7 +60,7 @@ class Likeness:
         return float(np.sum(ways) / 2)
 
 
-def likeness(graph: DeformationGraph) -> Likeness:
+def find_body_in_mesh(graph: DeformationGraph) -> BodyInMesh:
     """The skeleton of a person in the mesh of a graph, by its extremities."""
     limbs = _Limbs(graph.positions, *extremities(graph))
     floor, height = limbs.positions[:, 1].min(), np.ptp(limbs.positions[:, 1]) or 1.0
@@ -81,7 +81,7 @@ def likeness(graph: DeformationGraph) -> Likeness:
     _put(joints, limbs, _LEG, legs)
     _put(joints, limbs, _ARM, arms)
     _trunk(joints, limbs, heads, floor, height)
-    return Likeness(joints, yaw)
+    return BodyInMesh(joints, yaw)
 
 
 def extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:

@@ -19,7 +19,7 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.document import SkinWeights
 from enliven.examples.baking.maps import Maps, add_errors
-from enliven.examples.baking.nodes import Net, Seeds
+from enliven.examples.baking.nodes import EdgeGraph, Seeds
 from enliven.examples.baking.settings import BakeError, BakeSettings
 from enliven.examples.baking.weights import fit_weights
 from enliven.meshes import Mesh, weld
@@ -143,7 +143,7 @@ class _Fit:
         self._rest, self._wanted, self._settings, self._shear = mesh.vertices, wanted, settings, shear
         self._bound = False
         self.size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-        self._net = Net(mesh)
+        self._net = EdgeGraph(mesh)
         self._near = self._net.lengths.indices.astype(np.int64)
         self._starts = self._net.lengths.indptr.astype(np.int64)
         count = min(settings.nodes, len(mesh.vertices))

@@ -13,7 +13,7 @@ from enliven.deformation.arap import surface_edges, virtual_edges
 from enliven.meshes import Mesh
 
 
-class Net:
+class EdgeGraph:
     """The edges of a welded mesh; shells are joined where they are nearest.
 
     Attributes:
@@ -45,7 +45,7 @@ class Seeds:
         away: (S, V) metres from each along the surface.
     """
 
-    def __init__(self, net: Net, held: Sequence[int], count: int) -> None:
+    def __init__(self, net: EdgeGraph, held: Sequence[int], count: int) -> None:
         self._net = net
         first = list(dict.fromkeys(held)) or [0]
         self.vertices, self.away = first, net.away(first)

@@ -25,7 +25,7 @@ from enliven.motion.contact import runs_of, touching
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedMotion:
     """A mesh in the world.
 
     Attributes:
@@ -102,7 +102,7 @@ def locate(
     feet: Sequence[int],
     settings: LocomotionSettings | None = None,
     stands: Bool | None = None,
-) -> Placed:
+) -> PlacedMotion:
     """Puts control points into the world.
 
     Args:
@@ -127,7 +127,7 @@ def locate(
         way.fly(first)
         way.stand(first, last)
     way.fly(len(turned))
-    return Placed(turned + way.root[:, None], way.root, way.anchors, switches_of(way.anchors >= 0))
+    return PlacedMotion(turned + way.root[:, None], way.root, way.anchors, switches_of(way.anchors >= 0))
 
 
 class _Way:

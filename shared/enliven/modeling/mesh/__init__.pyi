@@ -2,7 +2,7 @@ from .boolean_union import Union
 from .cut_loops import area
 from .cut_pieces import Piece
 from .cut_surfaces import CutSurface, StrokeCut
-from .joining import Surface, joined
+from .joining import SkinnedSurface, joined
 from .limb_ends import extremities
 from .mesh_cut import Cut, cut_across_bone, cut_by_stroke
 from .mesh_union import united
@@ -19,8 +19,8 @@ __all__ = [
     "CutSurface",
     "Piece",
     "SeamSettings",
+    "SkinnedSurface",
     "StrokeCut",
-    "Surface",
     "Union",
     "area",
     "bone_maps",

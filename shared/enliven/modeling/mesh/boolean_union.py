@@ -43,7 +43,7 @@ class Union:
 
 
 @dataclass
-class Pair:
+class MeshPair:
     """Both meshes with their skins."""
 
     meshes: tuple[Mesh, Mesh]
@@ -102,7 +102,7 @@ class Side:
 class Fused:
     """Puts one mesh together: kept vertices of both in their order, then the new ones."""
 
-    def __init__(self, pair: Pair, sides: list[Side], made: manifold3d.Mesh64) -> None:
+    def __init__(self, pair: MeshPair, sides: list[Side], made: manifold3d.Mesh64) -> None:
         self.pair, self.sides = pair, sides
         self.places = np.ascontiguousarray(np.asarray(made.vert_properties)[:, :3])
         self.meshes = [side.solid.mesh for side in sides]

@@ -17,7 +17,7 @@ _GROWTH = 1.25
 """How much longer edges get with every ring towards the middle of a cap."""
 
 
-class Spread:
+class HarmonicInterpolation:
     """Harmonic interpolation from the first ``fixed`` points of a triangulation to the others.
 
     With cotangent weights it is exact for linear functions; Delaunay triangles make the weights positive, so
@@ -51,7 +51,7 @@ class Cap:
 
     rim: Int
     faces: Int
-    inside: Spread
+    inside: HarmonicInterpolation
 
 
 def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
@@ -70,7 +70,7 @@ def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
     triangles = triangulated(points, numbers)
     if fine:
         points, triangles = refined(points, triangles, _sizes(points, numbers), growth=_GROWTH)
-    return Cap(rim, triangles, Spread(points, triangles, len(rim)))
+    return Cap(rim, triangles, HarmonicInterpolation(points, triangles, len(rim)))
 
 
 def _sizes(points: Float, loops: list[Int]) -> Float:

@@ -48,7 +48,7 @@ class CutSettings:
 
 
 @dataclass
-class Parting:
+class CutPlan:
     """A cut in the making: topology on the welded mesh, the result on the mesh as it is."""
 
     mesh: Mesh

@@ -24,7 +24,7 @@ Heal = Callable[[Mesh, SkinWeights, Bool], tuple[Mesh, SkinWeights]]
 """What makes a surface smooth and its weights good around a seam (V,)."""
 
 
-class Surface(NamedTuple):
+class SkinnedSurface(NamedTuple):
     """A mesh at rest with its skin, and (V, 3) where its vertices are seen."""
 
     mesh: Mesh
@@ -33,7 +33,14 @@ class Surface(NamedTuple):
 
 
 def joined(
-    first: Surface, second: Surface, maps: Float, heal: Heal, *, loose: bool, notes: list[str], where: str
+    first: SkinnedSurface,
+    second: SkinnedSurface,
+    maps: Float,
+    heal: Heal,
+    *,
+    loose: bool,
+    notes: list[str],
+    where: str,
 ) -> tuple[Mesh, SkinWeights]:
     """One mesh at rest, and its skin.
 
@@ -82,7 +89,7 @@ def unposed(seen: Float, skin: SkinWeights, maps: Float) -> Float:
     return np.asarray(np.linalg.solve(blend[:, :, :3], (seen - blend[:, :, 3])[..., None])[..., 0])
 
 
-def _kept_rest(whole: Union, first: Surface, second: Surface) -> Float:
+def _kept_rest(whole: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
     """(V, 3) the rest of the vertices that were one in either mesh; the others as they are seen."""
     rest = whole.mesh.vertices.copy()
     ours, theirs = whole.first >= 0, (whole.second >= 0) & (whole.first < 0)

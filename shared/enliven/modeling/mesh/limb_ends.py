@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph import Net, net_of
+from enliven.deformation.graph import SurfaceGraph, net_of
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import Mesh
@@ -95,7 +95,7 @@ def _peaks(offsets, neighbours, height, order):  # type: ignore[no-untyped-def]
     return tips[:size].copy(), over[tips[:size]]
 
 
-def _ways(net: Net) -> csr_matrix:
+def _ways(net: SurfaceGraph) -> csr_matrix:
     """(C, C) the net's edges, its shells joined where they are nearest."""
     count = len(net.points)
     rows, columns, lengths = net.web.edges[:, 0], net.web.edges[:, 1], net.web.lengths

@@ -18,7 +18,7 @@ import numpy as np
 
 from enliven.document import SkinWeights
 from enliven.meshes import Mesh, weld
-from enliven.modeling.mesh.boolean_union import Pair, Union, barycentric
+from enliven.modeling.mesh.boolean_union import MeshPair, Union, barycentric
 from enliven.modeling.mesh.collapse_slivers import tidied
 from enliven.modeling.mesh.seam import creased
 from enliven.modeling.mesh.solids import Solid, solid_of
@@ -44,7 +44,7 @@ def united(
             with doubled vertices are left as they are.
     """
     moved = SkinWeights((second_skin.indices + np.uint16(offset)).astype(np.uint16), second_skin.weights)
-    pair = Pair((first, second), (first_skin, moved))
+    pair = MeshPair((first, second), (first_skin, moved))
     solids = [solid_of(mesh) for mesh in pair.meshes]
     for solid, mesh in zip(solids, pair.meshes, strict=True):
         if isinstance(solid, str):

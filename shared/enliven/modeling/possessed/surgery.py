@@ -13,7 +13,15 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import GraphPart, GraphShape, Project, Ride, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.modeling.mesh import CutSurface, Piece, SeamSettings, Surface, cut_by_stroke, joined, smoothed
+from enliven.modeling.mesh import (
+    CutSurface,
+    Piece,
+    SeamSettings,
+    SkinnedSurface,
+    cut_by_stroke,
+    joined,
+    smoothed,
+)
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.rotation import conjugate, from_matrix, multiply, normalized, rotate, to_matrix
 
@@ -94,8 +102,8 @@ def merge_graphs(
     )
     numbers = SkinWeights((graft.skin.indices + first).astype(np.uint16), graft.skin.weights)
     mesh, skin = joined(
-        Surface(host.mesh, host.skin, graph_vertices(host, *ours)),
-        Surface(moved.mesh, numbers, graph_vertices(graft, *theirs)),
+        SkinnedSurface(host.mesh, host.skin, graph_vertices(host, *ours)),
+        SkinnedSurface(moved.mesh, numbers, graph_vertices(graft, *theirs)),
         maps,
         lambda mesh, skin, where: (smoothed(mesh, where, seam), skin),
         loose=loose,

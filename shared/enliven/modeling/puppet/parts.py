@@ -22,7 +22,7 @@ from enliven.examples import (
     seen_by,
     state_of,
 )
-from enliven.examples.baking import Net
+from enliven.examples.baking import EdgeGraph
 from enliven.meshes import Mesh, weld
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
 
@@ -216,7 +216,7 @@ def nearest_paired(
     if not paired or not vertices:
         return [None] * len(vertices)
     welded, of = weld(mesh)
-    away = Net(welded).away([int(of[point.vertex]) for point in paired])
+    away = EdgeGraph(welded).away([int(of[point.vertex]) for point in paired])
     return [paired[int(np.argmin(away[:, of[vertex]]))] for vertex in vertices]
 
 

@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.document import Clip, Plane, Project, Skeleton, unused
 from enliven.errors import InputError
 from enliven.examples import guess_joints, partners_of, performed, reflected, suggest_poses
-from enliven.mapping import Limb, anatomy_of
+from enliven.mapping import SkeletonLimb, anatomy_of
 from enliven.meshes import Mesh
 from enliven.modeling.mesh import extremities, plane_of_symmetry
 from enliven.modeling.puppet.edits import add_key_pose, add_point, make_puppet, play_take, set_symmetry
@@ -126,7 +126,7 @@ def evened(
     return tuple(out)
 
 
-def _own(limb: Limb) -> tuple[int, ...]:
+def _own(limb: SkeletonLimb) -> tuple[int, ...]:
     """The joints of a limb without the fork that it leaves."""
     return limb.chain[max(limb.start, 1) :]
 

@@ -10,7 +10,15 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import Pin, Project, Shape, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import SeamSettings, Surface, bone_maps, healed, joined, no_maps, posed_vertices
+from enliven.modeling.mesh import (
+    SeamSettings,
+    SkinnedSurface,
+    bone_maps,
+    healed,
+    joined,
+    no_maps,
+    posed_vertices,
+)
 from enliven.modeling.rigged.axes import Axes, layers_in, moved_mesh
 from enliven.modeling.rigged.bones import bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.graft import grafted, root_has_skin
@@ -104,29 +112,29 @@ def merge(
     return without_idle_layers(done, edited, graft_id), names
 
 
-def _surface(shape: Shape, turns: Float, joints: Float, time: float | None) -> Surface | None:
+def _surface(shape: Shape, turns: Float, joints: Float, time: float | None) -> SkinnedSurface | None:
     """The shape's mesh and where it is seen: at a time as posed, in the rest pose as it is."""
     if shape.mesh is None or shape.skin is None:
         return None
     seen = shape.mesh.vertices if time is None else posed_vertices(shape, turns, joints)
-    return Surface(shape.mesh, shape.skin, seen)
+    return SkinnedSurface(shape.mesh, shape.skin, seen)
 
 
 def _put(
-    surface: Surface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
-) -> Surface | None:
+    surface: SkinnedSurface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
+) -> SkinnedSurface | None:
     """The graft's surface with its rest at the node in the host's axes, and its bones' new numbers."""
     if surface is None:
         return None
     mesh = moved_mesh(surface.mesh, graft.skeleton.positions[0], axes, node)
     seen = mesh.vertices if time is None else surface.seen
-    return Surface(mesh, renumbered(surface.skin, numbers), seen)
+    return SkinnedSurface(mesh, renumbered(surface.skin, numbers), seen)
 
 
 def _one_surface(
     merged: Shape,
-    host: Surface | None,
-    graft: Surface | None,
+    host: SkinnedSurface | None,
+    graft: SkinnedSurface | None,
     then: tuple[Float, Float] | None,
     loose: bool,
     seam: SeamSettings,
