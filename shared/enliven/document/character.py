@@ -1,9 +1,9 @@
-"""A character and its poses: a mesh whose vertices follow at most four transforms each.
+"""A character and its poses: a mesh and its transforms; a vertex follows four of them at most.
 
-A bone of a rig and a node of a deformation graph are the same thing to everyone downstream: a transform
-about a pivot that moves the vertices around it. So there is one pose, one shader and one message for both.
-A control point of a puppet is a transform too, but the surface between them is solved by whoever shows it
-(:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
+A bone of a rig and a node of a deformation graph are one thing for wire, shader and export: a transform about
+a pivot that moves the vertices around it. So there is one pose, one shader and one message for both. A
+control point of a puppet is a transform too; the program that shows the puppet solves the surface between
+them (:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
 """
 
 from __future__ import annotations

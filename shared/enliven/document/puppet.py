@@ -214,7 +214,7 @@ def character_of_puppet(puppet: Puppet) -> Character:
 
 
 def _frozen(array: AnyArray) -> Float:
-    """The array as nobody can write it: itself where it is that already, for values share arrays."""
+    """The array, read-only: itself where it is so already, since values share arrays."""
     if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
         return array
     copied = np.array(array, np.float64)

@@ -19,8 +19,12 @@ from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_level
 
-_MIDDLE, _TRUNK, _OTHER = 0.25, 0.35, 0.6
-"""What it costs, in widths and heights, to follow the middle of a limb, the trunk, or a finger."""
+_MIDDLE = 0.25
+"""Cost, in widths and heights, of following the middle of a limb; its end costs nothing."""
+_TRUNK = 0.35
+"""The same, of following the trunk: it moves less than a limb."""
+_OTHER = 0.6
+"""The same, of following any other joint, such as a finger's."""
 _END = 0.4
 """Share of a limb, from its end, that counts as its end."""
 _DEPTH = 0.3

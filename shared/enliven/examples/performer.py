@@ -1,8 +1,8 @@
 """The performer's body frame: joints seen from the root, without its yaw (section 5, law 1).
 
-Whoever walks elsewhere or turns around makes the same poses; leaning and tumbling are part of the pose.
+The pose does not depend on the performer's place and heading; leaning and tumbling are part of it.
 
-    performed(clip, joints) -> Performance
+    performed(clip, joints) -> PerformerClip
 """
 
 from __future__ import annotations

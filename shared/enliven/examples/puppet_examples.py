@@ -40,7 +40,7 @@ class Weak(Generic[T]):
         self._value, self._id = weakref.ref(value), id(value)
 
     def __call__(self) -> T:
-        """The thing itself; whoever makes a key holds it."""
+        """The referenced value; the maker of a key keeps it alive."""
         value = self._value()
         assert value is not None
         return value
@@ -142,7 +142,7 @@ def _left_right(reference: Skeleton, joints: Sequence[str], partners: Sequence[i
 
 
 def reference_of(project: Project, puppet: Puppet) -> Skeleton:
-    """Whose size and joints a puppet's examples are in: see :mod:`enliven.examples.performers`.
+    """The performer with the size and joints of a puppet's examples: see :mod:`enliven.examples.performers`.
 
     Raises:
         InputError: for a puppet without key poses.
@@ -154,7 +154,7 @@ def reference_of(project: Project, puppet: Puppet) -> Skeleton:
 
 
 def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Skeleton:
-    """The first performer who has all of the joints; the first of all where nobody has."""
+    """The first performer who has all of the joints, or the first of all."""
     return next((one for one in skeletons if set(joints) <= set(one.names)), skeletons[0])
 
 

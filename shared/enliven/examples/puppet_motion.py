@@ -59,7 +59,7 @@ class State:
 def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
     """The whole take of a layer, solved; kept, so that asking again costs nothing.
 
-    Whoever asks with the same values gets the same object. Offset, speed, loop and muting are not part of it.
+    The same values give the same object. Offset, speed, loop and muting are not part of it.
 
     Raises:
         InputError: where the puppet or the layer lacks something, or constraints contradict one another.

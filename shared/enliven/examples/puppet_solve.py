@@ -155,7 +155,7 @@ class _Solve:
         return kept
 
     def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
-        """What came out, as nobody can change it: it is shared by all who ask."""
+        """The solved motion, with read-only arrays: all callers share it."""
         still, none = np.zeros((len(places), 3)), np.full(len(places), -1, np.int64)
         way = (placed.root, placed.anchors, placed.switches) if placed else (still, none, ())
         kept = (self.took.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)

@@ -16,23 +16,34 @@ from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
 from enliven.mapping.facing import facing_of, side_of, turned_level
 
-_SHORT, _TWIG, _SIDE_TWIG = 0.15, 0.5, 0.6
-"""Shares below which a branch is a twig: of the longest, and of its fork's way from the root; of that again
-for one that leads off the middle plane (a big ear)."""
+_SHORT = 0.15
+"""Share of the longest branch below which a branch is a twig, not a limb."""
+_TWIG = 0.5
+"""Share of the path from the root to its fork below which a branch is a twig."""
+_SIDE_TWIG = 0.6
+"""The same, for a branch that leads off the middle plane: a big ear is longer than other twigs."""
 _MANY = 5
 """Branches of a fork, other than the root, that make a face or a hand of it."""
 _ASIDE = 0.15
 """Share of the longest branch that a fork is off the middle plane by to be a hand: its longest goes on."""
-_ALIKE, _APART = 0.15, 0.1
-"""Shares of the length: how much two limbs of a pair differ in it at most, and how far apart they are."""
+_ALIKE = 0.15
+"""Share of their length that two limbs of a pair differ by at most."""
+_APART = 0.1
+"""Share of their length that two limbs of a pair are apart at least."""
 _MIDDLE = 0.03
 """Share of a limb that a bone begins off the middle plane by, to be part of the limb proper."""
-_SIDEWAYS, _ONWARD = 0.8, 0.5
-"""A bone that leads sideways by this share of it, and goes on with less than this cosine, is girdle."""
-_GIRDLE, _THICK = 0.6, 0.7
-"""Share of a limb that is girdle at most; of its second longest bone, that the limb proper begins with."""
-_FLOOR, _DROP = 0.15, 0.12
-"""Shares of the height: how near the floor a leg ends, and how far down it goes."""
+_SIDEWAYS = 0.8
+"""Share of its length by which a girdle bone (collar bone, hip) leads sideways."""
+_ONWARD = 0.5
+"""Cosine between a girdle bone and the next below which the limb bends there: 60 degrees."""
+_GIRDLE = 0.6
+"""Share of a limb that is girdle at most; more would leave too little limb."""
+_THICK = 0.7
+"""Share of the limb's second longest bone that the first bone of the limb proper has at least."""
+_FLOOR = 0.15
+"""Share of the height within which a leg ends above the floor: an ankle does."""
+_DROP = 0.12
+"""Share of the height that a leg goes down at least: a low tail goes down less."""
 
 
 @dataclass(frozen=True)

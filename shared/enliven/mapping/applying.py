@@ -56,7 +56,7 @@ class _Line:
 
     @property
     def bones(self) -> set[int]:
-        """Of the take: those whose turns it plays."""
+        """The bones of the take with turns that the line plays."""
         return set(self.mine[1:] or self.mine)
 
 

@@ -26,8 +26,8 @@ class Drive:
 
     Attributes:
         source, target: joints, from the one that stays.
-        role: what it is, for whoever reads the mapping.
-        lead: joints of the source before ``source`` whose turn is taken along.
+        role: the limb's name in the mapping file, for the reader only.
+        lead: joints of the source before ``source``; the target's first piece plays their turns too.
         mirrored: the source is of the other side, and taken as seen in a mirror.
     """
 

@@ -47,7 +47,7 @@ _ALIKE = np.radians(50.0)
 _TWINS = 0.02
 """Share of the size by which joints of twins are apart at most."""
 _STANDS = np.radians(45.0)
-"""From the vertical to the way from the root to the head, of whoever stands."""
+"""Radians from the vertical to the line from root to head within which a body counts as upright."""
 
 
 def automatic(clip: Clip, shape: Shape) -> Plan:

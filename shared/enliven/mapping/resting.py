@@ -43,18 +43,18 @@ def first_heading(clip: Clip) -> Float:
 
 
 def about_itself(clip: Clip) -> Float:
-    """(N, 4) world turns of the pose that a take moves about: of each bone the mean turn in the one before.
+    """(N, 4) world turns of a take's mean pose: the mean turn of each bone relative to its parent.
 
-    The heading is the first one: whoever turns round in a take has no mean of it.
+    The heading is the first frame's: a body that turns round in a take has no mean heading.
     """
     return _mean_pose(clip, np.ones(len(clip.turns), bool))
 
 
 def calm(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
-    """(N, 4) world turns of somebody upright between what they do: arms and legs hang.
+    """(N, 4) world turns of an upright body with hanging arms and legs, from a take's own frames.
 
-    The mean pose of who waves all the time has raised arms. This is the mean of the eighth of the frames in
-    which the bones of the limbs point down most. Its heading is the first one.
+    The mean pose of a performer who waves all the time has raised arms. This is the mean of the eighth of the
+    frames in which the bones of the limbs point down most. Its heading is the first frame's.
 
     Args:
         limbs: chains of joints.

@@ -27,17 +27,17 @@ class MatchRow:
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """What a performer's pose could mean on a character, at a moment.
+    """The best matches of a performer's pose on a character, and the state of the choice among them.
 
     Attributes:
         character: its id.
-        state: "off": nobody chooses; "choosing"; "playing": what is shown drives.
-        body: the performer's id; -1 for nobody.
+        state: "off": no choice is being made; "choosing"; "playing": the shown match drives.
+        body: the performer's id; -1 for none.
         time_ns: the sensor's clock.
-        shown: which of the rows is meant; -1 for none.
-        rows: the best matches, and the one that is meant.
-        total: how many matches there are.
-        held: 0..1, how long of the time to hold still has passed.
+        shown: the row that is chosen; -1 for none.
+        rows: the best matches, and the chosen one.
+        total: the number of matches.
+        held: 0..1, the share of the time to hold still that has passed.
     """
 
     character: str

@@ -59,8 +59,8 @@ class Pick:
 class Picker:
     """Follows the rankings of one matcher.
 
-    A pose that is held before the performer has moved at all, or not since the last one was taken, accepts
-    nothing: somebody who merely stands there means nothing.
+    A held pose accepts a match only after a motion since the start or since the last match: a performer who
+    merely stands there accepts nothing.
     """
 
     def __init__(self, settings: PickingSettings | None = None) -> None:

@@ -98,7 +98,7 @@ class Reduction:
 
 
 def centre_of_mass(positions: Float, beside: Sequence[Sequence[int]]) -> Float:
-    """(3,) of a tree whose bones are rods of equal mass a metre."""
+    """(3,) metres, the centre of mass of a tree of bones, each a rod of the same mass per metre."""
     links = [(a, b) for a, near in enumerate(beside) for b in near if a < b]
     pairs = np.array(links, np.int64).reshape(-1, 2)
     lengths = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)

@@ -19,10 +19,10 @@ def _axis(*values: float) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class ScreenView:
-    """From where a skeleton is seen.
+    """The view that a skeleton is projected by: a direction, an up and, for perspective, an eye.
 
-    A performer who is to act as before a mirror is seen by a view against the sensor's: what the sensor has
-    on the left is then on the right, as in a mirror.
+    For a performer who acts as before a mirror the view opposes the sensor's: the sensor's left is then on
+    the right.
 
     Attributes:
         direction: (3,) from the eye into the scene; any length.
@@ -94,8 +94,8 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
 
     The sum of *squared* lengths is largest along the eigenvector of the smallest eigenvalue of the scatter
     sum(v v^T). From there, from the current direction and from the other eigenvectors, the sum of lengths
-    itself is raised step by step on the sphere: it is sum sqrt(|v|^2 - (v.d)^2), of which each step solves
-    the quadratic bound (iteratively reweighted scatter), so it never falls.
+    itself, sum sqrt(|v|^2 - (v.d)^2), is raised step by step on the sphere: each step maximises a quadratic
+    bound of it (iteratively reweighted scatter), so it never falls.
 
     Args:
         vectors: (N, 3) of the bones.
@@ -105,7 +105,7 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
         steps: at most, of the refinement.
 
     Returns:
-        An orthographic view: where the eye goes is for whoever orbits the model to say.
+        An orthographic view; the caller places the eye.
     """
     lengths = np.linalg.norm(vectors, axis=1)
     vectors = vectors[lengths > 0.0]

@@ -31,10 +31,15 @@ FOOT = np.array([0.15, 0.0, 0.0])
 """Metres: the top of the trunk; of the left arm the outside of the bend and the end; the left of the pot."""
 
 _TRUNK = 0.148
+"""Metres, the trunk's radius: of a saguaro as tall as a child."""
 _ARM = 0.078
+"""Metres, an arm's radius: about half the trunk's."""
 _RIBS = 9
-_BLEND, _FILLET = 0.045, 0.016
-"""Metres: how thick trunk and arms are, and over how much they, and all other parts, run into each other."""
+"""Ribs of the trunk, chosen by eye."""
+_BLEND = 0.045
+"""Metres over which trunk and arms run into each other: they are grown, not joined."""
+_FILLET = 0.016
+"""Metres over which all other parts run into each other; it is finer than ``_BLEND``."""
 
 
 def make_cactus(cell: float = 0.018) -> Mesh:

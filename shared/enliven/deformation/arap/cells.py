@@ -22,6 +22,7 @@ from enliven.lanes import fma4, load4, splat4, store4
 _STEADY = 0.02
 """Part of a cell's own size that holds its stretch at 1, where it has no extent along its main axis."""
 _WIDE = 31
+"""Rows of the pose state's block: polar's first 18, a cell's spread (6), its rest (6) and its size (1)."""
 
 
 class Cells(NamedTuple):

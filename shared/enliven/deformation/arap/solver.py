@@ -10,10 +10,11 @@ U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion 
 
 A frame takes a few iterations from the last frame's shape. In the shape state each cell takes its best
 rotation and uniform scale (eq. 4 to 9), which never raises the energy; the last iteration is the pose
-state's (eq. 10 to 13), whose volume-preserving V_i R_i make what is shown. The pose is never fed back.
+state's (eq. 10 to 13): its volume-preserving V_i R_i make the pose that is shown, which is never fed back.
 
-Solved are corrections: what is left of eq. 9 at the positions as they are, in float64, through a factor in
-float32. Handles are put upon the factor exactly (arap_handles); adding one costs less than a frame.
+Each solve gives a correction: the residual of eq. 9 is computed in float64 and solved by a float32 factor.
+Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`); one more costs less than a
+frame.
 """
 
 from __future__ import annotations
@@ -44,8 +45,9 @@ __all__ = ["ArapSettings", "ArapSolver", "Handle"]
 _SAME = 1e-6
 """Part of the mesh's size within which two hard handles on one vertex agree."""
 _MOST_HELD = 2000
+"""Vertices of all handles at most: a frame multiplies by a dense square matrix of so many rows."""
 _MOST_KEPT = 4000
-"""Columns of handles that went; one takes some 10 kB."""
+"""Columns of the factor kept for removed handles; one takes some 10 kB."""
 
 
 class ArapSolver:
@@ -90,7 +92,7 @@ class ArapSolver:
         self._wanted = {name: self.mesh.vertices[list(h.vertices)] for name, h in self.handles.items()}
 
     def add_handle(self, handle: Handle) -> None:
-        """One handle more; until it is moved it wants its vertices where they are.
+        """Add a handle with its vertices' present positions as targets.
 
         Raises:
             InputError: for a name that is taken, or a vertex that is not there or belongs to no face.
@@ -100,14 +102,18 @@ class ArapSolver:
         self.set_handles([*self.handles.values(), handle])
 
     def remove_handle(self, name: str) -> None:
-        """One handle less."""
+        """Remove a handle.
+
+        Raises:
+            InputError: for a name that no handle has.
+        """
         if name not in self.handles:
             known = ", ".join(self.handles) or "none"
             raise InputError(f"there is no handle {name!r}", where=WHERE, mend=f"Known: {known}.")
         self.set_handles([handle for handle in self.handles.values() if handle.name != name])
 
     def set_handles(self, handles: Sequence[Handle]) -> None:
-        """Exactly these handles; those that were there before keep their targets."""
+        """Replace all handles; a handle that stays keeps its targets."""
         for handle in handles:
             check_handle(handle, self._surface)
         names = [handle.name for handle in handles]
@@ -181,7 +187,7 @@ class ArapSolver:
     def check(
         self, targets: Mapping[str, Float] | None = None
     ) -> tuple[dict[str, Float], HeldVertices, Float]:
-        """What :meth:`solve` is to do, refused as there, before anything has changed."""
+        """The targets, handle vertices and rows of :meth:`solve`, with its errors; nothing changes."""
         wanted = self._wanted | {
             name: checked_target(name, value, self.handles, self._surface)
             for name, value in (targets or {}).items()
@@ -227,11 +233,11 @@ class ArapSolver:
 
     @property
     def joints(self) -> Int:
-        """(J, 2) vertices that hang together though no face says so: what joins shells, and ``links``."""
+        """(J, 2) pairs of vertices joined without a face: edges between shells, and ``links``."""
         return self._surface.joints
 
     def start_from(self, shown: Float, pressure: float) -> None:
-        """The next frame is made of a pose (V, 3), whose volume a pressure holds, and of nothing before."""
+        """Start the next frame from a pose (V, 3) in metres and the pressure that holds its volume."""
         self._frames[:] = 0.0
         self._frames[:, [0, 5, 10]] = 1.0
         self.pressure = pressure
@@ -239,10 +245,10 @@ class ArapSolver:
         self._shown[:] = self._frames[:, 12:15]
 
     def go_along(self, before: Float, after: Float, turn: Float) -> None:
-        """Take the shape along: each vertex from where a likeness had it (V, 3) to where it has it.
+        """Carry the shape with a proxy, from the proxy's vertices before (V, 3) to those after (V, 3).
 
         Args:
-            turn: (3, 3), how what the shape has beside the likeness turns.
+            turn: (3, 3) the rotation of the shape's offsets from the proxy.
         """
         surface, frames = self._surface, self._frames.reshape(-1)
         gone_along(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
@@ -257,7 +263,8 @@ class ArapSolver:
         return other
 
     def maps(self) -> Float:
-        """(16 V,) how each vertex takes along what is near it: see :func:`arap_detail.cell_maps`."""
+        """(16 V,) the affine map of each vertex's neighbourhood: see
+        :func:`enliven.deformation.arap.detail.cell_maps`."""
         surface, out = self._surface, np.empty(16 * len(self.pose))
         frames = self._frames.reshape(-1)
         cell_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)

@@ -38,7 +38,7 @@ def gone_along(frames, shown, place_of, centre, before, after, turn):  # type: i
     """Positions in ``frames`` and in ``shown`` (P, 3) <- after + turn (position - before), of each vertex.
 
     Args:
-        before, after: (V, 3) where a likeness had each vertex of the mesh, and has it.
+        before, after: (V, 3) metres, the mesh as a proxy carried it in the last frame, and in this one.
         turn: (3, 3), how what is beside it turns.
     """
     done = np.zeros(len(shown), np.bool_)

@@ -67,7 +67,7 @@ def elimination_order(count: int, pairs: Int) -> Int:
 
 
 def analyse(count: int, pairs: Int) -> BlockPattern:
-    """The pattern of the factor of a matrix whose nodes are eliminated in the order 0, 1, 2, ...
+    """The block pattern of the Cholesky factor, with the nodes eliminated in the order 0, 1, 2, ...
 
     Args:
         count: N, the number of nodes.
@@ -220,7 +220,7 @@ def _weighted(blocks, block, y, at, even, odd):  # type: ignore[no-untyped-def]
 
 
 def dense_of(pattern: BlockPattern, lower: Float32) -> Float:
-    """(6N, 6N) the symmetric matrix whose lower blocks (48 B,) are given; for tests and diagnosis."""
+    """(6N, 6N) the symmetric matrix with the lower blocks (48 B,); for tests and diagnosis."""
     count = len(pattern.start) - 1
     blocks = lower.reshape(-1, 6, 8)[:, :, :6]
     out = np.zeros((count, 6, count, 6))

@@ -19,18 +19,20 @@ from enliven.kernels import copy_row, njit
 from enliven.lanes import fma4, load4, store4, total4
 
 _PAIRS = 5
-"""Steps after which the matrix is made anew. A matrix that ends its frames sooner is kept for the next: what
-it cost is saved, and L-BFGS makes up for the turns since."""
+"""Steps after which the matrix is refactored. A matrix that ends its frames sooner is kept for the next
+frame: its cost is saved, and L-BFGS makes up for the rotations since."""
 _NEGLIGIBLE = 1e-9
-"""An energy that nobody sees: with the default weights, every point 3 micrometres off."""
+"""An energy that is invisible: with the default weights, every point 3 micrometres off."""
 _REPULLED = 0.1
 """How far weights may change, as a part of the strongest, before the matrix is made anew."""
 _ARMIJO = 1e-4
+"""Share of the linear decrease that a step must reach: the usual constant of Armijo's condition."""
 _HALVINGS = 30
+"""Halvings of a step before the frame ends without it: 2^-30 of a step is below what float32 shows."""
 
 
 class Workspace(NamedTuple):
-    """What the descent works in; nothing else is allocated in a frame.
+    """The arrays of the descent for N nodes, P step pairs; nothing else is allocated in a frame.
 
     Attributes:
         steps: (P, 16 N) the last steps, s.

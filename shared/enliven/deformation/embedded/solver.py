@@ -211,7 +211,7 @@ class EmbeddedSolver:
         """Minimise the energy, starting from the last frame's answer.
 
         Args:
-            targets: (L, 3) metres, q_l; a point whose target is not finite, or farther than 10 km, is free.
+            targets: (L, 3) metres, q_l; a target that is not finite, or farther than 10 km, frees its point.
             weights: (L,) not negative, how much each constraint counts; 1 where None.
             planes: soft planes of this frame.
 

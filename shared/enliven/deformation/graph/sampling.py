@@ -12,6 +12,7 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 
 _DARTS_PER_NODE = 80
+"""Candidate points for each node: with so many, hardly any place is left where one more would fit."""
 _SMOOTH = 0.75
 """Least cosine between a vertex normal and its faces' normals where the surface counts as smooth."""
 
@@ -109,7 +110,7 @@ def poisson_disk(
 
 
 def _exactly(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
-    """The largest radius found whose maximal pattern has at least ``count`` points, and ``count`` of them."""
+    """The largest radius found that gives ``count`` points or more, and ``count`` of its points."""
     low, high = radius, radius
     chosen = throw(positions, normals, low)
     while len(chosen) < count and low > 1e-9 * radius:

@@ -1,10 +1,10 @@
-"""Distances along a surface: how far nodes and vertices are from each other, and whose land is whose.
+"""Geodesic distances: shortest paths along a surface, and the Voronoi cells of a graph's nodes on it.
 
-Two legs may be near in space and far along the surface. Whoever links nodes, or lets vertices follow nodes,
-asks here first. Ways run over a *net*: the welded mesh's own edges where the mesh is coarse, halved until
-they are short enough; where it is fine, the vertices within one cell of a grid that hang together within it
-become one point of the net, so that a million vertices cost no more than ten thousand. Cells never join two
-sheets that meet elsewhere. The net also leads through thin parts, and across the seams between shells.
+Two legs may be near in space and far along the surface, so nodes are linked, and vertices follow nodes, by
+these distances. Paths run over a *net*. Where the mesh is coarse, the net is the welded mesh's edges, halved
+until they are short enough. Where it is fine, connected vertices within one cell of a grid become one point
+of the net, so that a million vertices cost no more than ten thousand; a cell never joins two sheets that meet
+elsewhere. The net also has links through thin parts, and across the seams between shells.
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ from enliven.deformation.graph.connectivity import components
 from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
 
 _MOST_VERTICES = 200_000
+"""Vertices of a halved mesh at most, unless the mesh itself has more: it bounds the net's memory and time."""
 _CELLS = 6
 """Cells of the net along one node spacing."""
 _LONGEST = 1 / 3
 """Edges are halved until they are shorter than this many node spacings."""
 _CROWDED = 20_000
+"""Points from which on a net is tested for being a triangle soup; a smaller one is cheap in any case."""
 _PIECES = 6
 """Pieces to a cell, in the mean, from which on a net of more than 20,000 points is a soup's."""
 _THIN = 1 / 2
@@ -50,8 +52,8 @@ class Web(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SurfaceGraph:
-    """The points that ways along a surface run over.
+class SurfaceNet:
+    """A net: the points and links that paths along a surface run over.
 
     Attributes:
         mesh: the surface it stands for.
@@ -80,8 +82,8 @@ class SurfaceGraph:
     origin: Int | None
 
 
-def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> SurfaceGraph:
-    """The net of a mesh whose nodes will be about ``spacing`` metres apart.
+def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> SurfaceNet:
+    """The net of a mesh, for nodes about ``spacing`` metres apart.
 
     Args:
         mesh: any triangles.
@@ -104,9 +106,7 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
     shell = components(count, edges)
     links = _links(points, normals, shell, spacing)
     web = _web(points, np.concatenate([edges, links]))
-    return SurfaceGraph(
-        mesh, cell, points, normals, radii, label[welded_of], shell, web, label, faces, origin
-    )
+    return SurfaceNet(mesh, cell, points, normals, radii, label[welded_of], shell, web, label, faces, origin)
 
 
 def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
@@ -145,18 +145,18 @@ def _web(points: Float, edges: Int32) -> Web:
 
 
 @dataclass(frozen=True)
-class Territories:
-    """The net with nodes in it, and who is near whom.
+class VoronoiCells:
+    """The Voronoi cells of nodes on a surface, by distances along its net.
 
     Attributes:
         net: the surface.
         web: the net's edges, and those that tie the nodes in; node j is point C + j.
-        owner: (C,) the node that each point of the net is nearest to along the surface.
-        borders: (B, 2) pairs of nodes whose territories touch.
+        owner: (C,) the node nearest to each point of the net, along the surface.
+        borders: (B, 2) pairs of nodes with adjacent cells.
         lengths: (B,) metres, the shortest way between the two across their border.
     """
 
-    net: SurfaceGraph
+    net: SurfaceNet
     web: Web
     owner: Int
     borders: Int
@@ -168,7 +168,7 @@ class Territories:
         return np.asarray(self.owner[self.net.of_vertex])
 
 
-def territories(net: SurfaceGraph, positions: Float, faces: Int32) -> Territories:
+def voronoi_cells(net: SurfaceNet, positions: Float, faces: Int32) -> VoronoiCells:
     """Split the surface between nodes by distance along it (a geodesic Voronoi diagram).
 
     A part without any node goes, as a whole, to the node that is nearest in space.
@@ -187,10 +187,10 @@ def territories(net: SurfaceGraph, positions: Float, faces: Int32) -> Territorie
     crossing = (ends[:, 0] != ends[:, 1]) & (ends >= 0).all(1)
     a, b = web.edges[crossing].T
     borders, across = _shortest(ends[crossing], lengths[a] + web.lengths[crossing] + lengths[b])
-    return Territories(net, web, owner[:count], borders, across)
+    return VoronoiCells(net, web, owner[:count], borders, across)
 
 
-def _tied(net: SurfaceGraph, positions: Float, faces: Int32) -> Web:
+def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> Web:
     """The net's web with each node tied to the corners of its face, and each part without a node to one."""
     count = len(net.points)
     origin = np.arange(len(net.faces)) if net.origin is None else net.origin
@@ -230,7 +230,7 @@ def _adjacency(web: Web, count: int) -> tuple[Int, Int32, Float]:
 
 
 def ways_from_nodes(
-    land: Territories, nodes: Int, joints: Int32, spacing: float, reach: float
+    cells: VoronoiCells, nodes: Int, joints: Int32, spacing: float, reach: float
 ) -> tuple[Int, Int32, Float]:
     """Which nodes lie within ``reach`` metres of each point of the net along the surface, and how far.
 
@@ -243,10 +243,10 @@ def ways_from_nodes(
     Returns:
         CSR over the points: offsets (C + 1,), nodes (K,) ascending at each point, and metres (K,).
     """
-    count = len(land.net.points)
+    count = len(cells.net.points)
     web = Web(
-        np.concatenate([land.web.edges, (count + joints).astype(np.int32)]),
-        np.concatenate([land.web.lengths, np.full(len(joints), spacing)]),
+        np.concatenate([cells.web.edges, (count + joints).astype(np.int32)]),
+        np.concatenate([cells.web.lengths, np.full(len(joints), spacing)]),
     )
     offsets, neighbours, lengths = _adjacency(web, int(web.edges.max(initial=0)) + 1)
     while True:
@@ -257,7 +257,7 @@ def ways_from_nodes(
         reach = 4 * reach if reach < 100 * spacing else np.inf
 
 
-def points_around(net: SurfaceGraph, reach: float) -> tuple[Int, Int32, Float]:
+def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
     """The points within ``reach`` metres along the net of each point, itself first, then the nearest.
 
     Returns:
@@ -267,7 +267,7 @@ def points_around(net: SurfaceGraph, reach: float) -> tuple[Int, Int32, Float]:
     return ends, points, metres
 
 
-def members(net: SurfaceGraph) -> tuple[Int, Int32]:
+def members(net: SurfaceNet) -> tuple[Int, Int32]:
     """CSR: offsets (C + 1,) and the vertices of each point."""
     starts, order = kernels.by_label(net.of_vertex, len(net.points))
     return starts, order

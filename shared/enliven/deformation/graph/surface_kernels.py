@@ -168,6 +168,7 @@ def grid(points: Float, size: float) -> tuple[Int, Int, Any]:
 
 
 _SHELLS = 3
+"""Links at most from a point to other shells: where shells only touch, one link would make a hinge."""
 
 
 @njit(cache=True, nogil=True)

@@ -25,6 +25,7 @@ _PARENT = np.array(PARENTS)
 _LIMBS = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
 """(20,) the trunk, the arms and the legs, by the joint that a bone ends at."""
 _ARMS = (1, 2)
+"""The numbers of the arms among those limbs."""
 _ON_PELVIS = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
 
 
@@ -44,10 +45,10 @@ class AttachmentSettings:
 
 @dataclass(frozen=True)
 class Growth:
-    """How far to reach where a body does not fit the mesh: limb by limb, each until enough of it holds.
+    """The longer reach of a body that does not fit the mesh: it grows limb by limb until enough bones hold.
 
-    An arm of somebody who holds with all that they have needs to reach nothing: where a mesh has no place
-    for arms, they would take hold of its flanks. The arms then reach as far as the whole needs.
+    Arms of a performer who holds the mesh with the whole body reach only as far as the whole body needs: in
+    a mesh without arms they would otherwise take hold of its flanks.
 
     Attributes:
         enough: share of the bones that must take hold before the reach stops growing.

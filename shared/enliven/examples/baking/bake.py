@@ -31,8 +31,9 @@ _CHUNK = 16
 _AGAIN = 3
 """How often frames that were not fitted to and are too far off are taken in."""
 _MOST_MISSED = 16
+"""Frames taken in at once at most, the worst first; each is one more that every round fits."""
 _LAST = 5
-"""Rounds with maps as a glTF node can say them."""
+"""Rounds with maps that a glTF node can express: rotation, and scale along fixed axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +124,7 @@ class Missed:
         return [frame for _, frame in self._kept]
 
     def see(self, worst: float, frame: Float) -> None:
-        """A frame whose farthest vertex is ``worst`` metres off."""
+        """Record a frame with its farthest vertex ``worst`` metres off."""
         if worst > self.most:
             self._kept = sorted([*self._kept, (worst, frame)], key=lambda kept: -kept[0])[:_MOST_MISSED]
 
@@ -199,7 +200,7 @@ class _Fit:
         return np.asarray(np.maximum(own, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
 
     def _begin(self) -> None:
-        """Each vertex follows the seed whose land it is on."""
+        """Let each vertex follow the seed nearest to it along the surface."""
         self.pivots = np.ascontiguousarray(self._rest[self.seeds.vertices])
         self._candidates = self.seeds.nearest(self._settings.candidates)
         self.indices = np.zeros((len(self._rest), 4), np.int32)

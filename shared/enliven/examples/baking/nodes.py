@@ -78,7 +78,7 @@ class Seeds:
         return filled
 
     def edges(self) -> Int32:
-        """(E, 2) pairs of seeds whose lands touch."""
+        """(E, 2) pairs of seeds with adjacent Voronoi cells."""
         owner: Int = np.argmin(self.away, axis=0)
         pairs = np.sort(owner[self._net.edges], 1)
         return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).astype(np.int32).reshape(-1, 2)

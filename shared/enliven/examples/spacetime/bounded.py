@@ -238,7 +238,7 @@ def _fill(matrix, f, work, count, low, high):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _linear(node, known, f, qx, qy, qz, work):  # type: ignore[no-untyped-def]
-    """What is known of a node whose states, weights at a pull and factor are in ``work``."""
+    """The known terms of a node; its states, weights at a pull and factor are in ``work``."""
     matrix, right, reach, offset, slack, _ = node
     still, swing, base, give, least = known
     w, _, free, factor, state = work

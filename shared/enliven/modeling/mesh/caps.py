@@ -1,4 +1,4 @@
-"""Caps: what closes the loops of a cut, with points inside that take everything from the rim."""
+"""Caps: triangulations that close the loops of a cut; their inner points take their values from the rim."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from scipy.sparse.linalg import splu
 from enliven.arrays import Float, Int
 from enliven.modeling.mesh.cut_loops import area
 from enliven.modeling.mesh.planar import refined, triangulated
+from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU
 
-SYMMETRIC_LU = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}, "diag_pivot_thresh": 0.0}
 _GROWTH = 1.25
 """How much longer edges get with every ring towards the middle of a cap."""
 

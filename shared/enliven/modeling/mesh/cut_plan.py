@@ -19,6 +19,7 @@ from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.settings import setting
 
 _SIDES = ((0, 1), (1, 2), (2, 0))
+"""The corners of a triangle's three sides."""
 _ISLAND = 0.05
 """A part of the surface that weights alone would cut out stays, if it is smaller than this share of all on
 its side."""

@@ -66,8 +66,8 @@ def healed(
     """The mesh and its skin with the seam smoothed and weighted anew.
 
     Args:
-        skeleton: whose bones the skin names, in the mesh's frame.
-        seam: (V,) where it is.
+        skeleton: the bones that the skin names, in the mesh's frame.
+        seam: (V,) true for its vertices.
     """
     smooth = smoothed(mesh, seam, settings)
     return smooth, reweighted(smooth, skin, skeleton, seam, settings)
@@ -109,8 +109,8 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     """(V, 3) positions that are smooth where ``free`` (V,), the others as they are.
 
     The mean curvature and the normals run harmonically from what is around into what is free, and the free
-    vertices take the positions whose Laplacians come nearest to them, none moved far (R. Schneider and L.
-    Kobbelt, "Geometric fairing of irregular meshes", 2001, in one linear step): a tube goes on as a tube, a
+    vertices take the positions with the Laplacians nearest to them, none moved far (R. Schneider and L.
+    Kobbelt, "Geometric fairing of irregular meshes", 2001, in one linear step): a tube continues as a tube, a
     plane as a plane.
     """
     welded, of = weld(mesh)

@@ -33,10 +33,14 @@ from enliven.modeling.puppet.parts import (
 from enliven.rotation import nearest_rotation
 
 _SEAM = SeamSettings()
-_NEAR, _FEWEST = 0.08, 12
-"""The surface around a place: within this share of the puppet's size, and at least so many vertices."""
-_MOST, _TOLERANCE = 16, 0.01
-"""New control points at most, and how far off a key pose (share of the size) may be without."""
+_NEAR = 0.08
+"""Share of the puppet's size within which surface counts as around a place: about a limb's girth."""
+_FEWEST = 12
+"""Vertices around a place at least, on a mesh too coarse for ``_NEAR``: a rigid fit needs several."""
+_MOST = 16
+"""New control points at most: each is one more for the user to see and to drag."""
+_TOLERANCE = 0.01
+"""Share of the size that a key pose may be off before it gets one more control point."""
 
 
 @dataclass(frozen=True)
@@ -207,9 +211,9 @@ class _Merge:
         return self._with([*points, *more.values()]).with_changes(layers=self._layers(ours, theirs))
 
     def _moved(self, puppet: Puppet, of: Int, taken: set[str], notes: list[str]) -> dict[str, ControlPoint]:
-        """The control points by their old name and after these the new ones, on the united mesh.
+        """The control points on the united mesh, by their old names; new ones come last.
 
-        One whose vertex went with the union sits on the nearest that is left.
+        A point moves to the nearest vertex that is left where the union removed its own.
         """
         left = np.flatnonzero(of >= 0)
         number = np.full(len(puppet.mesh.vertices), -1)

@@ -168,9 +168,9 @@ def _worst(vertices: Float, off: Float, tolerance: float, count: int) -> list[in
 
 
 def telling(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """The paired control points whose joints tell at least two of the key poses apart; all, where none does.
+    """The paired control points with joints in different places in two key poses or more; all, where none is.
 
-    A joint that is the performer's root is always at one place in the body's frame.
+    The performer's root is always at one place in the body frame, so its control point is left out.
     """
     paired = tuple(point for point in puppet.points if point.joint)
     sources = _sources(project, puppet)

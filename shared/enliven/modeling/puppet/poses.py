@@ -95,7 +95,7 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
 
 
 def _told_apart(project: Project, puppet: Puppet) -> Project:
-    """The project with the puppet, whose examples must differ as soon as they can be compared."""
+    """The project with the puppet; its examples must differ as soon as they can be compared."""
     made = project.with_puppets(puppet)
     if not missing(made, puppet):
         examples_of(made, puppet)

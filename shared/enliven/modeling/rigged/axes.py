@@ -61,7 +61,7 @@ class Axes:
         return multiply(multiply(self.turn, q), conjugate(self.turn))
 
     def layer(self, layer: Layer) -> Layer:
-        """The layer whose turns are L (those of ``layer``) L^-1 at every time, and its displacements L d."""
+        """The layer with the turns L q L^-1, for ``layer``'s turns q, and the displacements L d."""
         basis = layer.basis * _MIRRORED if self.mirrored else layer.basis
         basis = normalized(multiply(self.turn, basis))
         return replace(layer, basis=basis, mirrored=layer.mirrored != self.mirrored)

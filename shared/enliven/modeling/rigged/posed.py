@@ -72,7 +72,7 @@ def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: flo
 
 
 def own_turn(turns: Float, shape: Shape, j: int) -> Float:
-    """(4,) the animation rotation a_j in the pose whose world turns are ``turns``: (D_parent m_j)^-1 D_j."""
+    """(4,) the animation rotation a_j = (D_parent m_j)^-1 D_j in a pose with the world turns ``turns``."""
     parent = int(shape.skeleton.parents[j])
     modeled = shape.modeling[j] if parent < 0 else multiply(turns[parent], shape.modeling[j])
     return multiply(conjugate(modeled), turns[j])

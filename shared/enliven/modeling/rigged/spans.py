@@ -47,7 +47,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
         between: (4,) the modeling rotation of the lower bone: it turns after the upper bone's spans.
 
     Returns:
-        Spans whose product is (product of ``upper``) ``between`` (product of ``lower``), at every time. Two
+        Spans with the product (product of ``upper``) ``between`` (product of ``lower``) at every time. Two
         spans that were parts of one are one again.
     """
     first = lower[0]

@@ -67,7 +67,7 @@ def spread_motion(
 
 
 def reflected(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Layer:
-    """The layer whose turns are linear Q linear^-1, for a rotation or a reflection.
+    """The layer with the turns linear Q linear^-1, for a rotation or a reflection.
 
     A reflection is the one in the plane x = 0, S, with a rotation after it: L = R S. What the layer turned,
     Q = B q B^-1, becomes R (S B S) (S q S) (S B S)^-1 R^-1, and S q S is what ``mirrored`` says.

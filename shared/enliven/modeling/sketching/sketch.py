@@ -4,7 +4,7 @@
 
 P. Borosan et al., "RigMesh: automatic rigging for part-based shape modeling and deformation", 2012: the
 outline is triangulated, the chordal axis of the triangles becomes bones, the outline is inflated around it,
-and skin weights are computed. ``part_from_outline`` gives the parts for whoever wants to look inside.
+and skin weights are computed.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = 
 
 
 def held_pins(shape: Shape) -> list[HeldPin]:
-    """The pins of a shape whose limbs are there."""
+    """The pins of a shape that still has their limbs."""
     skeleton, made = shape.skeleton, []
     for pin in shape.pins:
         if pin.joint not in skeleton.names or pin.start not in skeleton.names:
