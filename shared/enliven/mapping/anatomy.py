@@ -120,7 +120,7 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
     pairs, single = _paired(limbs, at, skeleton.names)
     head, tail = _ends(single, at)
     if not any(limb.chain[0] == trunk[-1] for limb in single):
-        trunk, pairs, found = _beheaded(trunk, pairs, at)
+        trunk, pairs, found = _with_head(trunk, pairs, at)
         head = found or head
     return Anatomy(facing, trunk, tuple(pairs), head, tail)
 
@@ -177,7 +177,7 @@ def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
     return best
 
 
-def _beheaded(
+def _with_head(
     trunk: tuple[int, ...], pairs: list[Pair], at: Float
 ) -> tuple[tuple[int, ...], list[Pair], SkeletonLimb | None]:
     """A trunk that goes on beyond the arms to a fork that has nothing but pairs (ears) ends in a head."""

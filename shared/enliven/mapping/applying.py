@@ -17,7 +17,7 @@ from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.plan import ChainPlan, Plan, Rest
-from enliven.mapping.resting import about_itself, at_moment, calm, first_heading, posed, rebased
+from enliven.mapping.resting import at_moment, first_heading, hanging_pose, mean_pose, posed, rebased
 from enliven.motion.layers import arc_of, bind_chain, branch, set_travel
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
 
@@ -32,7 +32,7 @@ def source_anatomy(clip: Clip) -> Anatomy:
     At rest, or in the pose that the take moves about, whichever says more.
     """
     at_rest = anatomy_of(clip.skeleton)
-    amid = anatomy_of(posed(clip.skeleton, about_itself(clip)))
+    amid = anatomy_of(posed(clip.skeleton, mean_pose(clip)))
     if len(amid.pairs) > len(at_rest.pairs):
         return amid
     heading = first_heading(clip)
@@ -173,8 +173,8 @@ def _rest(clip: Clip, rest: Rest | float) -> Float:
         body = source_anatomy(clip)
         limbs = [limb.proper for pair in body.pairs for limb in pair]
         if len(body.legs) == 1 and body.arms:
-            return calm(clip, limbs)
-    return about_itself(clip)
+            return hanging_pose(clip, limbs)
+    return mean_pose(clip)
 
 
 def _pose_like(since: Float, clip: Clip, line: _Line, target: Skeleton, turns: _Turns) -> None:

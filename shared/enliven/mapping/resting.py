@@ -42,7 +42,7 @@ def first_heading(clip: Clip) -> Float:
     return heading_of(mean_turn(heading_of(clip.turns[: frames + 1, 0])))
 
 
-def about_itself(clip: Clip) -> Float:
+def mean_pose(clip: Clip) -> Float:
     """(N, 4) world turns of a take's mean pose: the mean turn of each bone relative to its parent.
 
     The heading is the first frame's: a body that turns round in a take has no mean heading.
@@ -50,7 +50,7 @@ def about_itself(clip: Clip) -> Float:
     return _mean_pose(clip, np.ones(len(clip.turns), bool))
 
 
-def calm(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
+def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
     """(N, 4) world turns of an upright body with hanging arms and legs, from a take's own frames.
 
     The mean pose of a performer who waves all the time has raised arms. This is the mean of the eighth of the

@@ -112,7 +112,7 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
         return before._replace(held=numbers)
     start, near, way = _with_more(base, added)
     points, reach = base.whole.vertices, _REACH * base.spacing
-    faces, links = _lands(base.whole.faces, _nearest(start, near, way))
+    faces, links = _coarse_faces(base.whole.faces, _nearest(start, near, way))
     start, near, weights = followed(points, points[samples], start, near, way, reach, _DETOUR)
     if base.riding.any():
         start, near, weights = _with_riders(base.whole, base.riding, start, near, weights)
@@ -135,7 +135,7 @@ def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSamplin
     for _ in range(_MOST_ROUNDS):
         riding = _riding(whole.vertices, label, held, spacing)
         order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
-        samples = thrown(*net, order, spacing)
+        samples = poisson_disk_samples(*net, order, spacing)
         if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= finest:
             break
         spacing = max(spacing * float(np.sqrt(len(samples) / count)), finest)
@@ -236,7 +236,7 @@ def edges_around(points, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def thrown(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
+def poisson_disk_samples(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
     """(M,) the vertices of ``order`` that are ``spacing`` or more along the surface from all before."""
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     covered = np.zeros(metres.shape[0], np.bool_)
@@ -313,7 +313,7 @@ def _riding(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
     return np.asarray(small[label])
 
 
-def _lands(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
+def _coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
     """(G, 3) the coarse faces, and (L, 2) neighbours that share none."""
     corners = nearest[faces]
     corners = corners[((corners != corners[:, [1, 2, 0]]).any(1)) & (corners >= 0).all(1)]

@@ -19,7 +19,7 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.deformation.arap.coarse import Coarse, coarse_of
 from enliven.deformation.arap.detail import carry
-from enliven.deformation.arap.guide import Guide, come, handles_of, rows_of
+from enliven.deformation.arap.guide import Guide, handles_of, rows_of, settle_from_rest
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import check_mesh
 from enliven.deformation.arap.threads import ThreadChoice, shared
@@ -130,7 +130,7 @@ class PuppetSurface:
             return self.pose
         self._solver.check(rows_of(wanted))
         if self._guide is None:
-            come(self._solver, self.mesh.vertices[self._held], wanted)
+            settle_from_rest(self._solver, self.mesh.vertices[self._held], wanted)
         else:
             self._solver.start_from(self._guide.settle(wanted), self._guide.pressure)
         for _ in range(_LOCAL):

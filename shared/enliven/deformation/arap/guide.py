@@ -74,7 +74,7 @@ class Guide:
 
     def settle(self, places: Float) -> Float:
         """(V, 3) metres, the mesh moved from rest to ``places`` in small steps; no earlier frame matters."""
-        come(self._solver, self._home, places)
+        settle_from_rest(self._solver, self._home, places)
         self.carried, self._places = self._carry(), places
         return self.carried
 
@@ -97,7 +97,7 @@ class Guide:
         return other
 
 
-def come(solver: ArapSolver, home: Float, places: Float) -> None:
+def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
     """Move a solver from rest to ``places`` (P, 3) in small steps, and let it settle.
 
     A limb that turns far in one step is turned inside out. The rigid motion that all handles share comes in

@@ -32,7 +32,7 @@ from enliven.deformation.arap.detail import cell_maps
 from enliven.deformation.arap.handles import HeldVertices, follow, hold, pull
 from enliven.deformation.arap.input import WHERE, Handle, check_handle, checked_target
 from enliven.deformation.arap.solves import backward, forward
-from enliven.deformation.arap.step import give, gone_along, moved, plain
+from enliven.deformation.arap.step import carry_positions, moved, set_zero, write_pose
 from enliven.deformation.arap.surface import surface_of
 from enliven.deformation.arap.threads import ThreadChoice, shared
 from enliven.deformation.arap.volume import press
@@ -170,9 +170,9 @@ class ArapSolver:
             self._share(turn_and_squash, surface.cells, frames, exaggeration, most)
             shift = self._global(held, rows, settings.volume)
         else:
-            plain(self._z)
+            set_zero(self._z)
         pose: Float = np.empty_like(self.pose)
-        give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
+        write_pose(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
             self.start_from(self.pose, 0.0)
             raise InputError("the handles leave no finite shape", where=WHERE, mend="Move them less far.")
@@ -251,7 +251,7 @@ class ArapSolver:
             turn: (3, 3) the rotation of the shape's offsets from the proxy.
         """
         surface, frames = self._surface, self._frames.reshape(-1)
-        gone_along(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
+        carry_positions(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
 
     def twin(self) -> ArapSolver:
         """Another solver of the same mesh and handles, at rest; it shares the factor."""

@@ -185,7 +185,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
                     table[b - first, place[j]] = shares[around[b], m]
         for m in range(some):
             place[union[m]] = -1
-        some = _hopeful(table, last - first, union, some, largest, who)
+        some = _drop_small_columns(table, last - first, union, some, largest, who)
         for i in range(starts[c], starts[c + 1]):
             v = order[i]
             mean[:some] = 0.0
@@ -216,7 +216,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
 
 
 @njit(cache=True, nogil=True)
-def _hopeful(table, rows, union, some, largest, who):  # type: ignore[no-untyped-def]
+def _drop_small_columns(table, rows, union, some, largest, who):  # type: ignore[no-untyped-def]
     """Keep the columns that may be among the largest of a mean of the rows; returns how many.
 
     A column is dropped where its largest entry is below the smallest entries of k + 1 others.

@@ -10,7 +10,7 @@ from .meshes import bone_maps, no_maps, numbers_in, parted, posed_vertices, with
 from .mirror_plane import plane_of_symmetry
 from .planar import refined, triangulated
 from .poisson_equation import SYMMETRIC_LU, poisson
-from .remesh import flipped, slid
+from .remesh import flipped, taubin_smoothed
 from .seam import SeamSettings, healed, smoothed
 
 __all__ = [
@@ -37,8 +37,8 @@ __all__ = [
     "poisson",
     "posed_vertices",
     "refined",
-    "slid",
     "smoothed",
+    "taubin_smoothed",
     "triangulated",
     "united",
     "with_piece",

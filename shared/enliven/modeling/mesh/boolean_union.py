@@ -70,7 +70,7 @@ class MeshPair:
             return self.side_by_side("one lies inside of the other: joined as separate shells")
         if not any(side.lost or side.new for side in sides):
             return self.side_by_side("they do not meet: joined as separate shells")
-        return Fused(self, sides, made).union(notes)
+        return UnionBuilder(self, sides, made).union(notes)
 
 
 class Side:
@@ -99,7 +99,7 @@ class Side:
         self.new = bool((~self.whole).any())
 
 
-class Fused:
+class UnionBuilder:
     """Puts one mesh together: kept vertices of both in their order, then the new ones."""
 
     def __init__(self, pair: MeshPair, sides: list[Side], made: manifold3d.Mesh64) -> None:

@@ -13,7 +13,7 @@ _OLD = 0.5
 """The same for an edge to a vertex that must stay, of the above: the seam is drawn to it."""
 
 
-def tidied(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
+def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
     """The surface with fewer and better triangles at its new vertices.
 
     Args:

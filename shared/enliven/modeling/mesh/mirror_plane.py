@@ -56,8 +56,8 @@ class _Found(NamedTuple):
 def plane_of_symmetry(mesh: Mesh) -> Plane | None:
     """The plane of symmetry, or None where the mirror image misses the surface by more than ``TOLERANCE``.
 
-    Where several planes hold (a box, a flat star), it is the upright one along whose normal the mesh is
-    widest: the one between left and right.
+    Where several planes hold (a box, a flat star), it is the upright one with the mesh widest along its
+    normal: the one between left and right.
 
     Raises:
         InputError: for a mesh without area.

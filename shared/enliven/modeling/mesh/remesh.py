@@ -42,7 +42,7 @@ def _beside(faces, count):  # type: ignore[no-untyped-def]
     return out.reshape(-1, 3)
 
 
-def slid(vertices: Float, faces: Int32, times: int) -> Float:
+def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:
     """(V, 3) vertices between their neighbours: low frequencies stay, noise goes, triangles even out."""
     count = len(vertices)
     out = np.ascontiguousarray(vertices).copy()

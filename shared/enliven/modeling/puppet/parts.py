@@ -167,7 +167,7 @@ def _worst(vertices: Float, off: Float, tolerance: float, count: int) -> list[in
     return chosen
 
 
-def telling(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
+def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
     """The paired control points with joints in different places in two key poses or more; all, where none is.
 
     The performer's root is always at one place in the body frame, so its control point is left out.
@@ -182,17 +182,21 @@ def telling(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
     return tuple(point for point in paired if clear[names.index(point.name)]) or paired
 
 
-def told_apart(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
+def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
     """The puppet without key poses that its own joints do not tell from an earlier one, and how many went."""
     poses: list[KeyPose] = []
     for pose in puppet.poses:
         tried = puppet.with_changes(poses=(*poses, pose))
-        if len(poses) < 1 or not all(point.joint for point in puppet.points) or _tell(project, tried):
+        if (
+            len(poses) < 1
+            or not all(point.joint for point in puppet.points)
+            or _examples_differ(project, tried)
+        ):
             poses.append(pose)
     return puppet.with_changes(poses=tuple(poses)), len(puppet.poses) - len(poses)
 
 
-def _tell(project: Project, puppet: Puppet) -> bool:
+def _examples_differ(project: Project, puppet: Puppet) -> bool:
     try:
         examples_of(project, puppet)
     except InputError:

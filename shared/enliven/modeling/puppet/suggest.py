@@ -51,7 +51,7 @@ def suggested_puppet(
     partners = None if plane is None else _partners(rest, plane)
     joints = guess_joints(clip.skeleton, rest)
     if partners is not None:
-        joints = evened(clip.skeleton, joints, rest, partners)
+        joints = symmetric_joints(clip.skeleton, joints, rest, partners)
     for vertex, joint, foot in zip(vertices, joints, _feet(clip, joints, rest, mesh), strict=True):
         taken = {point.name: point for point in project.puppets[puppet_id].points}
         project = add_point(project, puppet_id, vertex, unused(joint, taken), joint, foot)
@@ -96,7 +96,7 @@ def _partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
     return partners if any(other != own for own, other in enumerate(partners)) else None
 
 
-def evened(
+def symmetric_joints(
     skeleton: Skeleton, joints: Sequence[str], rest: Float, partners: Sequence[int]
 ) -> tuple[str, ...]:
     """Joints made symmetric: mirror images follow the joints of both sides, points on the plane middle ones.
