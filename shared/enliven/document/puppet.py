@@ -133,8 +133,8 @@ class Puppet:
         surface, examples, locomotion: settings of the three solvers.
 
     Raises:
-        InputError: where the parts do not fit together. A puppet in the making, with too few examples or
-            points without a joint, is none of that: it is only refused when it is to move.
+        InputError: where the parts do not fit together. An unfinished puppet, with too few examples or points
+            without a joint, is accepted: it is refused only when it is to move.
     """
 
     id: str
@@ -184,7 +184,7 @@ class Puppet:
 def character_of_puppet(puppet: Puppet) -> Character:
     """The puppet as viewers know it: kind "points", transform 0 its frame, transform k control point k - 1.
 
-    Viewers solve the surface. Who cannot sees it move as one rigid piece: all vertices follow transform 0.
+    Viewers solve the surface. Without that it moves as one rigid piece: all vertices follow transform 0.
 
     Raises:
         InputError: for a puppet without control points.

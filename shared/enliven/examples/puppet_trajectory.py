@@ -75,7 +75,7 @@ class PuppetMotion:
         return self._gone(yaw, np.asarray(root), rounds)
 
     def _gone(self, yaw: float, root: Float, rounds: int) -> tuple[float, Float]:
-        """A yaw and a root after whole rounds, each of which begins where the one before ended.
+        """The yaw and the root after whole rounds; each round begins where the one before ended.
 
         Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, R the turn of one: a geometric series, which
         holds for n < 0 too.

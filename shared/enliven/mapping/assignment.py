@@ -53,7 +53,7 @@ def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
 
 
 def _lent_legs(source: Anatomy, target: Anatomy) -> tuple[Pair, ...]:
-    """The source's legs that stand in for arms that it has not."""
+    """The source's legs that stand in for missing arms."""
     spare = len(source.legs) - max(len(target.legs), 1)
     return source.legs[: max(spare, 0)] or source.legs[:1]
 

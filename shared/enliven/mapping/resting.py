@@ -1,4 +1,4 @@
-"""Rest poses of a take: the one it is said against. Any pose will do, since turns are relative to it.
+"""Rest poses of a take: the pose that its turns are relative to; any pose can be one.
 
 about_itself(clip)         # (N, 4) the mean pose of the take, its heading the first
 calm(clip, limbs)          # (N, 4) the mean of those frames in which the limbs hang most
@@ -17,9 +17,9 @@ from enliven.document import Clip, Skeleton
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
 _STRIDE = 1.0
-"""Seconds."""
-_CALM = 0.12
-"""Share of a take's frames that count as calm."""
+"""Seconds of a stride: the mean heading over one does not sway with the hips."""
+_HANGING = 0.12
+"""Share of a take's frames, an eighth, that the hanging pose is the mean of."""
 
 
 def heading_of(turns: Float) -> Float:
@@ -61,7 +61,7 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
     """
     bones = [joint for limb in limbs for joint in limb[1:]]
     height = rotate(clip.turns[:, bones], clip.skeleton.vectors[bones])[..., 1].sum(1)
-    return _mean_pose(clip, height <= np.quantile(height, _CALM))
+    return _mean_pose(clip, height <= np.quantile(height, _HANGING))
 
 
 def _mean_pose(clip: Clip, frames: Bool) -> Float:

@@ -65,8 +65,8 @@ def rank_rows(ends, first, source, rows, whole, missing):  # type: ignore[no-unt
 def seen_branches(points, first, axes, eye, perspective, blur, dots):  # type: ignore[no-untyped-def]
     """(B, 2) branches on the screen, from their sub-tree's root, made comparable.
 
-    For cosines each gets length one; but one that is seen end-on, so that less than a share ``blur`` of it
-    shows, has hardly a direction, and stays as short as it is of that: its cosines fade to zero. For dot
+    For cosines each gets length one. A branch seen end-on, with less than a share ``blur`` of it visible, has
+    hardly a direction: it is scaled to its visible part of that share, so its cosines fade to zero. For dot
     products the longest of each sub-tree gets length one.
 
     Args:

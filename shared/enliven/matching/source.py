@@ -17,8 +17,8 @@ from enliven.matching.abstraction import Branch, abstract
 class MatchSource:
     """A skeleton simplified in a single step to the branches of one joint (AniMesh, Figure 3b).
 
-    What hangs on a branch is abstracted as in the target: what moves is averages of joints, with weights
-    that the lengths of the bones give once.
+    Below a branch the skeleton is abstracted as in the target: a position is a weighted average of joints,
+    and the weights come from the bones' lengths, once.
 
     Attributes:
         root: the joint the branches begin at.

@@ -26,7 +26,7 @@ class ScreenView:
 
     Attributes:
         direction: (3,) from the eye into the scene; any length.
-        up: (3,) what points up on the screen, as far as it is across ``direction``.
+        up: (3,) the direction that is up on the screen; its part along ``direction`` does not count.
         eye: (3,) metres, for a perspective view; None for an orthographic one.
         frame: (3, 3) right, up and forward: unit vectors of the world, made of the others.
 

@@ -89,7 +89,7 @@ def _tapered(path: Float, first: tuple[float, float], last: tuple[float, float])
 
 
 def _chair_boards() -> list[_Board]:
-    """Every part of the chair, as seen by one who sits on it: x to the left, y up, z forward."""
+    """Every part of the chair, as seen from the seat: x to the left, y up, z forward."""
     boards = [*_seat(), *_back()]
     for side in (-1.0, 1.0):
         boards += [*_legs(side), *_arm(side)]

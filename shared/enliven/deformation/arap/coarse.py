@@ -93,7 +93,7 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
     """About ``count`` samples of the mesh, those of ``held`` (P,) among them.
 
     Args:
-        before: of the same mesh; what does not change is taken from it.
+        before: an earlier result for the same mesh; its samples are used again where they serve.
 
     Raises:
         InputError: for a control point that is not there, or that no face uses.
@@ -123,7 +123,7 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
 
 
 def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSampling:
-    """Samples of the mesh, and who is near them; the shells at the positions ``awake`` (A, 3) do not ride."""
+    """Samples of the mesh and their neighbourhoods; shells at the positions ``awake`` (A, 3) do not ride."""
     whole, welded = _in_order(*weld(mesh))
     net = edges_around(whole.vertices, whole.faces)
     label = shells(whole.faces, len(whole.vertices))
@@ -186,7 +186,7 @@ def _check_held(held: Int, base: CoarseSampling) -> None:
 
 
 def _notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
-    """What the user is told."""
+    """Sentences for the user about the samples, welds and tiny shells."""
     vertices, points = len(base.welded), len(base.riding)
     notes = [f"{vertices:,} vertices: {count:,} of them are solved and carry the others with their detail."]
     if points < vertices:
@@ -335,7 +335,7 @@ def _sides(corners: Int, count: int) -> Int:
 def _with_riders(
     whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
 ) -> tuple[Int, Int32, Float32]:
-    """The same CSR, where each tiny shell follows, as one, what the nearest vertex of the surface does."""
+    """The same CSR; each tiny shell follows, as a whole, the samples of the surface vertex nearest to it."""
     rest = np.flatnonzero(~riding)
     label = shells(whole.faces, len(whole.vertices))[riding]
     number = np.unique(label, return_inverse=True)[1].reshape(-1)

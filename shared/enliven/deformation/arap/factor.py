@@ -55,7 +55,8 @@ class Factor(NamedTuple):
 def factorise(count: int, edges: Int, weights: Float) -> Factor:
     """The factor of the edges' Laplacian with its vertex 0 held.
 
-    Holding one vertex takes away nothing: the solver adds a shift of the whole (see arap_handles).
+    Holding one vertex loses nothing: the solver adds a shift of the whole
+    (:mod:`enliven.deformation.arap.handles`).
 
     Args:
         count: V vertices, all of them in one piece.

@@ -65,7 +65,7 @@ class Guide:
         Offsets of the fine surface from the proxy turn by the best rotation of all handles.
 
         Raises:
-            InputError: for places that cannot be meant; nothing has changed.
+            InputError: for places of another shape, or not finite; nothing has changed.
         """
         self._solver.solve(rows_of(places))
         turn, _, _ = rigid_between(self._places, places)

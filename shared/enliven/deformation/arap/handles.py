@@ -1,4 +1,4 @@
-"""Handles upon a factor that knows nothing of them.
+"""Handles added to a factor of the Laplacian alone, exactly and without a new factorisation.
 
 The factor is of the Laplacian alone (with vertex 0 held, which gives one of its solutions). What pulls at
 the handles, forces f on the handle vertices E, and a shift c of the whole are found from

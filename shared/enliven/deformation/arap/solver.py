@@ -150,10 +150,10 @@ class ArapSolver:
             targets: for the handles that move, (K, 3) metres, a row a vertex of the handle; the others stay.
 
         Returns:
-            (V, 3) the mesh's vertices; hard handles are exactly where they are wanted.
+            (V, 3) the mesh's vertices; hard handles are exactly at their targets.
 
         Raises:
-            InputError: for targets that cannot be meant. The last good pose stays.
+            InputError: for targets of another shape, not finite or contradicting. The last good pose stays.
         """
         wanted, held, rows = self.check(targets)
         settings, surface = self.settings, self._surface

@@ -18,7 +18,7 @@ from enliven.meshes import Mesh, weld
 
 
 class PreparedSurface(NamedTuple):
-    """What the solver needs of a mesh.
+    """A welded, connected, reordered and factorised mesh; V vertices, P places, E edges.
 
     Attributes:
         place_of: (V,) the place of each vertex of the mesh in the solver's order; welded ones share it.
@@ -115,7 +115,7 @@ def _neighbours_near(count: int, edges: Int) -> Int:
 
 
 def check_mesh(mesh: Mesh, most_vertices: int) -> None:
-    """That the mesh can be deformed at all.
+    """Refuse a mesh that cannot be deformed.
 
     Raises:
         InputError: without faces, with positions that are not finite, or with too many vertices.

@@ -150,8 +150,9 @@ def _times(lower, target, upper, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _invert_factor(a):  # type: ignore[no-untyped-def]
-    """Replace the symmetric block ``a`` (48,), of which the lower half is read, by the inverse of its lower
-    Cholesky factor.
+    """Replace the symmetric block ``a`` (48,) by the inverse of its lower Cholesky factor.
+
+    Only the lower half of ``a`` is read.
     """
     for j in range(6):
         for i in range(j, 6):

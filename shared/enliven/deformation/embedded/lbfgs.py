@@ -115,8 +115,8 @@ def descend(x, t, planes, system, room, most, tolerance):  # type: ignore[no-unt
     """Kernel: L-BFGS from ``x``, in place; returns the number of iterations. ``room.raw`` is the gradient at
     ``x``, ``room.energies`` are its energies.
 
-    It ends with the step that promised to lower the energy by less than ``tolerance`` of it: a step leaves a
-    small part of what it promised, and to ask once more whether that is so would cost as much as a step.
+    It ends with the first step with a predicted decrease below ``tolerance`` of the energy. A step leaves
+    only a small part of its predicted decrease, and one more test would cost as much as a step.
     """
     now, before = room.now, room.before
     own_force(x, room.raw, now)

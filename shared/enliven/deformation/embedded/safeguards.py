@@ -1,4 +1,4 @@
-"""What keeps a solve sane when targets jump or lie: no node stays inside out."""
+"""Safeguards for targets that jump or are wrong: no node stays inside out."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ class EmbeddedSolver:
         return place.astype(np.int32), np.ascontiguousarray(rows)
 
     def _planes_of(self, planes: PlaneConstraints | None) -> Planes:
-        """The frame's planes as the kernels take them; what cannot be meant is left out."""
+        """The frame's planes in the kernels' form, without those that are not finite."""
         if planes is None or not len(planes):
             return Planes(
                 np.empty((0, 4), np.int32),
@@ -240,7 +240,7 @@ class EmbeddedSolver:
         return linear, positions
 
     def _take(self, targets: Float, weights: Float | None) -> None:
-        """Copy the frame's targets and weights, those that cannot be meant left out."""
+        """Copy the frame's usable targets and weights."""
         terms = self._terms
         targets = np.ascontiguousarray(targets, np.float64)
         pulls = self._ones if weights is None else np.ascontiguousarray(weights, np.float64)
@@ -259,7 +259,7 @@ class EmbeddedSolver:
 
 @njit(cache=True, nogil=True)
 def _take_usable(targets, weights, scale, out, pulls):  # type: ignore[no-untyped-def]
-    """``out`` (L, 4) and ``pulls`` (L,) take what can be meant; what cannot pulls with 0."""
+    """Fill ``out`` (L, 4) with the usable targets, and ``pulls`` (L,) with the weights, 0 for the others."""
     for m in range(len(pulls)):
         usable = weights[m] > 0.0 and np.isfinite(weights[m])
         for a in range(3):

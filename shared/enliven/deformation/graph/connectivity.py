@@ -20,9 +20,9 @@ def components(count: int, edges: Int32 | Int) -> Int:
 def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
     """(C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
 
-    KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components, each pair
-    of which is as far apart as its nearest two nodes. Borůvka's way: every component takes its shortest way
-    out, until one is left.
+    KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components; two
+    components are as far apart as their nearest two nodes. Borůvka's algorithm: every component takes its
+    shortest edge out, until one is left.
 
     Args:
         distances: (N, N) symmetric and finite off the diagonal.

@@ -67,8 +67,8 @@ class DeformationGraph:
         - Nodes that are near only through the air are not linked: two nodes of one shell that are much
           farther apart along the surface (two legs), or of two shells that do not nearly touch.
         - Where the surface bends much, few nodes face the same way, and the four nearest under D may be a
-          metre away. Neighbours lie within 2.5 node spacings along the surface; who has fewer than four
-          such takes those that are nearest along the surface.
+          metre away. Neighbours lie within 2.5 node spacings along the surface; a node with fewer than four
+          of them takes those that are nearest along the surface.
         - The two faces of a part thinner than half a node spacing are linked, each node with the nearest
           one opposite, so that thin parts keep their thickness.
 

@@ -86,7 +86,7 @@ def poisson_disk(
     Dart throwing in a fixed random order over area-weighted candidates. With ``radius`` the number of points
     follows. Without, there are exactly ``nodes``: R starts at the paper's sqrt(A / N), which gives fewer
     points on a plane and more where the surface bends; it is bisected until the maximal pattern over the
-    same candidates has N points, or the fewest above N, of which those thrown last are left out.
+    same candidates has N points, or the fewest above N; the last ones drawn are then left out.
     ``welded`` is what :func:`enliven.meshes.mesh.weld` makes of the mesh, where it is known.
 
     Raises:

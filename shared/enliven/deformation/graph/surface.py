@@ -34,7 +34,7 @@ _PIECES = 6
 _THIN = 1 / 2
 """Two points that lie behind each other are linked where they are nearer than this many spacings."""
 _SEAM = 1 / 2
-"""The same, for points of two shells one of which goes on where the other ends."""
+"""The same, for points of two shells where one continues the other."""
 _TOUCH = 1 / 10
 """The same, for points of two shells whichever way they face."""
 

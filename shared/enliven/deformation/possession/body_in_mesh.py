@@ -186,9 +186,9 @@ class _Limbs:
 def _front(limbs: _Limbs, heads: Int, feet: Int) -> float:
     """Radians about +Y from +Z to the front.
 
-    Of who stands on four feet or more and is long: along the length, where the head is. Of who stands on two:
-    across the line between the legs, to where the head is ahead of the body, or else the toes of the legs.
-    Of all others, and of who looks alike from both sides: +Z, or the side that is nearer to it.
+    For a long mesh on four feet or more: along its length, towards the head. For a mesh on two feet: across
+    the line between the legs, to the side of the head, or else of the toes. For all others, and where both
+    sides look alike: +Z, or the side nearer to it.
     """
     middle = limbs.positions.mean(0)
     head = limbs.at[heads].mean(0) - middle if len(heads) else np.zeros(3)

@@ -1,4 +1,4 @@
-"""Which nodes are in reach of which samples: the inner loop of taking hold."""
+"""The nodes within reach of each bone's samples: the inner loop of possession."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contact, frame by frame: who is the anchor, and where the mesh is so that it does not move."""
+"""Contact, frame by frame: the control point that is the anchor, and the root that keeps it in place."""
 
 from __future__ import annotations
 

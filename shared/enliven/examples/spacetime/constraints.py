@@ -5,8 +5,8 @@
     Coupling("left foot", "right foot", frame=30, axes="y")       # equal heights: a change of anchor
 
 Each says, axis by axis, that one coordinate has a value or that two differ by a value. So they are a forest:
-what hangs on a known value becomes known (and is eliminated node by node), what would close a circle is left
-out where it agrees and refused where it contradicts, and the others are independent.
+a coordinate tied to a known value becomes known (and is eliminated node by node); a constraint that would
+close a cycle is left out where it agrees and refused where it contradicts; the others are independent.
 """
 
 from __future__ import annotations

@@ -171,7 +171,7 @@ class _Way:
         self._done = until
 
     def _land(self, start: int, until: int) -> None:
-        """Who comes to the floor before the performer does stands there from then on."""
+        """Where the mesh reaches the floor before the performer does, it stands there from then on."""
         under = np.flatnonzero(self.root[start:until, 1] < self._lowest[start:until])
         if len(under) == 0:
             return

@@ -27,7 +27,7 @@ _LEAVING = 1e-6
 
 
 class Nearest:
-    """The poses (F, P, 3) of a motion, ready to be compared with the examples."""
+    """The poses (F, P, 3) of a motion, prepared for comparisons with the examples."""
 
     def __init__(self, examples: Examples, settings: ExampleSettings, poses: Float) -> None:
         size, middle = examples.source_size, examples.targets.mean(0)

@@ -1,4 +1,4 @@
-"""Two meshes from the library's union: what it kept put back to the bit, what is new traced and skinned."""
+"""The boolean union of two meshes: kept vertices stay to the bit, new ones are traced and skinned."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class MeshPair:
         return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
 
     def traced(self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]) -> Union:
-        """The library's result with what it kept put back in order, to the bit."""
+        """The union from manifold3d's result, with kept vertices and faces in their order, to the bit."""
         sides = [Side(made, solid) for solid in solids]
         if any(len(side.triangles) == 0 for side in sides):
             return self.side_by_side("one lies inside of the other: joined as separate shells")
@@ -74,7 +74,7 @@ class MeshPair:
 
 
 class Side:
-    """What the library's result holds of one of the two solids."""
+    """The part of manifold3d's result that comes from one of the two solids."""
 
     def __init__(self, made: manifold3d.Mesh64, solid: Solid) -> None:
         self.solid = solid
@@ -109,7 +109,7 @@ class UnionBuilder:
         self.share = all(len(weld(mesh)[0].vertices) == len(mesh.vertices) for mesh in self.meshes)
 
     def union(self, notes: tuple[str, ...]) -> Union:
-        """The whole of it."""
+        """The union of both meshes, with its traces, skin and colours."""
         kept = [np.unique(side.old[side.old >= 0]) for side in self.sides]
         ends = np.cumsum([len(kept[0]), len(kept[1])])
         number = np.full(len(self.places), -1, np.int64)

@@ -22,8 +22,8 @@ def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, In
         new: (V,) those that may move, and go.
 
     Returns:
-        (V, 3) vertices of which only new ones have moved, (G, 3) faces, those without a new vertex first and
-        as they were, (V,) which vertices are still there, and (V,) which new ones were drawn into.
+        (V, 3) vertices, only new ones moved; (G, 3) faces, those without a new vertex first and unchanged;
+        (V,) true for vertices that are left; and (V,) true for new ones that others were contracted into.
     """
     touching: Bool = np.asarray(new[faces].any(1))
     near = faces[touching]
@@ -52,7 +52,7 @@ def _usual(vertices: Float, faces: Int32, new: Bool) -> float:
 
 
 class _Patch:
-    """A few faces with who is beside whom, for contractions one at a time."""
+    """A few faces with their adjacency, for contractions one at a time."""
 
     def __init__(self, vertices: Float, faces: Int, new: Bool) -> None:
         self.vertices, self.new = vertices, new

@@ -1,4 +1,4 @@
-"""A cut in the making: which loops of a mesh are cut, what lies on which side, and the caps between."""
+"""The plan of a cut: the loops of a mesh that are cut, the side of each vertex, and the caps between."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class CutSettings:
 
 @dataclass
 class CutPlan:
-    """A cut in the making: topology on the welded mesh, the result on the mesh as it is."""
+    """The plan of a cut: its topology is the welded mesh's, its result the given mesh's."""
 
     mesh: Mesh
     skin: SkinWeights | None
@@ -113,7 +113,7 @@ class CutPlan:
         return np.asarray(np.where(small, -1e-9 * np.sign(values), values))
 
     def choose_all(self) -> None:
-        """Every loop there is."""
+        """Choose every loop."""
         self.chosen = np.arange(self.count)
         self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 

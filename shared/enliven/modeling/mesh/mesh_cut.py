@@ -30,7 +30,7 @@ __all__ = ["Cut", "CutSettings", "Piece", "cut_across_bone", "cut_by_stroke"]
 
 @dataclass(frozen=True)
 class Cut:
-    """Both sides, and what there is to say about how they came about."""
+    """Both sides of a cut, and sentences for the user about how they were made."""
 
     near: Piece
     far: Piece

@@ -20,7 +20,7 @@ from enliven.meshes import Mesh
 TOLERANCE = 0.012
 """Part of the mesh's size (its box's diagonal) that the image may miss the surface by, in the mean."""
 _FEW = 250
-"""Points for the first test of every candidate, of which there are dozens."""
+"""Points for the first test of each of some dozens of candidates."""
 _SOME = 1500
 """Points for the candidates that are left."""
 _MANY = 6000

@@ -142,7 +142,7 @@ def fair(mesh: Mesh, free: Bool) -> Float:
 
 
 def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
-    """(V, K) values with the unknown ones as smooth between the known as can be."""
+    """(V, K) values; the unknown ones interpolate the known ones harmonically."""
     out = values.copy()
     inner, known = np.flatnonzero(unknown), np.flatnonzero(~unknown)
     if len(inner) == 0 or len(known) == 0:

@@ -1,4 +1,4 @@
-"""Meshes as manifold3d wants them: closed and oriented, mended where that is honest, every vertex traced."""
+"""Meshes as closed oriented solids for manifold3d, with every vertex traced; small holes are filled."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def cut_graph(
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
-        notes: takes what there is to say of how the mesh was closed.
+        notes: takes sentences about how the mesh was closed.
 
     Returns:
         The project and the ids: the near side keeps ``shape_id``, the far side gets a new one.
@@ -77,11 +77,10 @@ def merge_graphs(
         node: of the host, to ride on; None takes the one that is nearest to the graft at ``time``.
         loose: where no union of the meshes can be made, put both shells into one mesh.
         seam: how the seam is smoothed.
-        notes: takes what there is to say of how the meshes were united.
+        notes: takes sentences about how the meshes were united.
 
     Raises:
-        InputError: for a shape merged with itself, a node that is not there, or meshes of which no union can
-            be made.
+        InputError: for a shape merged with itself, a node that is not there, or meshes without a union.
     """
     if host_id == graft_id:
         where = f"graph shape {host_id!r}"

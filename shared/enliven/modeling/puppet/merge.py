@@ -82,11 +82,10 @@ def merge_puppets(
         time: seconds of the project's time.
         loose: where no union of the meshes can be made, put both shells into one mesh.
         seam: how the seam is smoothed.
-        notes: takes what there is to say.
+        notes: takes sentences about how the meshes were united.
 
     Raises:
-        InputError: for a puppet merged with itself, one that is not there, or meshes of which no union can be
-            made.
+        InputError: for a puppet merged with itself, one that is not there, or meshes without a union.
     """
     if host_id == graft_id:
         where = f"puppet {host_id!r}"
@@ -290,7 +289,7 @@ class _Merge:
 
 
 def _in_step(host: Puppet, graft: Puppet) -> bool:
-    """Whether what the graft does is said by the same frames as what the host does, so that it can ride."""
+    """Whether graft and host play the same frames of the same takes, so that the graft can ride."""
     played = [
         {(one.take, one.offset, one.speed, one.loop) for one in puppet.layers if not one.muted}
         for puppet in (host, graft)

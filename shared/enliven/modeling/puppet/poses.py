@@ -78,7 +78,7 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
 
 
 def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Project:
-    """A project in which what is posed for the left is meant for the right too, or no longer.
+    """A project in which key poses of one side count for the other side too, or no longer.
 
     Control points that have no mirror image are named by :func:`enliven.examples.puppet_motion.missing`.
 

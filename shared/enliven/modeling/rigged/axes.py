@@ -81,7 +81,7 @@ class Axes:
 def layers_in(project: Project, shape: Shape, axes: Axes) -> tuple[Project, dict[str, str]]:
     """The project with the layers of a shape in new axes, and the new id of each.
 
-    A layer that no other shape uses keeps its id; the others are copied, and stay for those who use them.
+    A layer that no other shape uses keeps its id; the others are copied, and stay for the other shapes.
     """
     used = layers_of(shape)
     if axes.same or not used:

@@ -71,7 +71,7 @@ def merge(
             node leaves the bone in line at every time, so that the host moves as before.
         loose: where no union can be made (a mesh is no solid), put both shells into one mesh.
         seam: how the seam is healed.
-        notes: takes what there is to say of how the meshes were united.
+        notes: takes sentences about how the meshes were united.
 
     Returns:
         The project, without the grafted shape, and the new name of each of its joints but the root, which
@@ -159,7 +159,7 @@ def _pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
 
 
 def _exact(turn: Float) -> Float:
-    """The rotation; exactly the identity where it is that but for rounding: layers then stay as they are."""
+    """The rotation; one that is the identity but for rounding is made exact, so that layers stay unchanged."""
     turn = normalized(turn)
     return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn
 

@@ -4,7 +4,7 @@
     unpin(project, shape_id, joints=None) -> Project
     held_pins(shape) -> list[HeldPin]                        # what the player works with
 
-A limb of more than two bones is two rigid halves. What hangs on the foot keeps its turn in the world, so a
+A limb of more than two bones is two rigid halves. The foot and its descendants keep their world turns, so a
 sole that was flat stays flat. Where a stretched limb would not reach, the root comes down as far as it may,
 evenly over time (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture editing", 2002); a place
 that is out of reach even so is met as nearly as can be.

@@ -1,7 +1,7 @@
 """Compiled inverse kinematics of a limb of two bones, in closed form.
 
-It turns what is there as little as it can, so that what follows a motion stays a motion. A goal out of reach
-is met as nearly as the limb allows: stretched towards it, or folded.
+It changes the present turns as little as possible, so that a smooth motion stays smooth. For a goal out of
+reach the limb is stretched towards it, or folded.
 """
 
 from __future__ import annotations

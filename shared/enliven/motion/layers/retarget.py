@@ -134,7 +134,7 @@ def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: flo
 
 
 def extended(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
-    """The joints from ``joint`` on along the longest way down to a leaf, it first (Figure 5, right)."""
+    """The joints from ``joint``, itself first, along the longest branch down to a leaf (Figure 5, right)."""
     reach = [0.0] * len(skeleton)
     for child in range(len(skeleton) - 1, 0, -1):
         parent = int(skeleton.parents[child])
