@@ -1,7 +1,7 @@
 """Rest poses of a take: the pose that its turns are relative to; any pose can be one.
 
-about_itself(clip)         # (N, 4) the mean pose of the take, its heading the first
-calm(clip, limbs)          # (N, 4) the mean of those frames in which the limbs hang most
+mean_pose(clip)            # (N, 4) the mean pose of the take, its heading the first
+hanging_pose(clip, limbs)  # (N, 4) the mean of those frames in which the limbs hang most
 rebased(clip, since)       # the take against another rest pose
 """
 

@@ -1,4 +1,4 @@
-"""A closed surface in even triangles: long edges halved, edges flipped to Delaunay, vertices slid."""
+"""A closed surface in even triangles: long edges halved, edges flipped to Delaunay, vertices smoothed."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
     """
     puppet = project.puppet(puppet_id)
     pose = _checked(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
-    return _told_apart(project, puppet.with_changes(poses=(*puppet.poses, pose)))
+    return _checked_to_differ(project, puppet.with_changes(poses=(*puppet.poses, pose)))
 
 
 def change_key_pose(project: Project, puppet_id: str, number: int, **changes: Any) -> Project:
@@ -42,7 +42,7 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
     old = _pose(puppet, number)
     check_names(changes, KeyPose, f"key pose {number}")
     pose = _checked(project, puppet, replace(old, **changes), number)
-    return _told_apart(project, _with_pose(puppet, number, pose))
+    return _checked_to_differ(project, _with_pose(puppet, number, pose))
 
 
 def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
@@ -94,7 +94,7 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
     return project.with_puppets(puppet.with_changes(symmetry=plane))
 
 
-def _told_apart(project: Project, puppet: Puppet) -> Project:
+def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
     """The project with the puppet; its examples must differ as soon as they can be compared."""
     made = project.with_puppets(puppet)
     if not missing(made, puppet):

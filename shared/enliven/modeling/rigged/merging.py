@@ -159,7 +159,7 @@ def _pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
 
 
 def _exact(turn: Float) -> Float:
-    """The rotation; one that is the identity but for rounding is made exact, so that layers stay unchanged."""
+    """The rotation; exactly the identity where it differs by rounding only: layers then stay unchanged."""
     turn = normalized(turn)
     return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn
 

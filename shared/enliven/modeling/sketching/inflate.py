@@ -33,7 +33,7 @@ def inflated(
         axis: (A, 2) metres, points of the axis.
         radii: (A,) metres, the circles there.
         depth: 1 for circles, less for something flatter.
-        smooth: how often vertices are slid between their neighbours.
+        smooth: how often vertices are smoothed (Taubin).
     """
     step = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).mean())
     flat, cells = refined(outline, triangles, np.full(len(outline), step))
