@@ -75,7 +75,7 @@ class Character:
 
 
 def _problem_of(character: Character) -> str:
-    """What is inconsistent in a character's arrays, or an empty string."""
+    """A sentence about what is inconsistent in a character's arrays, or an empty string."""
     count, vertices = len(character.pivots), len(character.vertices)
     if vertices == 0 or len(character.faces) == 0 or count == 0:
         return "it has no vertices, no faces or no pivots"
@@ -106,7 +106,7 @@ def _problem_of(character: Character) -> str:
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a character's transforms are: v' = sum_k w_k (linear_k (v - pivot_k) + position_k).
+    """The transforms of a character at a moment: v' = sum_k w_k (linear_k (v - pivot_k) + position_k).
 
     Attributes:
         character: the id of the character.

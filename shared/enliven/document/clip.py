@@ -1,4 +1,4 @@
-"""A clip: what a skeleton did over time, as world turns of its bones since the rest pose."""
+"""A clip: the motion of a skeleton over time, as world turns of its bones since the rest pose."""
 
 from __future__ import annotations
 

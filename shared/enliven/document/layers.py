@@ -22,7 +22,7 @@ MODES: tuple[str, ...] = ("turns", "end")
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A take, how it drives, and when.
+    """A take with the chain, basis and time by which it drives bones.
 
     Attributes:
         id: its name in the project.

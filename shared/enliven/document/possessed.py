@@ -16,7 +16,7 @@ from enliven.rotation import IDENTITY
 
 @dataclass(frozen=True, eq=False)
 class PoseStream:
-    """What the nodes of a deformation graph did. Like a take, it never changes.
+    """The recorded motion of a deformation graph's nodes. Like a take, it never changes.
 
     Attributes:
         id: its name in the project.

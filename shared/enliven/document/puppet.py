@@ -1,4 +1,4 @@
-"""A puppet: a mesh that control points move, and the poses that show what a performer's mean on it.
+"""A puppet: a mesh that control points move, and example poses that pair a performer's poses with its own.
 
 Where a skeleton has no counterpart in the mesh (a cactus that directs traffic), the user pairs joints of a
 performer with control points of the mesh and poses a few examples; every motion of that kind follows
@@ -27,7 +27,7 @@ from enliven.rotation import IDENTITY
 
 @dataclass(frozen=True)
 class ControlPoint:
-    """A vertex that is put somewhere.
+    """A vertex of the mesh that a joint, or the user, moves.
 
     Attributes:
         name: unique on the puppet.

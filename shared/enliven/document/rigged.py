@@ -18,7 +18,7 @@ from enliven.rotation import IDENTITY
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A skeleton with its rest shape, how it was posed by hand, and the takes that move it.
+    """A skeleton with its rest shape, the rotations it was posed by, and the takes that move it.
 
     The turn of bone j in the world is D_j = D_parent m_j a_j(t): m_j is the *modeling rotation* (posing,
     cutting and merging put it there), a_j(t) the *animation rotation* that the layers give (AniMesh, section

@@ -14,7 +14,7 @@ from enliven.examples.suggest import distance_to
 
 @dataclass(frozen=True)
 class Coverage:
-    """How far what is played is from what was shown.
+    """How far the poses of a take are from the examples.
 
     Attributes:
         take: its id.

@@ -71,6 +71,6 @@ class LiveExamples:
         return self.mapping.solution(poses, conditions, self._step).places
 
     def _keep(self, poses: Float, out: Float) -> None:
-        """Forgets the frames that are out and that no acceleration feels any more."""
+        """Forget the shown frames that no open acceleration depends on."""
         old = max(out.shape[1] - _OUT, 0)
         self._poses, self._out = poses[old:], out[:, old:]

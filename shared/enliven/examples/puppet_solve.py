@@ -48,7 +48,7 @@ def solved(material: Material) -> PuppetMotion:
 
 
 def seen_by(material: Material) -> tuple[Examples, PerformerClip]:
-    """The examples of a layer, and what it plays as they see it.
+    """The examples of a layer, and its take as the reference performer would have made it.
 
     Raises:
         InputError: where something is missing.
@@ -58,7 +58,7 @@ def seen_by(material: Material) -> tuple[Examples, PerformerClip]:
 
 
 def check_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> None:
-    """That what is asked of a layer can be met, without solving it.
+    """Check, without solving, that the constraints and switches of a layer can be met.
 
     Raises:
         InputError: where something is missing, for constraints that contradict one another, and for switches
@@ -93,12 +93,12 @@ class _Solve:
 
     @cached_property
     def took(self) -> PerformerClip:
-        """What the layer plays, as the reference would have done it."""
+        """The layer's take as the reference performer would have made it."""
         took = performed(self._take, self._role.joints)
         return replace(took, poses=self._role.seen(took.poses))
 
     def check(self) -> None:
-        """That constraints and switches can be met."""
+        """Check that constraints and switches can be met."""
         conditions_of(self._asked, self.examples, len(self._take.turns), self._take.step)
         if self._layer.switches is not None:
             check_switches(self._layer.switches, len(self._take.turns))

@@ -1,4 +1,4 @@
-"""What a layer makes of its whole take: places frame by frame, a way in the world, and rounds of it."""
+"""The solved motion of a layer: places frame by frame, the path in the world, and its repetitions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.examples.performer import turned_about_y
 
 @dataclass(frozen=True, eq=False)
 class PuppetMotion:
-    """What a layer makes of its whole take, one entry a frame of it.
+    """The solved motion of a layer over its whole take, one entry a frame.
 
     Attributes:
         step: seconds between frames.

@@ -1,4 +1,4 @@
-"""What a skeleton is made of: a trunk, pairs of limbs on its sides, a head and a tail; by geometry alone.
+"""The anatomy of a skeleton: a trunk, pairs of limbs on its sides, a head and a tail; by geometry alone.
 
 Twigs are left out (fingers, ears, a jaw): at a fork, what is short beside the whole, or beside the way from
 the root to the fork. What is left falls into chains between forks and ends. Those between forks are trunk;
@@ -180,7 +180,7 @@ def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
 def _with_head(
     trunk: tuple[int, ...], pairs: list[Pair], at: Float
 ) -> tuple[tuple[int, ...], list[Pair], SkeletonLimb | None]:
-    """A trunk that goes on beyond the arms to a fork that has nothing but pairs (ears) ends in a head."""
+    """The trunk, pairs and head, where the trunk ends in a fork of pairs (ears) beyond the arms: a head."""
     forks = [
         trunk.index(pair[0].chain[0]) for pair in pairs if pair[0].chain[0] in trunk and not pair[0].grounded
     ]

@@ -1,8 +1,8 @@
-"""A mapping put to work: rest poses agreed on, a basis for every chain, layers bound.
+"""A mapping applied: rest poses are chosen, each chain gets a basis, and layers are bound.
 
-Movement is counted from a rest pose of the take, and every pose will do for one. For chains of mode "pose" it
-is the pose in which the performer's bones point as the model's do at rest: then they always do. For chains of
-mode "move" it is the pose that the take moves about, and the model moves about its own.
+Motion is relative to a rest pose of the take, and any pose can be one. For chains of mode "pose" it is the
+pose in which the performer's bones point as the model's do at rest: then they always do. For chains of mode
+"move" it is the mean pose of the take, and the model moves about its own rest pose.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class _Line:
 
 
 class _Turns:
-    """What brings the performer's axes to the model's, seen plainly or in a mirror.
+    """The turns from the performer's axes to the model's, plain or mirrored.
 
     A layer mirrors in the plane x = 0 of the take; with a turn of twice the performer's facing before it,
     that is the plane that parts their left from their right.

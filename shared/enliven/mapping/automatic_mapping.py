@@ -1,4 +1,4 @@
-"""A mapping found by itself, and a shape that moves by it."""
+"""A mapping found automatically, and a shape that moves by it."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
 
 
 def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode) -> list[ChainPlan]:
-    """What turns the whole: the performer's pelvis.
+    """The chain that turns the whole body: the performer's pelvis.
 
     A walker's pelvis and chest turn to and fro against one another; between them is where the body goes. What
     is of another build, with its trunk level, would swing it about with the pelvis alone: it takes half of

@@ -1,4 +1,4 @@
-"""What a viewer shows of a ranking: the best matches as lines in the world, and which one is meant."""
+"""The part of a ranking that a viewer shows: the best matches as lines in the world, and the chosen one."""
 
 from __future__ import annotations
 

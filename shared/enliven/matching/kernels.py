@@ -1,4 +1,4 @@
-"""The compiled whole of a ranking: cosines, and every candidate's choices, into flat rows."""
+"""Compiled ranking: cosines, and the choices of every candidate, in flat rows."""
 
 from __future__ import annotations
 

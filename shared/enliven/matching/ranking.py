@@ -60,7 +60,7 @@ class RankingSettings:
 
 
 class Matcher:
-    """A target, abstracted once, against sources that change every frame.
+    """Ranks the matches of a target, abstracted once, with a source that changes every frame.
 
     Args:
         target: a skeleton, or an abstraction of whatever tree.
@@ -96,7 +96,7 @@ class Matcher:
         """Every match.
 
         Args:
-            source: (m + 1, 3) root and abstract positions, as :meth:`Source.points` gives them.
+            source: (m + 1, 3) root and abstract positions, as :meth:`MatchSource.points` gives them.
             view: from where the target is seen.
             source_view: from where the source is seen; None: the same.
             positions: (N, 3) the target's joints in the pose that is seen; None at rest.

@@ -13,7 +13,7 @@ from enliven.matching.subtrees import Branch, Weights
 
 @dataclass(frozen=True)
 class _Leaf:
-    """What a leaf stands for: itself, or a sub-tree.
+    """A leaf: one joint, or a sub-tree that it stands for.
 
     Attributes:
         tail: the longest way from the leaf's joint to a real leaf.

@@ -1,4 +1,4 @@
-"""What a skeleton looks like on the screen, and from where more of it can be seen."""
+"""Projections of a skeleton onto the screen, and the view that shows most of it."""
 
 from __future__ import annotations
 

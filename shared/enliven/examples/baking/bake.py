@@ -1,4 +1,4 @@
-"""A surface that was solved, as one that moves by itself: transforms that vertices follow, at most four each.
+"""A solved surface becomes skinned: transforms over time, and at most four of them for each vertex.
 
     baked = bake_surface(mesh, frames, traits, held=[4711, 12])
     print(baked.error)
@@ -108,10 +108,10 @@ def farthest(traits: Float, count: int) -> Int:
 
 
 class Missed:
-    """The frames that are farthest off of those that are too far off.
+    """The worst of the frames that are off by more than the tolerance.
 
     Attributes:
-        most: metres that are not too far.
+        most: metres, the tolerance.
         frames: (V, 3) of each.
     """
 
@@ -130,7 +130,7 @@ class Missed:
 
 
 class _Fit:
-    """The weights and maps as they get better.
+    """The weights and maps during the alternating fit.
 
     Attributes:
         indices, weights: (V, 4) of the welded mesh.
@@ -152,7 +152,7 @@ class _Fit:
         self._begin()
 
     def run(self) -> None:
-        """Fits, and adds transforms until it is good enough or there are as many as there may be.
+        """Fit, and add transforms, until the tolerance or the most transforms are reached.
 
         Maps are any affine ones until the surface is followed; what they are to be is asked of them last.
         """
@@ -191,7 +191,7 @@ class _Fit:
             self._better_maps()
 
     def _share(self) -> Float:
-        """(V,) each vertex's errors as a share of what is good enough; above 1 where it is not."""
+        """(V,) each vertex's error as a share of the tolerance; above 1 where it exceeds it."""
         settings, frames = self._settings, self._wanted.shape[1]
         squares, worst, _ = self.errors(self._found, self._wanted)
         whole = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)

@@ -1,4 +1,4 @@
-"""What a puppet does from one time to another, frame by frame, and where the whole is meanwhile."""
+"""A puppet's surface from one time to another, frame by frame, and its frame in the world."""
 
 from __future__ import annotations
 

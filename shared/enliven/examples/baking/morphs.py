@@ -1,4 +1,4 @@
-"""A surface that was solved, as morph targets: shapes that are added up with weights of each frame.
+"""A solved surface as morph targets: shapes that are summed with the weights of each frame.
 
 The targets are the principal components of the frames that differ most, as many as a stated error needs.
 Turns of a part are no sums of shapes, so large ones need many targets; transforms
@@ -85,7 +85,7 @@ def _seen(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
 
 
 def _components(moved: Float, most: int) -> tuple[Float, Float]:
-    """(N, 3 V) orthonormal rows that tell most of (C, 3 V), the most telling first, and (N,) their spread."""
+    """(N, 3 V) the principal components of (C, 3 V), the largest first, and (N,) their spread."""
     values, vectors = np.linalg.eigh(moved @ moved.T)
     order = np.argsort(values)[::-1][:most]
     order = order[values[order] > 1e-12 * max(float(values.max()), 1e-300)]

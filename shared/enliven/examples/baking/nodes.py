@@ -55,7 +55,8 @@ class Seeds:
     def grow(self, scores: Float, count: int) -> int:
         """Adds up to ``count`` seeds, each at the vertex of the highest score (V,) that is left.
 
-        What is nearer to a new seed than half of its own way to the next is no longer asked for.
+        A vertex nearer to a new seed than half of the seed's distance to the next one is no longer a
+        candidate.
 
         Returns:
             How many were added.

@@ -88,9 +88,9 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def solve_bounded(gram, pull, smooth, there, free, room, found):  # type: ignore[no-untyped-def]
-    """Into ``found`` the weights, at most four above zero; false where there are none to be had.
+    """Fill ``found`` with the weights, at most four above zero; false where there is no solution.
 
-    What comes out below zero is let go of, the lowest first; then the smallest until four are left.
+    Weights below zero are dropped, the lowest first; then the smallest, until four are left.
     """
     scale = 0.0
     for c in range(there):

@@ -1,4 +1,4 @@
-"""The spacetime system, solved as the band that it is: block LDL' of 3x3 blocks, two beside the diagonal.
+"""The spacetime system, solved by a band factor: block LDL' of 3x3 blocks, two beside the diagonal.
 
 The paper's system (eq. 24) has the weights of all frames as unknowns. Within each frame they are eliminated
 (``bounded``: c = base - give q), which leaves the accelerations y = lambda A c (eq. 20,

@@ -26,7 +26,7 @@ from enliven.motion.contact import runs_of, touching
 
 @dataclass(frozen=True, eq=False)
 class PlacedMotion:
-    """A mesh in the world.
+    """The motion of a mesh's control points in the world.
 
     Attributes:
         world: (F, P, 3) metres, the control points; the floor is y = 0.
@@ -193,7 +193,7 @@ class _Way:
 
 
 def check_switches(switches: Sequence[Switch], frames: int) -> None:
-    """That switches begin at frame 0, ascend, and are within ``frames``.
+    """Refuse switches that do not begin at frame 0, ascend, and lie within ``frames``.
 
     Raises:
         InputError: where they do not.

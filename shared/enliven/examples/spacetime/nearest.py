@@ -1,4 +1,4 @@
-"""What a pose says about a control point: the nearest examples and how well their weights explain it.
+"""The energy of a control point at a pose: the nearest examples, and how well their weights explain it.
 
 Of frame i and pair p, with the joint at j and the examples j_e nearest to it, the energy of weights w is
 

@@ -59,7 +59,7 @@ class _Rigid:
 
     @property
     def back(self) -> _Rigid:
-        """What undoes it."""
+        """The inverse motion."""
         return _Rigid(self.turn.T, -self.turn.T @ self.move)
 
 
@@ -144,7 +144,7 @@ class _Side:
         return _rigid(self.puppet.mesh.vertices[self._near], self.seen[self._near])
 
     def carried(self, key: int) -> _Rigid:
-        """What the surface around the place where they meet does from the time to a key pose."""
+        """The rigid motion of the surface around the meeting place, from the time to a key pose."""
         return _rigid(self.local[self._near], self.was[key][self._near])
 
     def _places(self, key: tuple[str, int]) -> Float:
@@ -311,7 +311,7 @@ def _united(
 
 
 def _none(puppet: Puppet) -> SkinWeights:
-    """A skin that says nothing."""
+    """A skin without any weights."""
     count = len(puppet.mesh.vertices)
     weights = np.zeros((count, 4), np.float32)
     weights[:, 0] = 1.0

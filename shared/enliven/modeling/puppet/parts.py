@@ -1,4 +1,4 @@
-"""What surgery needs of a puppet: its surface in key poses and at a moment, key poses that it lacks."""
+"""Helpers of puppet surgery: the surface in key poses and at a moment, and missing key poses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
 
 
 def surface_of_puppet(puppet: Puppet) -> PuppetSurface:
-    """What solves the puppet's surface."""
+    """The solver of the puppet's surface."""
     held, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
     return PuppetSurface(puppet.mesh, held, weights, puppet.surface)
 
@@ -63,9 +63,9 @@ def stood_as(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
 
 
 def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
-    """The puppet with what it does at a time as a key pose more, so that it does that again in its parts.
+    """The puppet with its pose at a time as one more key pose, so that its parts take that pose again.
 
-    As it is where several takes make the moment, or the key pose would be one that it has.
+    It is unchanged where several takes make the pose, or where it has that key pose.
     """
     layer = _leading(puppet)
     if layer is None or missing(project, puppet):
@@ -76,7 +76,7 @@ def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 
 
 def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
-    """The puppet with what a layer makes of a frame of its take as a key pose more, where it can be one."""
+    """The puppet with a layer's pose at a frame of its take as one more key pose, where it can be one."""
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     known = [
         frame_at(project.takes[pose.take], pose.time) for pose in puppet.poses if pose.take == layer.take
@@ -183,7 +183,7 @@ def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoin
 
 
 def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
-    """The puppet without key poses that its own joints do not tell from an earlier one, and how many went."""
+    """The puppet without key poses with the same joints as an earlier one, and the number removed."""
     poses: list[KeyPose] = []
     for pose in puppet.poses:
         tried = puppet.with_changes(poses=(*poses, pose))
@@ -256,7 +256,7 @@ _STILL = 0.02
 
 
 def _leading(puppet: Puppet) -> PuppetLayer | None:
-    """The layer that says by itself where all control points are, or None."""
+    """The layer that alone places all control points, or None."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
     if not layers:
         return None

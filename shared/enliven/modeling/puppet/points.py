@@ -129,7 +129,7 @@ def surface_places(puppet: Puppet, vertex: int) -> Float:
 
 
 def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
-    """That what is to be changed is there to be changed."""
+    """Refuse names that are no attribute of the dataclass ``kind``."""
     known = [field.name for field in fields(kind)]
     for name in changes:
         if name not in known:

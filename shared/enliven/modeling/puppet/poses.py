@@ -1,4 +1,4 @@
-"""Key poses of a puppet: what the performer's pose at a time means on the mesh."""
+"""Key poses of a puppet: a pose of the performer, and the control points' places on the mesh for it."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
 
 
 def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
-    """A project with a key pose's places mirrored in the plane of symmetry: what the left did the right does.
+    """A project with a key pose's places mirrored in the plane of symmetry, left and right exchanged.
 
     The plane is the puppet's; where it has none, the mesh's.
 

@@ -37,7 +37,7 @@ __all__ = ["PuppetCutSettings", "cut_puppet", "merge_puppets"]
 
 @dataclass(frozen=True)
 class PuppetCutSettings:
-    """How closely the halves of a puppet are what they were."""
+    """How closely the halves of a puppet keep the shape and motion of the whole."""
 
     tolerance: float = setting(
         0.02,

@@ -31,7 +31,7 @@ _FRONT = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class HeldPin:
-    """A pin, ready: chain[middle] bends, chain[-1] stays.
+    """A pin with its joints found: chain[middle] bends, chain[-1] stays.
 
     Attributes:
         chain: (K,) int32 joints from the limb's start to the foot.

@@ -1,4 +1,4 @@
-"""All the layers of a shape sampled at once: what the player of ``evaluate`` works with.
+"""All the layers of a shape sampled at once, for the player of ``evaluate``.
 
     sampler = Sampler(project, shape)
     sampler.knots(times) -> (T, K, 4)        # the turns at the joints of every layer's chain, target's basis
@@ -22,7 +22,7 @@ from enliven.motion.layers.timing import Clocks
 
 
 class Sampler:
-    """The layers of a shape that are heard, laid out for compiled loops.
+    """The active layers of a shape, laid out for compiled loops.
 
     Attributes:
         layers: those that turn a bone, neither muted nor of weight 0, those of one take side by side.
