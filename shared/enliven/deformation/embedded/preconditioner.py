@@ -1,6 +1,6 @@
 """The matrix that preconditions the descent: six unknowns a node, its turn and its shift.
 
-A step is written in each node's own terms (``node_frame``): dR = (w x R) + R S, with w
+A step is written in node frames (``node_frame``): dR = (w x R) + R S, with w
 a turn and S a symmetric stretch, and a shift of its position. In these the second derivative of the energy
 falls into two nearly independent parts: E_rot alone holds the stretches, and E_reg, E_con and E_rig alone
 hold turns and shifts. So a turn and a shift a node make a sparse system of 6x6 blocks, an eighth of the work
@@ -317,7 +317,7 @@ def _invert3(m, at):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def precondition(s, way):  # type: ignore[no-untyped-def]
-    """Kernel: replace ``way`` (16 N,), a force in each node's own terms, by the step that the matrix makes
+    """Kernel: replace ``way`` (16 N,), a force in node frames, by the step that the matrix makes
     of it.
 
     The second derivative is twice the matrix, so everything is halved.

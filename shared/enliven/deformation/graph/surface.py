@@ -39,7 +39,7 @@ _TOUCH = 1 / 10
 """The same, for points of two shells whichever way they face."""
 
 
-class Web(NamedTuple):
+class WeightedGraph(NamedTuple):
     """A weighted undirected graph over points.
 
     Attributes:
@@ -63,7 +63,7 @@ class SurfaceNet:
         radii: (C,) metres, from each point to the farthest of its vertices.
         of_vertex: (V,) int32, the point that stands for each vertex of the mesh.
         shell: (C,) the number of the shell that each point is on.
-        web: along the surface, through thin parts, and across seams.
+        graph: along the surface, through thin parts, and across seams.
         label: (W,) int32, the point that stands for each vertex of the welded and cut mesh.
         faces: (G, 3) the faces of that mesh.
         origin: (G,) the mesh's face that each was cut from, ascending; None where none was cut.
@@ -76,7 +76,7 @@ class SurfaceNet:
     radii: Float32
     of_vertex: Int32
     shell: Int
-    web: Web
+    graph: WeightedGraph
     label: Int32
     faces: Int32
     origin: Int | None
@@ -105,8 +105,10 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
     normals /= np.where(length > 0, length, 1.0)
     shell = components(count, edges)
     links = _links(points, normals, shell, spacing)
-    web = _web(points, np.concatenate([edges, links]))
-    return SurfaceNet(mesh, cell, points, normals, radii, label[welded_of], shell, web, label, faces, origin)
+    graph = _weighted(points, np.concatenate([edges, links]))
+    return SurfaceNet(
+        mesh, cell, points, normals, radii, label[welded_of], shell, graph, label, faces, origin
+    )
 
 
 def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
@@ -139,9 +141,9 @@ def _links(points: Float, normals: Float, shell: Int, spacing: float) -> Int32:
     )
 
 
-def _web(points: Float, edges: Int32) -> Web:
+def _weighted(points: Float, edges: Int32) -> WeightedGraph:
     """The edges with their straight lengths."""
-    return Web(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
+    return WeightedGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
 
 
 @dataclass(frozen=True)
@@ -150,14 +152,14 @@ class VoronoiCells:
 
     Attributes:
         net: the surface.
-        web: the net's edges, and those that tie the nodes in; node j is point C + j.
+        graph: the net's edges, and those that tie the nodes in; node j is point C + j.
         owner: (C,) the node nearest to each point of the net, along the surface.
         borders: (B, 2) pairs of nodes with adjacent cells.
         lengths: (B,) metres, the shortest way between the two across their border.
     """
 
     net: SurfaceNet
-    web: Web
+    graph: WeightedGraph
     owner: Int
     borders: Int
     lengths: Float
@@ -179,19 +181,19 @@ def voronoi_cells(net: SurfaceNet, positions: Float, faces: Int32) -> VoronoiCel
         faces: (N,) the face of the mesh that each node lies on.
     """
     count = len(net.points)
-    web = _tied(net, positions, faces)
+    graph = _tied(net, positions, faces)
     sources = count + np.arange(len(positions))
-    lengths, owner = kernels.spread(*_adjacency(web, count + len(positions)), sources)
+    lengths, owner = kernels.spread(*_adjacency(graph, count + len(positions)), sources)
     owner = np.where(owner < 0, -1, owner - count)
-    ends = owner[web.edges]
+    ends = owner[graph.edges]
     crossing = (ends[:, 0] != ends[:, 1]) & (ends >= 0).all(1)
-    a, b = web.edges[crossing].T
-    borders, across = _shortest(ends[crossing], lengths[a] + web.lengths[crossing] + lengths[b])
-    return VoronoiCells(net, web, owner[:count], borders, across)
+    a, b = graph.edges[crossing].T
+    borders, across = _shortest(ends[crossing], lengths[a] + graph.lengths[crossing] + lengths[b])
+    return VoronoiCells(net, graph, owner[:count], borders, across)
 
 
-def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> Web:
-    """The net's web with each node tied to the corners of its face, and each part without a node to one."""
+def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> WeightedGraph:
+    """The net's graph with each node tied to the corners of its face, and each part without a node to one."""
     count = len(net.points)
     origin = np.arange(len(net.faces)) if net.origin is None else net.origin
     first, last = np.searchsorted(origin, faces), np.searchsorted(origin, faces, side="right")
@@ -199,11 +201,13 @@ def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> Web:
     inside = np.concatenate([net.faces[a:b].reshape(-1) for a, b in zip(first, last, strict=True)])
     corner = net.label[inside]
     ties = np.unique(np.stack([corner, count + node], 1), axis=0).astype(np.int32)
-    part = components(count + len(faces), np.concatenate([net.web.edges, ties]))
+    part = components(count + len(faces), np.concatenate([net.graph.edges, ties]))
     ties = np.concatenate([ties, _adoptions(net.points, part, positions)])
     ends = np.concatenate([net.points, positions])
     lengths = np.linalg.norm(ends[ties[:, 0]] - ends[ties[:, 1]], axis=1)
-    return Web(np.concatenate([net.web.edges, ties]), np.concatenate([net.web.lengths, lengths]))
+    return WeightedGraph(
+        np.concatenate([net.graph.edges, ties]), np.concatenate([net.graph.lengths, lengths])
+    )
 
 
 def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
@@ -221,12 +225,12 @@ def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
     return np.stack([orphans[order][first], count + nearest[order][first]], 1).astype(np.int32)
 
 
-def _adjacency(web: Web, count: int) -> tuple[Int, Int32, Float]:
+def _adjacency(graph: WeightedGraph, count: int) -> tuple[Int, Int32, Float]:
     """CSR neighbours of each point: offsets (count + 1,), neighbours and lengths (2 E,)."""
-    rows, columns = np.concatenate([web.edges, web.edges[:, ::-1]]).T
+    rows, columns = np.concatenate([graph.edges, graph.edges[:, ::-1]]).T
     order = np.argsort(rows, kind="stable")
     offsets = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
-    return offsets, columns[order], np.concatenate([web.lengths, web.lengths])[order]
+    return offsets, columns[order], np.concatenate([graph.lengths, graph.lengths])[order]
 
 
 def ways_from_nodes(
@@ -244,11 +248,11 @@ def ways_from_nodes(
         CSR over the points: offsets (C + 1,), nodes (K,) ascending at each point, and metres (K,).
     """
     count = len(cells.net.points)
-    web = Web(
-        np.concatenate([cells.web.edges, (count + joints).astype(np.int32)]),
-        np.concatenate([cells.web.lengths, np.full(len(joints), spacing)]),
+    graph = WeightedGraph(
+        np.concatenate([cells.graph.edges, (count + joints).astype(np.int32)]),
+        np.concatenate([cells.graph.lengths, np.full(len(joints), spacing)]),
     )
-    offsets, neighbours, lengths = _adjacency(web, int(web.edges.max(initial=0)) + 1)
+    offsets, neighbours, lengths = _adjacency(graph, int(graph.edges.max(initial=0)) + 1)
     while True:
         ends, which, metres = kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
         # Few nodes on a long thing may leave a point alone.
@@ -263,7 +267,7 @@ def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
     Returns:
         CSR: offsets (C + 1,), points (K,) and metres (K,).
     """
-    ends, points, metres = kernels.around(*_adjacency(net.web, len(net.points)), reach)
+    ends, points, metres = kernels.around(*_adjacency(net.graph, len(net.points)), reach)
     return ends, points, metres
 
 

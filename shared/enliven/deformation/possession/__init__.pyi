@@ -1,6 +1,6 @@
 from .attachment import Attachment, AttachmentSettings, Growth, attach
 from .body_in_mesh import BodyInMesh, find_body_in_mesh
-from .bone_cylinders import bone_rotations, filled
+from .bone_cylinders import bone_rotations, filled_joints
 
 __all__ = [
     "Attachment",
@@ -9,6 +9,6 @@ __all__ = [
     "Growth",
     "attach",
     "bone_rotations",
-    "filled",
+    "filled_joints",
     "find_body_in_mesh",
 ]

@@ -14,8 +14,8 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples, filled
-from enliven.deformation.possession.nearest_nodes import carried_back, nearest_facing
+from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples, filled_joints
+from enliven.deformation.possession.nearest_nodes import nearest_facing, to_rest_space
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.person import PARENTS, J, Joint, parts_named
@@ -139,7 +139,7 @@ class Attachment:
         """
         joints = checked_joints(joints)
         turns, _ = bone_rotations(self.rest, joints)
-        ends = filled(joints, filled(self.rest, self.rest))
+        ends = filled_joints(joints, filled_joints(self.rest, self.rest))
         out = np.empty((len(self), 3))
         _place(ends, turns, self.bone, self.along, self.radial, out)
         finite = np.asarray(np.isfinite(joints).all(1))
@@ -217,7 +217,7 @@ def attach(
     points = points[held]
     if deformed is not None:
         linear, positions = (np.ascontiguousarray(a, np.float64) for a in deformed)
-        points = carried_back(points, indices, weights, graph.positions, linear, positions)
+        points = to_rest_space(points, indices, weights, graph.positions, linear, positions)
     return Attachment(points, indices, weights, bone[held], along[held], radial[held], joints)
 
 

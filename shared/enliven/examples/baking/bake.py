@@ -85,7 +85,7 @@ def bake_surface(
     fit = _Fit(welded, wanted, [int(of[v]) for v in held], settings, shear)
     for _ in range(_AGAIN):
         fit.run()
-        missed = Missed(settings.worst * fit.size)
+        missed = WorstFrames(settings.worst * fit.size)
         linear, places, error = _measured(fit, frames, len(traits), first, missed)
         if not missed.frames or not fit.room:
             break
@@ -107,7 +107,7 @@ def farthest(traits: Float, count: int) -> Int:
     return np.sort(np.array(chosen))
 
 
-class Missed:
+class WorstFrames:
     """The worst of the frames that are off by more than the tolerance.
 
     Attributes:
@@ -123,7 +123,7 @@ class Missed:
     def frames(self) -> list[Float]:
         return [frame for _, frame in self._kept]
 
-    def see(self, worst: float, frame: Float) -> None:
+    def record(self, worst: float, frame: Float) -> None:
         """Record a frame with its farthest vertex ``worst`` metres off."""
         if worst > self.most:
             self._kept = sorted([*self._kept, (worst, frame)], key=lambda kept: -kept[0])[:_MOST_MISSED]
@@ -256,7 +256,7 @@ def _chunks(frames: Frames, first: Int) -> Iterator[Float]:
 
 
 def _measured(
-    fit: _Fit, frames: Frames, count: int, first: Int, missed: Missed
+    fit: _Fit, frames: Frames, count: int, first: Int, missed: WorstFrames
 ) -> tuple[Float, Float, BakeError]:
     """The transforms of all frames, and how far the surface is off."""
     linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
@@ -266,7 +266,7 @@ def _measured(
         squares, most, of_frame = fit.errors(maps, wanted)
         total += float(squares.sum())
         for number, off in enumerate(np.sqrt(of_frame)):
-            missed.see(float(off), wanted[:, number])
+            missed.record(float(off), wanted[:, number])
         if most.max() > worst:
             worst, frame, vertex = float(most.max()), at + int(of_frame.argmax()), int(first[most.argmax()])
         linear[at : at + len(maps)] = maps[:, :, :3].transpose(0, 1, 3, 2)

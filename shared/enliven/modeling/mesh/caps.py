@@ -27,7 +27,7 @@ class HarmonicInterpolation:
     def __init__(self, points: Float, triangles: Int, fixed: int) -> None:
         self.count = len(points) - fixed
         if self.count:
-            web = _web(points, triangles)
+            web = _cotangent_weights(points, triangles)
             own = np.asarray(web.sum(1)).ravel()
             self._rim = csr_matrix(web[fixed:, :fixed])
             self._factor = splu(csc_matrix(diags(own[fixed:]) - web[fixed:, fixed:]), **SYMMETRIC_LU)
@@ -94,7 +94,7 @@ def flattened(points: Float) -> Float:
     return np.asarray(middle @ np.stack([across, np.cross(normal, across)]).T)
 
 
-def _web(points: Float, triangles: Int) -> csr_matrix:
+def _cotangent_weights(points: Float, triangles: Int) -> csr_matrix:
     """(P, P) the cotangent weights between points, none below zero."""
     count = len(points)
     a, b, c = (points[triangles[:, k]] for k in range(3))

@@ -106,7 +106,7 @@ class CutPlan:
         values = self.values[self.first]
         far = values > 0
         same = [self.faces[far[self.faces[:, a]] == far[self.faces[:, b]]][:, [a, b]] for a, b in _SIDES]
-        part = hang_together(np.concatenate(same), len(values))
+        part = connected_parts(np.concatenate(same), len(values))
         size = np.bincount(part)
         of_side = np.array([(~far).sum(), far.sum()])[far.astype(np.int64)]
         small = size[part] < _ISLAND * of_side
@@ -225,7 +225,7 @@ class CutPlan:
         for a, b in _SIDES:
             same = self.far[split[:, a]] == self.far[split[:, b]]
             links.append(split[same][:, [a, b]])
-        return hang_together(np.concatenate(links), len(self.rest))
+        return connected_parts(np.concatenate(links), len(self.rest))
 
     def _choose_another(self, part: Int, torn: Int) -> None:
         """Add the nearest loop through which the two sides still hang together."""
@@ -255,7 +255,7 @@ class CutPlan:
         """A cap for every shell that was cut, its rim as numbers of crossed edges."""
         cut = np.isin(self.found.loops, self.chosen)
         ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-        shell = hang_together(ends, len(self.rest))[self.faces[self.found.faces, 0]]
+        shell = connected_parts(ends, len(self.rest))[self.faces[self.found.faces, 0]]
         made = []
         for one in np.unique(shell[cut]):
             chains = chains_of(self.found.pairs[cut & (shell == one)])
@@ -283,7 +283,7 @@ class CutPlan:
             self.notes.append("some of it is open there and was left open")
 
 
-def hang_together(links: Int, count: int) -> Int:
+def connected_parts(links: Int, count: int) -> Int:
     """(count,) the number of the part that each hangs together with over (L, 2) links."""
     web = coo_matrix((np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), (count, count))
     return np.asarray(connected_components(web, directed=False)[1], np.int64)

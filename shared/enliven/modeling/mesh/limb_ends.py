@@ -100,7 +100,7 @@ def _peaks(offsets, neighbours, height, order):  # type: ignore[no-untyped-def]
 def _ways(net: SurfaceNet) -> csr_matrix:
     """(C, C) the net's edges, its shells joined where they are nearest."""
     count = len(net.points)
-    rows, columns, lengths = net.web.edges[:, 0], net.web.edges[:, 1], net.web.lengths
+    rows, columns, lengths = net.graph.edges[:, 0], net.graph.edges[:, 1], net.graph.lengths
     while True:
         graph = csr_matrix((lengths, (rows, columns)), (count, count))
         graph = graph + graph.T

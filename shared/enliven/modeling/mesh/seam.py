@@ -116,7 +116,7 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     welded, of = weld(mesh)
     loose = np.zeros(len(welded.vertices), bool)
     loose[of[free]] = True
-    web, lengths = _web(welded)
+    web, lengths = _neighbour_shares(welded)
     inner = np.flatnonzero(loose)
     # The Laplacians of free vertices and of their neighbours depend on what is free.
     rows = np.unique(np.concatenate([inner, web[inner].indices]))
@@ -159,7 +159,7 @@ def _radius(points: Float) -> float:
     return float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
 
 
-def _web(welded: Mesh) -> tuple[csr_matrix, Float]:
+def _neighbour_shares(welded: Mesh) -> tuple[csr_matrix, Float]:
     """(V, V) for each vertex the shares of its neighbours, nearer ones more, rows sum to one; (V,) their mean
     distance in metres."""
     faces = welded.faces

@@ -9,7 +9,7 @@ from enliven.errors import InputError
 from enliven.modeling.mesh import Cut, cut_across_bone, numbers_in, with_piece
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.nodes import divided, insert_node, new_name
-from enliven.modeling.rigged.posed import as_far, held_at, own_turn, posed
+from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_kept
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
 _END = 1e-9
@@ -93,7 +93,7 @@ def parted_at(
     _refuse_bare(shape, upper, lower)
     lower[0] = Bone(lower[0].name, "", lower[0].rest, turns[above], STILL)
     place = place - lower[0].rest
-    first = as_far(project, shape, rebuilt(shape, upper))
+    first = with_travel_kept(project, shape, rebuilt(shape, upper))
     if shape.pins:
         first = held_at(project, first, shape, turns, time)
     second = rebuilt(shape, lower, id=lower_id, place=place, travel=None, travel_scale=None)

@@ -23,7 +23,7 @@ from enliven.modeling.rigged.axes import Axes, layers_in, moved_mesh
 from enliven.modeling.rigged.bones import bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.graft import grafted, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
-from enliven.modeling.rigged.posed import as_far, posed
+from enliven.modeling.rigged.posed import posed, with_travel_kept
 from enliven.modeling.skinning import renumbered
 from enliven.motion.layers import without_idle_layers
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
@@ -100,7 +100,7 @@ def merge(
     bones, names = grafted(host, j, graft, world, axes, layers)
     pins = (*host.pins, *_pins(graft, names))
     merged = rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None, pins=pins)
-    merged = as_far(edited, host, merged)
+    merged = with_travel_kept(edited, host, merged)
     surfaces = _surface(host, ours, spots, time), _surface(graft, theirs, places + spots[j] - places[0], time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
     moved = _put(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)

@@ -41,7 +41,7 @@ def as_modeled(shape: Shape) -> tuple[Float, Float]:
     return turns, positions
 
 
-def as_far(project: Project, old: Shape, new: Shape) -> Shape:
+def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
     """The edited shape, travelling as far as before: what an edit does to its height shortens no stride."""
     if new.travel is None:
         return new
