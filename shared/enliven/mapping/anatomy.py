@@ -19,7 +19,8 @@ from enliven.mapping.facing import facing_of, side_of, turned_level
 _SHORT = 0.15
 """Share of the longest branch below which a branch is a twig, not a limb."""
 _TWIG = 0.5
-"""Share of the path from the root to its fork below which a branch is a twig."""
+"""Share of the path from the root to its fork below which a branch is a twig; also share of its length by
+which a branch leads off the middle plane."""
 _SIDE_TWIG = 0.6
 """The same, for a branch that leads off the middle plane: a big ear is longer than other twigs."""
 _MANY = 5

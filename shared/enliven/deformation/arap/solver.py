@@ -263,8 +263,7 @@ class ArapSolver:
         return other
 
     def maps(self) -> Float:
-        """(16 V,) the affine map of each vertex's neighbourhood: see
-        :func:`enliven.deformation.arap.detail.cell_maps`."""
+        """(16 V,) each vertex's affine map: see :func:`enliven.deformation.arap.detail.cell_maps`."""
         surface, out = self._surface, np.empty(16 * len(self.pose))
         frames = self._frames.reshape(-1)
         cell_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)

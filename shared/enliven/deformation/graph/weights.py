@@ -28,8 +28,8 @@ from enliven.document import SkinWeights
 from enliven.kernels import njit
 
 DETOUR = 1.5
-"""Factor on the straight distance up to which a path along the surface is no detour: that of a curved
-limb."""
+"""Factor on the straight distance up to which a path along the surface is no detour: a curved surface alone
+makes paths longer."""
 SLACK = 0.5
 """Node spacings by which it may be longer besides: paths over the net are that coarse."""
 _APART = 0.6
