@@ -8,6 +8,7 @@ from enliven.arrays import Float, Int, UInt8
 from enliven.meshes import Mesh, surface_of
 
 POT, SOIL, GREEN, WHITE, BLACK, BLOOM, HEART = range(7)
+"""The numbers of the parts, rows of ``_COLOURS``."""
 _COLOURS = np.array(
     [
         (196, 98, 62),
@@ -25,10 +26,13 @@ _PALE = np.array([206, 224, 168], np.float64)
 """Of the thorns."""
 
 TOP = np.array([0.0, 1.30, 0.0])
+"""Metres, the top of the trunk."""
 ELBOW = np.array([0.37, 0.70, 0.0])
+"""Metres, the outside of the left arm's bend."""
 TIP = np.array([0.40, 1.10, 0.0])
+"""Metres, the end of the left arm."""
 FOOT = np.array([0.15, 0.0, 0.0])
-"""Metres: the top of the trunk; of the left arm the outside of the bend and the end; the left of the pot."""
+"""Metres, the left of the pot."""
 
 _TRUNK = 0.148
 """Metres, the trunk's radius: of a saguaro as tall as a child."""

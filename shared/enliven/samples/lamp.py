@@ -19,12 +19,12 @@ _INSIDE = (250, 236, 200)
 """sRGB, 0..255, of the inside of the shade."""
 _BULB = (255, 221, 130)
 """sRGB, 0..255, of the bulb."""
-_FOOT, _ELBOW, _HEAD = (
-    np.array([-0.11, 0.44, 0.0]),
-    np.array([-0.17, 1.40, 0.0]),
-    np.array([-0.80, 1.51, 0.0]),
-)
-"""Metres: where the lower arm stands on the post, where both arms meet, where the shade hangs."""
+_FOOT = np.array([-0.11, 0.44, 0.0])
+"""Metres, the joint of the lower arm on the post."""
+_ELBOW = np.array([-0.17, 1.40, 0.0])
+"""Metres, the joint of both arms, at a person's shoulder."""
+_HEAD = np.array([-0.80, 1.51, 0.0])
+"""Metres, the joint of the shade."""
 _LOOKS = np.array([-0.8, -0.6, 0.0])
 """Unit direction in which the shade opens."""
 _PIN = np.array([0.0, 0.0, 1.0])

@@ -27,6 +27,7 @@ _LIMBS = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
 _ARMS = (1, 2)
 """The numbers of the arms among those limbs."""
 _ON_PELVIS = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
+"""The joints with bones that begin at the pelvis."""
 
 
 @dataclass(frozen=True)

@@ -28,12 +28,14 @@ _LONG = 1.5
 _LEAN = 0.15
 """Share of the height by which a head is ahead of a body that is not upright."""
 _LEG = ((Joint.HIP_LEFT, 0.95), (Joint.KNEE_LEFT, 0.5), (Joint.ANKLE_LEFT, 0.12), (Joint.FOOT_LEFT, 0.0))
+"""Joints of a leg, and their share of the limb's length from its tip, about as in a person."""
 _ARM = (
     (Joint.SHOULDER_LEFT, 0.95),
     (Joint.ELBOW_LEFT, 0.5),
     (Joint.WRIST_LEFT, 0.15),
     (Joint.HAND_LEFT, 0.0),
 )
+"""The same of an arm."""
 _TO_RIGHT = 4
 """From a left joint's number to the right one's."""
 

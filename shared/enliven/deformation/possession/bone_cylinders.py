@@ -9,7 +9,8 @@ from enliven.kernels import njit
 from enliven.person import BONES, PARENTS, J, Joint
 
 _PARENT = np.array(PARENTS)
-_HIP, _CHEST = int(Joint.HIP_CENTER), int(Joint.SHOULDER_CENTER)
+_HIP = int(Joint.HIP_CENTER)
+_CHEST = int(Joint.SHOULDER_CENTER)
 # Arrays: tuples of ints would be types of their own, for which the kernels are compiled once each.
 _HIPS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
 _SHOULDERS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])

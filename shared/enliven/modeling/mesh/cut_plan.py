@@ -241,7 +241,7 @@ class CutPlan:
             self.notes.append(note)
 
     def _side_of(self, vertices: Int, part: Int, side: Int) -> int:
-        """Where a shell goes that was not cut: with the bones it follows, else with what is nearest."""
+        """The side of an uncut shell: that of the bones it follows, else of the nearest surface."""
         if self.loyal is not None:
             mean = float(self.loyal[np.isin(self.of, vertices)].mean())
             if abs(mean - 0.5) > 1e-3:

@@ -1,9 +1,9 @@
-"""Two surfaces made one as they are seen at a moment, each keeping its rest away from the seam.
+"""Joins two surfaces in their poses at a moment; each keeps its rest away from the seam.
 
-The union is made where the two are at that moment, so what an artist sees is what is joined, whatever the
-two look like at rest. A vertex away from the seam keeps its rest position and weights to the bit. One at the
-seam is taken back to rest by the inverse of its own blended transform: at that moment it is where it was
-joined, and from then on it follows its weights.
+The union is made of the posed surfaces, so an artist joins what is visible, whatever the two look like at
+rest. A vertex away from the seam keeps its rest position and weights to the bit. A vertex at the seam is
+taken back to rest by the inverse of its own blended transform: at that moment it is where it was joined, and
+otherwise it follows its weights.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Surgery on possessed meshes: the deformation graph is cut and merged with its motion.
 
-A cut or merge changes which nodes there are and what carries them; the streams that were recorded never
-change. So nothing is lost: a chair that was possessed is cut in two, and both halves still walk.
+A cut or merge changes the set of nodes and their carriers, never the recorded streams. So nothing is lost: a
+possessed chair is cut in two, and both halves still walk.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Turned and mirrored axes of rest: what a rest pose, a rotation, a span and a layer become in them."""
+"""Turned and mirrored axes of rest, and the change of rest poses, rotations, spans and layers to them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A shape cut in two at a moment: nothing turns or moves then, and both go on moving (AniMesh, section 6)."""
+"""Cuts a shape in two at a moment: nothing moves then, and both keep moving (AniMesh, section 6)."""
 
 from __future__ import annotations
 

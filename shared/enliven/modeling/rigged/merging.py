@@ -45,7 +45,7 @@ def merge(
     seam: SeamSettings = _SEAM,
     notes: list[str] | None = None,
 ) -> tuple[Project, dict[str, str]]:
-    """The root of a shape put onto a node of another; the two are one shape from then on.
+    """A project with a shape's root joined to a node of another; the two are one shape.
 
     The shape comes to the node without turning: at ``time`` every bone of both keeps its world turn, and the
     joints of the graft keep their places where its root was at the node (elsewhere it is moved there). From

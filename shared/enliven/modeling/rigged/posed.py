@@ -1,4 +1,4 @@
-"""A shape at one moment, as every edit sees it."""
+"""The pose of a shape at one moment, for the edits."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def as_modeled(shape: Shape) -> tuple[Float, Float]:
 
 
 def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
-    """The edited shape, travelling as far as before: what an edit does to its height shortens no stride."""
+    """The edited shape with the travel scale of before: its strides stay, though its height has changed."""
     if new.travel is None:
         return new
     clip = project.takes[project.layers[new.travel].take]
@@ -51,9 +51,9 @@ def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
 
 
 def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: float | None) -> Shape:
-    """A part of a shape with the world turns of the whole at ``time`` where a pin that held it is gone.
+    """A part of a shape that lost a pin, with the world turns of the whole at ``time``.
 
-    What the pin had turned goes into the modeling rotations.
+    The turns that the pin made go into the modeling rotations.
 
     Args:
         turns: (N, 4) the world turns of the whole.

@@ -26,9 +26,9 @@ _MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
 def spread_motion(
     project: Project, shape_id: str, group: EqualLimbs, joint: int, *, delay: float = 0.0
 ) -> Project:
-    """A project in which the limbs of a group move as the one that ``joint`` is of; theirs is taken off.
+    """A project in which all limbs of a group move as the limb of ``joint``; their own motion is removed.
 
-    What the bones were posed to by hand stays as it is.
+    Modeling rotations stay.
 
     Args:
         group: of :func:`enliven.matching.symmetry.equal_limbs`, of the shape's skeleton.

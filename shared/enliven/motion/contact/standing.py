@@ -30,7 +30,7 @@ _STRETCH = 0.998
 
 @dataclass(frozen=True)
 class Window:
-    """The seconds of the project in which a shape's motion is all there is.
+    """The seconds of the project that contain all of a shape's motion.
 
     Attributes:
         start: where the first layer begins.

@@ -1,4 +1,4 @@
-"""A shape at a time: its layers sampled, multiplied along the tree, and put where they are.
+"""The pose of a shape at a time: its layers sampled, multiplied along the tree, and placed.
 
     pose_of(project, shape_id, seconds) -> ShapePose       # once
     player = Player(project, shape_id)                     # prepared: evaluate often
