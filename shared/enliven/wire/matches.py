@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.matching import Board, MatchRow
 from enliven.wire.convert import JOINT_STEP
-from enliven.wire.messages import MatchesMessage, PackedMatch
+from enliven.wire.streams import MatchesMessage, PackedMatch
 
 _MOST_ROWS, _MOST_JOINTS = 16, 1024
 

@@ -1,0 +1,107 @@
+"""Whatever a camera does, viewers go on hearing from the edge, over real sockets, and what is wrong."""
+
+import contextlib
+import os
+import signal
+import threading
+import uuid
+
+import pytest
+from contract import PATIENCE, helper_of, helpers
+from patience import until
+from wild import Wild
+
+from enliven.health import HealthKind
+from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.isolation import IsolatedOpener, helper_process, isolated
+from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.tracker import Tracker
+from enliven_edge.warmup import warm_up_tracking
+from enliven_viewer.link.edges import Link
+
+BEATS = 3
+"""Heartbeats that are waited for while a trouble lasts: one that stops the edge lets none through."""
+
+
+class Viewer:
+    """A real viewer's link; notes every heartbeat."""
+
+    def __init__(self, endpoint) -> None:
+        self.link, self.beats = Link([endpoint]), []
+
+    def hear(self) -> dict[str, str]:
+        """What is wrong, by kind, as the newest heartbeat says it."""
+        self.link.poll()
+        status = self.link.status
+        if status is None:
+            return {}
+        if not self.beats or self.beats[-1] != status.published_ns:
+            self.beats.append(status.published_ns)
+        return {state.kind: state.what for state in status.health}
+
+    def until(self, kind: HealthKind | None, words: str = "") -> None:
+        """Hears that something is wrong, or that all is well, and then some heartbeats that still say so."""
+
+        def holds() -> bool:
+            said = self.hear()
+            lost = {HealthKind.SENSOR_LOST, HealthKind.NO_FRAMES} & set(said)
+            if kind is None:
+                return bool(self.beats) and not lost
+            return kind in lost and words in said[kind]
+
+        until(holds, f"{kind}: {words}")
+        heard = len(self.beats)
+        until(lambda: holds() and len(self.beats) >= heard + BEATS, f"heartbeats with {kind}")
+
+
+@pytest.fixture
+def edge(tmp_path, monkeypatch):
+    """An edge on a thread that waits for a camera that is not there yet, and its viewer."""
+    # So that a call that hangs goes on hanging.
+    monkeypatch.setattr(isolated, "SILENT", 10 * PATIENCE)
+    monkeypatch.setattr(helper_process, "OPENING", 10 * PATIENCE)
+    (tmp_path / "gone").touch()
+    warm_up_tracking(TrackerSettings())
+    wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
+    opener = IsolatedOpener("wild", Wild, {"folder": str(tmp_path), "pace": 0.02})
+    with kept_open(opener, awaited="the camera") as sensor, Outlet(wire, sensor.name) as outlet:
+        served = Edge(sensor, Tracker(), Stage([]), outlet)
+        thread = threading.Thread(target=served.run, daemon=True)
+        thread.start()
+        viewer = Viewer(outlet.publisher.endpoint)
+        with contextlib.closing(viewer.link):
+            yield sensor, viewer
+        served.stop()
+        thread.join(PATIENCE)
+        assert not thread.is_alive()
+    until(lambda: not helpers(), "an end without a helper process")
+
+
+def test_heartbeats_go_on_while_a_camera_is_missing_opens_slowly_hangs_dies_and_is_lost(edge, tmp_path):
+    sensor, viewer = edge
+    viewer.until(HealthKind.SENSOR_LOST, "no device")
+    assert viewer.link.status.sensor == "the camera"
+    (tmp_path / "slow").touch()
+    (tmp_path / "gone").unlink()
+    heard = len(viewer.beats)
+    until(lambda: viewer.hear() and len(viewer.beats) >= heard + BEATS, "heartbeats while it is opened")
+    assert sensor._device is None, "it still was"
+    (tmp_path / "slow").unlink()
+    viewer.until(None)
+    until(lambda: viewer.hear() is not None and viewer.link.status.sensor == "wild", "its own name")
+    os.kill(helper_of(sensor), signal.SIGSTOP)
+    viewer.until(HealthKind.NO_FRAMES, "no frame for")
+    os.kill(helper_of(sensor), signal.SIGKILL)
+    until(lambda: HealthKind.SENSOR_LOST in viewer.hear(), "the crash noticed")
+    viewer.until(None)
+    (tmp_path / "gone").touch()
+    viewer.until(HealthKind.SENSOR_LOST)
+    (tmp_path / "gone").unlink()
+    viewer.until(None)
+    apart = [1e-9 * (b - a) for a, b in zip(viewer.beats, viewer.beats[1:], strict=False)]
+    print(f"{len(apart)} heartbeats in {sum(apart):.1f} s, {max(apart):.2f} s apart at most")
+    assert len(apart) > sum(apart), "one a second, twice as many as must be"
