@@ -14,7 +14,7 @@ from enliven.document import Pose, Props
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.health import HealthState, Severity, worst_first
-from enliven.matching import View
+from enliven.matching import ScreenView
 from enliven.person import Body
 from enliven.wire import Look, Possess
 from enliven_edge.controls import Controls, Lamps, lamps_of
@@ -228,7 +228,7 @@ class Edge:
     def _look(self, asked: Look) -> None:
         """From where a viewer looks."""
         eye = None if asked.eye is None else np.array(asked.eye)
-        self.stage.look(View(np.array(asked.direction), np.array(asked.up), eye))
+        self.stage.look(ScreenView(np.array(asked.direction), np.array(asked.up), eye))
 
     def _possess(self, asked: Possess) -> None:
         """A viewer's wish that somebody take hold, or that it be shown what they would hold."""

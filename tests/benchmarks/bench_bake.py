@@ -20,7 +20,7 @@ from scipy.sparse.linalg import splu
 from enliven.arrays import Float, Int, Int32
 from enliven.examples.baking.bake import bake_surface
 from enliven.examples.baking.maps import Maps, skinned
-from enliven.examples.baking.nodes import Net, Seeds
+from enliven.examples.baking.nodes import EdgeGraph, Seeds
 from enliven.examples.baking.settings import BakeSettings
 from enliven.examples.baking.weights import fit_weights
 from enliven.meshes.mesh import Mesh
@@ -47,7 +47,7 @@ def figures() -> Iterator[Figure]:
 
 def _round(mesh: Mesh, wanted: Float) -> Figure:
     """One round: weights of all vertices, then transforms of all frames; both from the same start."""
-    net = Net(mesh)
+    net = EdgeGraph(mesh)
     seeds = Seeds(net, [0], NODES)
     pivots, candidates = mesh.vertices[seeds.vertices], seeds.nearest(8)
     indices = np.zeros((len(mesh.vertices), 4), np.int32)

@@ -16,7 +16,7 @@ from figure import Figure
 
 from enliven.matching.abstraction import abstract
 from enliven.matching.ranking import Matcher, RankingSettings
-from enliven.matching.views import View
+from enliven.matching.views import ScreenView
 
 SIZES = (20, 200, 2000)
 REPEATS = 200
@@ -26,7 +26,7 @@ BLUR = RankingSettings().blur
 def figures() -> Iterator[Figure]:
     """Milliseconds a ranking, and once for the preparation."""
     source = np.array([[0.0, 1.4, 0.0], [0.3, 1.5, 0.1], [-0.3, 1.3, 0.1]])
-    view = View(np.array([0.3, -0.2, -1.0]))
+    view = ScreenView(np.array([0.3, -0.2, -1.0]))
     for joints in SIZES:
         positions, links = rig(joints, np.random.default_rng(joints))
         prepared = _milliseconds(lambda p=positions, ls=links: Matcher(abstract(p, ls), p), 5)
@@ -58,7 +58,7 @@ def rig(joints: int, rng: np.random.Generator) -> tuple[np.ndarray, list[tuple[i
     return np.array(points), links
 
 
-def _same(matcher: Matcher, source: np.ndarray, view: View, expected: list[tuple[float, int]]) -> None:
+def _same(matcher: Matcher, source: np.ndarray, view: ScreenView, expected: list[tuple[float, int]]) -> None:
     """Refuses to measure what is not the same."""
     whole = [m for m in matcher.rank(source, view) if None not in m.pairs]
     np.testing.assert_allclose([m.score for m in whole], [score for score, _ in expected], atol=1e-9)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.deformation.possession.body_in_mesh import likeness
+from enliven.deformation.possession.body_in_mesh import find_body_in_mesh
 from enliven.person.body import Body, Joint
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.embedded_actor import ActorSettings
@@ -37,7 +37,7 @@ def person(reach=0.0) -> Body:
 @pytest.mark.parametrize("name", BEASTS)
 def test_on_four_feet_arms_are_forelegs(name):
     graph = cast(str(MESHES / name), 128).graph
-    like = likeness(graph)
+    like = find_body_in_mesh(graph)
     ahead = np.array([np.sin(like.yaw), 0.0, np.cos(like.yaw)])
     left = np.array([np.cos(like.yaw), 0.0, -np.sin(like.yaw)])
     hands, feet = (like.joints[[j, j + 4]] for j in (Joint.HAND_LEFT, Joint.FOOT_LEFT))
@@ -58,7 +58,7 @@ def test_a_raised_arm_raises_a_foreleg_and_no_other(name):
     for i in range(26):
         pose = house.perform([person(0.8 * i / 25)], (i + 2) * FRAME)[0]
     moved = np.linalg.norm(pose.positions - still.positions, axis=1)
-    joints = likeness(actor.graph).joints
+    joints = find_body_in_mesh(actor.graph).joints
     apart = np.linalg.norm(actor.graph.positions[:, None] - joints, axis=2)
     at = {
         j: moved[apart[:, j].argmin()]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol, TypeGuard
 
-from enliven.deformation.constraints import Seen
+from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Character, Pose
-from enliven.matching import Board, View
+from enliven.matching import Board, ScreenView
 from enliven.person import Body
 from enliven_edge.stage.highlights import Cues, State
 
@@ -46,7 +46,9 @@ class Actor(Protocol):
     def candidate(self) -> tuple[int | None, str]:
         """The performer who takes hold next, None for the first in view, and with what parts."""
 
-    def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
+    def perform(
+        self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
+    ) -> Pose:
         """The pose at a moment.
 
         Args:
@@ -81,7 +83,7 @@ class Actor(Protocol):
 class ChosenActor(Actor, Protocol):
     """An actor of which performers choose a part by posing before they drive it."""
 
-    view: View
+    view: ScreenView
     """From where it is seen: what a pose means is decided on the screen."""
 
     def browse(self, step: int) -> None:

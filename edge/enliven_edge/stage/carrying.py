@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.deformation.possession import Likeness, bone_rotations, filled
+from enliven.deformation.possession import BodyInMesh, bone_rotations, filled_joints
 from enliven.person import PARENTS, Body, J, Joint
 from enliven_edge.stage.placement import Placement, facing, turn_about_y
 
@@ -104,19 +104,21 @@ class Mapped:
 
     fits = True
 
-    def __init__(self, likeness: Likeness, body: Body, scale: float, travel: float = 1.0) -> None:
+    def __init__(self, likeness: BodyInMesh, body: Body, scale: float, travel: float = 1.0) -> None:
         self.likeness, self.travel = likeness, travel
-        self._rest = filled(body.joints, body.joints)
+        self._rest = filled_joints(body.joints, body.joints)
         self._home = self._rest[_HIP].copy()
         self._last = self._rest
         self._turn = turn_about_y(likeness.yaw - facing(body))
         self.scale, self._measure = scale, scale
         if np.isfinite(likeness.leg):
-            self._measure = float(np.clip(Likeness(self._rest, 0.0).leg / likeness.leg, scale / 5, 5 * scale))
+            self._measure = float(
+                np.clip(BodyInMesh(self._rest, 0.0).leg / likeness.leg, scale / 5, 5 * scale)
+            )
 
     def __call__(self, joints: Float) -> Float:
         """(20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN where it has none."""
-        now = filled(joints, self._last)
+        now = filled_joints(joints, self._last)
         self._last = now
         turns = self._turn @ bone_rotations(self._rest, now)[0] @ self._turn.T
         own = self.likeness.joints

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints import Seen
+from enliven.deformation.constraints import ObservedPoints
 from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph, stiffness_at
 from enliven.document import Character, Pose
@@ -141,7 +141,9 @@ class EmbeddedActor:
         parts_named(parts)
         self._candidate = (body, parts)
 
-    def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
+    def perform(
+        self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
+    ) -> Pose:
         """The pose at a moment: of the possession, or of the mesh waiting where it stands.
 
         Args:
@@ -186,7 +188,7 @@ class EmbeddedActor:
             return
         for i in range(3):
             moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
-            seen = Seen(moved.joints, np.tile([0.0, 0.0, 1.0], (20, 1)))
+            seen = ObservedPoints(moved.joints, np.tile([0.0, 0.0, 1.0], (20, 1)))
             rehearsal.perform([moved], (i + 1) * _STEP_NS, {0: seen})
 
     @property
@@ -248,7 +250,7 @@ class EmbeddedActor:
             if body is not None:
                 hold.see(body, time_ns)
 
-    def _solved(self, seen: Mapping[int, Seen], time_ns: int) -> tuple[Float, Float]:
+    def _solved(self, seen: Mapping[int, ObservedPoints], time_ns: int) -> tuple[Float, Float]:
         """The graph's linear parts and positions in the rest space; as they were where nobody is there."""
         if self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.possession import likeness
+from enliven.deformation.possession import find_body_in_mesh
 from enliven.person import Body
 from enliven_edge.stage.actor_settings import ActorSettings
 from enliven_edge.stage.carrying import Carrying, Mapped, Placed
@@ -20,7 +20,7 @@ class Whereabouts:
 
     def __init__(self, settings: ActorSettings, graph: DeformationGraph, height: float, size: float) -> None:
         self.settings, self.height, self.size = settings, height, size
-        self._likeness = likeness(graph) if settings.how == "mapped" else None
+        self._likeness = find_body_in_mesh(graph) if settings.how == "mapped" else None
 
     def waits(self, body: Body) -> Placement:
         """Where the mesh waits for whom it sees first."""

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from enliven.arrays import Float
 from enliven.deformation.constraints import (
     FloorContact,
+    ObservedPoints,
     ObservedSurface,
     PlaneConstraints,
-    Seen,
     SelfContact,
     joined_planes,
 )
@@ -33,7 +33,7 @@ class SoftTerms:
         self,
         state: tuple[Float, Float],
         holds: Iterable[Hold],
-        seen: Mapping[int, Seen],
+        seen: Mapping[int, ObservedPoints],
         floor: float,
         seconds: float,
     ) -> PlaneConstraints | None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from enliven.deformation.constraints import Seen
+from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose
 from enliven.errors import InputError
-from enliven.matching import Board, View
+from enliven.matching import Board, ScreenView
 from enliven.person import Body
 from enliven_edge.stage.actor import Actor, ChosenActor, Mode, is_chosen
 from enliven_edge.stage.highlights import Cues
@@ -25,7 +25,9 @@ class Stage:
         """Whether some character follows what the sensor sees of its performers' surfaces."""
         return any(actor.uses_surface for actor in self.actors.values())
 
-    def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> list[Pose]:
+    def perform(
+        self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
+    ) -> list[Pose]:
         """One pose a character.
 
         Args:
@@ -98,7 +100,7 @@ class Stage:
         """A performer, or everybody, lets a character go; it eases back to rest where it stands."""
         self._actor(character).release(body)
 
-    def look(self, view: View) -> None:
+    def look(self, view: ScreenView) -> None:
         """A viewer looks from there: what a pose means on a rigged character is decided on its screen."""
         for actor in self._rigs():
             actor.view = view

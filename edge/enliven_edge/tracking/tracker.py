@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from enliven.arrays import Float, Int
-from enliven.deformation.constraints import Seen
+from enliven.deformation.constraints import ObservedPoints
 from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven_edge.landmarks import ColourEye
@@ -76,7 +76,7 @@ class Tracker:
         performers = self.performers
         return performers[0].follower.posture if performers else None
 
-    def surfaces(self) -> dict[int, Seen]:
+    def surfaces(self) -> dict[int, ObservedPoints]:
         """What the last frame shows of each performer's surface, by id; mirrored as the bodies are."""
         if self._view is None or self._owner is None:
             return {}

@@ -24,6 +24,7 @@ _GROWTH = 1.12
 _COVERED = 1.0 + 1e-9
 """Factor on the radius within which a point counts as inside: its own rounding must not leave it out."""
 _MOST_SAMPLES = 4_000_000
+"""Samples of large faces at most: it bounds the memory for a mesh with faces far larger than the spheres."""
 
 
 @dataclass(frozen=True)

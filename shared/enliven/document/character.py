@@ -1,9 +1,9 @@
-"""A character and its poses: a mesh whose vertices follow at most four transforms each.
+"""A character and its poses: a mesh and its transforms; a vertex follows four of them at most.
 
-A bone of a rig and a node of a deformation graph are the same thing to everyone downstream: a transform
-about a pivot that moves the vertices around it. So there is one pose, one shader and one message for both.
-A control point of a puppet is a transform too, but the surface between them is solved by whoever shows it
-(:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
+A bone of a rig and a node of a deformation graph are one thing for wire, shader and export: a transform about
+a pivot that moves the vertices around it. So there is one pose, one shader and one message for both. A
+control point of a puppet is a transform too; the program that shows the puppet solves the surface between
+them (:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Character:
 
 
 def _problem_of(character: Character) -> str:
-    """What is inconsistent in a character's arrays, or an empty string."""
+    """A sentence about what is inconsistent in a character's arrays, or an empty string."""
     count, vertices = len(character.pivots), len(character.vertices)
     if vertices == 0 or len(character.faces) == 0 or count == 0:
         return "it has no vertices, no faces or no pivots"
@@ -106,7 +106,7 @@ def _problem_of(character: Character) -> str:
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a character's transforms are: v' = sum_k w_k (linear_k (v - pivot_k) + position_k).
+    """The transforms of a character at a moment: v' = sum_k w_k (linear_k (v - pivot_k) + position_k).
 
     Attributes:
         character: the id of the character.

@@ -1,4 +1,4 @@
-"""A clip: what a skeleton did over time, as world turns of its bones since the rest pose."""
+"""A clip: the motion of a skeleton over time, as world turns of its bones since the rest pose."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Clip:
 
     Attributes:
         id: its name in the project.
-        skeleton: who moved, at rest.
+        skeleton: the performer's, at rest.
         turns: (F, N, 4) float64 unit quaternions D_j in world axes: the bone that ends at joint j points
             along D_j @ (its direction at rest), and what is rigid with it is turned by D_j. Entry 0 is the
             turn of the whole.

@@ -1,4 +1,4 @@
-"""Undo and redo: a project is a value, so its history is the values it was."""
+"""Undo and redo: a project is a value, so its history is a list of values."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class _Step:
 
 
 class History:
-    """A project and what it was before each edit.
+    """A project and its values before each edit.
 
     Every ``do`` is one step with a name. Steps of one ``drag`` that follow one another are one step, until
     ``end_drag``. Arrays that are equal are held once, so a step costs what it changed. The memory is bounded:
@@ -78,7 +78,7 @@ class History:
         return self._bytes / 1e6
 
     def do(self, name: str, project: Project, *, drag: str | None = None) -> Project:
-        """The project after an edit; what was undone cannot be done again.
+        """Record the project after an edit; undone steps can no longer be redone.
 
         Args:
             name: of the step, for the menu.
@@ -100,7 +100,7 @@ class History:
         return project
 
     def end_drag(self) -> None:
-        """The hand let go: what comes next is a step of its own."""
+        """End a drag: the next edit is a step of its own."""
         self._steps[self._at] = replace(self._steps[self._at], drag=None)
 
     def undo(self) -> Project:

@@ -22,7 +22,7 @@ MODES: tuple[str, ...] = ("turns", "end")
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A take, how it drives, and when.
+    """A take with the chain, basis and time by which it drives bones.
 
     Attributes:
         id: its name in the project.
@@ -97,7 +97,7 @@ class Span:
     Attributes:
         share: of the bone's length, in [0, 1]; those of a bone sum to one. A share of 0 is a turn at the
             joint itself: that of a root which was grafted onto another shape.
-        refs: what falls on it of which layers.
+        refs: the parts of layers that fall on it.
         before: unit quaternion (w, x, y, z), a fixed turn at the beginning of the span: the modeling rotation
             of a bone that was joined to the one before it when the node between them was removed.
     """

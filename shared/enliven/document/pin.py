@@ -44,7 +44,7 @@ class Pin:
     """A joint that stays in its place while it is in contact; the limb above gives way by two-bone IK.
 
     Attributes:
-        joint: the name of the foot's joint. A pin whose joints an edit took away is left out.
+        joint: the name of the foot's joint. A pin is ignored where an edit removed one of its joints.
         start: the name of the joint where the limb begins (a hip), above it.
         settings: when it is in contact.
     """

@@ -1,4 +1,4 @@
-"""A possessed mesh as a shape: a deformation graph whose nodes play what was recorded of them."""
+"""A possessed mesh as a shape: a deformation graph with nodes that play their recorded motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven.rotation import IDENTITY
 
 @dataclass(frozen=True, eq=False)
 class PoseStream:
-    """What the nodes of a deformation graph did. Like a take, it never changes.
+    """The recorded motion of a deformation graph's nodes. Like a take, it never changes.
 
     Attributes:
         id: its name in the project.
@@ -201,7 +201,7 @@ def character_of_graph(shape: GraphShape) -> Character:
 
 
 def _freeze(part: object, *names: str) -> None:
-    """Makes float64 arrays of attributes that nobody can write."""
+    """Make the named attributes read-only float64 arrays."""
     for name in names:
         array: AnyArray = getattr(part, name)
         if not (isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable):

@@ -18,7 +18,7 @@ from enliven.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Project:
-    """Everything an artist has made, by id. Takes never change; a layer refers to one, a shape to layers.
+    """All shapes, takes and layers by id. Takes never change; a layer refers to one, a shape to layers.
 
     Possessed meshes (graphs) play pose streams, which never change either; puppets play takes, by examples.
 

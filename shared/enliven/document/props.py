@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 from enliven.arrays import Float, Float32, Int, UInt8
 
-BOX, BALL = 0, 1
-"""Shapes."""
+BOX = 0
+"""The number of a box in ``Props.shapes``, as on the wire."""
+BALL = 1
+"""The number of a ball in ``Props.shapes``, as on the wire."""
 
 
 @dataclass(frozen=True)

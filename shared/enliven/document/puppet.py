@@ -1,4 +1,4 @@
-"""A puppet: a mesh that control points move, and the poses that show what a performer's mean on it.
+"""A puppet: a mesh that control points move, and example poses that pair a performer's poses with its own.
 
 Where a skeleton has no counterpart in the mesh (a cactus that directs traffic), the user pairs joints of a
 performer with control points of the mesh and poses a few examples; every motion of that kind follows
@@ -27,7 +27,7 @@ from enliven.rotation import IDENTITY
 
 @dataclass(frozen=True)
 class ControlPoint:
-    """A vertex that is put somewhere.
+    """A vertex of the mesh that a joint, or the user, moves.
 
     Attributes:
         name: unique on the puppet.
@@ -133,8 +133,8 @@ class Puppet:
         surface, examples, locomotion: settings of the three solvers.
 
     Raises:
-        InputError: where the parts do not fit together. A puppet in the making, with too few examples or
-            points without a joint, is none of that: it is only refused when it is to move.
+        InputError: where the parts do not fit together. An unfinished puppet, with too few examples or points
+            without a joint, is accepted: it is refused only when it is to move.
     """
 
     id: str
@@ -184,7 +184,7 @@ class Puppet:
 def character_of_puppet(puppet: Puppet) -> Character:
     """The puppet as viewers know it: kind "points", transform 0 its frame, transform k control point k - 1.
 
-    Viewers solve the surface. Who cannot sees it move as one rigid piece: all vertices follow transform 0.
+    Viewers solve the surface. Without that it moves as one rigid piece: all vertices follow transform 0.
 
     Raises:
         InputError: for a puppet without control points.
@@ -214,7 +214,7 @@ def character_of_puppet(puppet: Puppet) -> Character:
 
 
 def _frozen(array: AnyArray) -> Float:
-    """The array as nobody can write it: itself where it is that already, for values share arrays."""
+    """The array, read-only: itself where it is so already, since values share arrays."""
     if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
         return array
     copied = np.array(array, np.float64)

@@ -18,7 +18,7 @@ from enliven.rotation import IDENTITY
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A skeleton with its rest shape, how it was posed by hand, and the takes that move it.
+    """A skeleton with its rest shape, the rotations it was posed by, and the takes that move it.
 
     The turn of bone j in the world is D_j = D_parent m_j a_j(t): m_j is the *modeling rotation* (posing,
     cutting and merging put it there), a_j(t) the *animation rotation* that the layers give (AniMesh, section
@@ -30,7 +30,7 @@ class Shape:
         modeling: (N, 4) unit quaternions m_j.
         spans: (N,) what takes move each bone; see :mod:`enliven.document.layers`.
         place: (3,) metres that the root joint is moved by from its rest position.
-        travel: the id of the layer whose take's root moves this root too, or None; a looped take goes on from
+        travel: the id of the layer with a take that moves this root too, or None; a looped take goes on from
             where it ended.
         mesh: the surface at rest, in the skeleton's frame, or None.
         skin: which bones each vertex follows, or None without a mesh.
@@ -99,14 +99,14 @@ def character_of(shape: Shape) -> Character:
 
 
 def _drawn(skeleton: Skeleton):  # type: ignore[no-untyped-def]
-    """(E, 2) pairs of transforms whose pivots are the two ends of a bone."""
+    """(E, 2) pairs of transforms with pivots at the two ends of a bone."""
     # The pivot of transform j is its parent joint, so a bone is drawn from its own pivot to a child's.
     pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]
     return np.array(pairs, np.int32).reshape(-1, 2)
 
 
 def _frozen(array: Float) -> Float:
-    """The array as nobody can write it: itself where it is that already, for shapes share arrays."""
+    """The array, read-only: itself where it is so already, since shapes share arrays."""
     if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
         return array
     copied = np.array(array, np.float64)

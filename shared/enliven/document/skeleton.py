@@ -193,6 +193,6 @@ def _problem_of(skeleton: Skeleton) -> str:
 
 
 def _frozen(array: _Array) -> _Array:
-    """The array, never to be written again: a document shares it with its own past."""
+    """The array, made read-only: a document shares it with its own history."""
     array.setflags(write=False)
     return array

@@ -1,8 +1,8 @@
 """Motion from a few example poses: trajectories of control points.
 
 After "Example-based retargeting of human motion to arbitrary mesh models" (2014), section 5: key poses pair
-joints of a performer with control points of a mesh, ``spacetime`` solves the trajectories, ``baking`` makes
-them other formats'.
+joints of a performer with control points of a mesh, ``spacetime`` solves the trajectories, ``baking`` turns
+them into bones and morph targets for other formats.
 """
 
 import lazy_loader

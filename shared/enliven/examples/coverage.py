@@ -14,7 +14,7 @@ from enliven.examples.suggest import distance_to
 
 @dataclass(frozen=True)
 class Coverage:
-    """How far what is played is from what was shown.
+    """How far the poses of a take are from the examples.
 
     Attributes:
         take: its id.
@@ -52,7 +52,7 @@ def coverage_of(project: Project, puppet: Puppet, layer: int) -> Coverage:
 
 
 def unposed(puppet: Puppet) -> tuple[str, ...]:
-    """Sentences: what has not been posed yet, for all its key poses are alike."""
+    """A sentence where all key poses are alike, since none has been posed yet; else nothing."""
     if len(puppet.poses) < 2:
         return ()
     same = all(np.array_equal(pose.places, puppet.poses[0].places) for pose in puppet.poses)

@@ -1,8 +1,8 @@
-"""The mapping as somebody performs: frame by frame, with a fixed small lag.
+"""The mapping during a live performance: frame by frame, with a fixed small lag.
 
-Each new pose is solved with the frames that are not out yet; those that are out are held where they were, so
-what is seen never jumps back. The place of a frame is given `lag` frames after its pose: by then what comes
-later hardly matters. Frames that are all within the lag when the motion ends are exactly those of the batch.
+Each new pose is solved together with the frames that are not shown yet; shown frames are held, so that the
+picture never jumps back. The places of a frame are given `lag` frames after its pose; later poses hardly
+change them by then. Where a motion ends within the lag, its frames are exactly those of the batch solution.
 """
 
 from __future__ import annotations
@@ -71,6 +71,6 @@ class LiveExamples:
         return self.mapping.solution(poses, conditions, self._step).places
 
     def _keep(self, poses: Float, out: Float) -> None:
-        """Forgets the frames that are out and that no acceleration feels any more."""
+        """Forget the shown frames that no open acceleration depends on."""
         old = max(out.shape[1] - _OUT, 0)
         self._poses, self._out = poses[old:], out[:, old:]

@@ -22,7 +22,7 @@ _WHERE = "poses"
 
 
 class ExampleMap:
-    """Examples, ready to map motions of that kind."""
+    """Maps poses of a performer to places of control points, by examples."""
 
     def __init__(self, examples: Examples, settings: ExampleSettings | None = None) -> None:
         self.examples, self.settings = examples, settings or ExampleSettings()
@@ -79,7 +79,7 @@ class ExampleMap:
         return poses
 
     def nodes(self, poses: Float) -> Nodes:
-        """What poses (F, P, 3) say of all control points at each frame."""
+        """The nodes of all control points at each frame of poses (F, P, 3)."""
         return Nearest(self.examples, self.settings, poses).nodes(range(len(self.examples.points)))
 
     def solution(

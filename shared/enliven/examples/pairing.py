@@ -17,10 +17,14 @@ from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
 from enliven.document import Skeleton
-from enliven.mapping import Anatomy, Limb, anatomy_of, turned_level
+from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_level
 
-_MIDDLE, _TRUNK, _OTHER = 0.25, 0.35, 0.6
-"""What it costs, in widths and heights, to follow the middle of a limb, the trunk, or a finger."""
+_MIDDLE = 0.25
+"""Cost, in widths and heights, of following the middle of a limb; its end costs nothing."""
+_TRUNK = 0.35
+"""The same, of following the trunk: it moves less than a limb."""
+_OTHER = 0.6
+"""The same, of following any other joint, such as a finger's."""
 _END = 0.4
 """Share of a limb, from its end, that counts as its end."""
 _DEPTH = 0.3
@@ -90,7 +94,7 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     What is near the end, as a wrist before fingers, is neither: the end says as much.
     """
     cost, side = np.full(len(skeleton), _OTHER), np.zeros(len(skeleton), np.int64)
-    singles: list[Limb] = [limb for limb in (anatomy.head, anatomy.tail) if limb is not None]
+    singles: list[SkeletonLimb] = [limb for limb in (anatomy.head, anatomy.tail) if limb is not None]
     limbs = [limb for pair in anatomy.pairs for limb in pair] + singles
     cost[list(anatomy.trunk)] = _TRUNK
     for limb in limbs:

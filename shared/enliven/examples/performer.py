@@ -1,8 +1,8 @@
 """The performer's body frame: joints seen from the root, without its yaw (section 5, law 1).
 
-Whoever walks elsewhere or turns around makes the same poses; leaning and tumbling are part of the pose.
+The pose does not depend on the performer's place and heading; leaning and tumbling are part of it.
 
-    performed(clip, joints) -> Performance
+    performed(clip, joints) -> PerformerClip
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from enliven.rotation import rotate
 
 
 @dataclass(frozen=True, eq=False)
-class Performance:
+class PerformerClip:
     """What some joints of a performer did.
 
     Attributes:
@@ -36,7 +36,7 @@ class Performance:
     step: float
 
 
-def performed(clip: Clip, joints: Sequence[str]) -> Performance:
+def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
     """What the named joints of a clip do.
 
     Raises:
@@ -45,7 +45,7 @@ def performed(clip: Clip, joints: Sequence[str]) -> Performance:
     numbers = [clip.skeleton.index(name) for name in joints]
     world = joint_places(clip, numbers)[:, numbers]
     yaw = np.unwrap(yaw_of(clip.turns[:, 0]))
-    return Performance(in_body(world, clip.root, yaw), world, clip.root, yaw, clip.step)
+    return PerformerClip(in_body(world, clip.root, yaw), world, clip.root, yaw, clip.step)
 
 
 def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:

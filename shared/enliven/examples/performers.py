@@ -1,11 +1,11 @@
 """One performer seen as another: the same joints, in the same size, facing the same way.
 
-A key pose may be shown by one performer and a take be played by another, a child by what an adult posed. What
-a pose is compared by is joints in the body frame, so of whoever is not the reference
+A key pose may be shown by one performer and a take be played by another: an adult may pose, a child perform.
+Poses are compared by joints in the body frame, so every performer is brought to the reference:
 
-- joints are found by name, or else by what they are in the body (:mod:`enliven.mapping.anatomy`),
-- places are scaled joint by joint, by how far along the bones the joint is from the root,
-- the front is turned to where the reference's is.
+- joints are found by name, or else by their part of the body (:mod:`enliven.mapping.anatomy`),
+- places are scaled joint by joint, by the joint's distance from the root along the bones,
+- the front is turned to the reference's front.
 
     role = cast(reference, clip.skeleton, ("LeftHand", "Head"), "walk")
     poses = role.seen(performed(clip, role.joints).poses)

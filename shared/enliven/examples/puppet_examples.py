@@ -34,13 +34,13 @@ T = TypeVar("T")
 
 
 class Weak(Generic[T]):
-    """Something by identity, which it does not keep alive: a key of what is remembered about it."""
+    """A key by identity that does not keep its object alive, for a cache of results about the object."""
 
     def __init__(self, value: T) -> None:
         self._value, self._id = weakref.ref(value), id(value)
 
     def __call__(self) -> T:
-        """The thing itself; whoever makes a key holds it."""
+        """The referenced value; the maker of a key keeps it alive."""
         value = self._value()
         assert value is not None
         return value
@@ -56,7 +56,7 @@ class Weak(Generic[T]):
 
 @dataclass(frozen=True)
 class Material:
-    """What a layer's motion is made of, by value or by identity, and nothing else.
+    """The inputs of a layer's motion, by value or by identity: the key of its cache.
 
     Attributes:
         points, poses, symmetry: of the puppet.
@@ -81,7 +81,7 @@ class Material:
 
 
 def material_of(project: Project, puppet: Puppet, layer: PuppetLayer) -> Material:
-    """What the motion of a layer depends on."""
+    """The inputs that the motion of a layer depends on."""
     shown = tuple(Weak(project.takes[pose.take]) for pose in puppet.poses)
     timeless = replace(layer, offset=0.0, speed=1.0, loop=False, muted=False)
     values = (puppet.points, puppet.poses, puppet.symmetry, Weak(puppet.mesh), shown)
@@ -142,7 +142,7 @@ def _left_right(reference: Skeleton, joints: Sequence[str], partners: Sequence[i
 
 
 def reference_of(project: Project, puppet: Puppet) -> Skeleton:
-    """Whose size and joints a puppet's examples are in: see :mod:`enliven.examples.performers`.
+    """The performer with the size and joints of a puppet's examples: see :mod:`enliven.examples.performers`.
 
     Raises:
         InputError: for a puppet without key poses.
@@ -154,7 +154,7 @@ def reference_of(project: Project, puppet: Puppet) -> Skeleton:
 
 
 def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Skeleton:
-    """The first performer who has all of the joints; the first of all where nobody has."""
+    """The first performer who has all of the joints, or the first of all."""
     return next((one for one in skeletons if set(joints) <= set(one.names)), skeletons[0])
 
 
@@ -167,7 +167,7 @@ def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
 def lacks(
     mesh: Mesh, points: Sequence[ControlPoint], skeletons: Sequence[Skeleton], symmetry: Plane | None
 ) -> tuple[str, ...]:
-    """What control points and key poses, of performers with these skeletons, lack to be examples."""
+    """Sentences: what control points and key poses, of performers with these skeletons, lack as examples."""
     if not points:
         return ("Put control points on the mesh.",)
     sentences = [f"Pair {point.name!r} with a joint." for point in points if not point.joint]

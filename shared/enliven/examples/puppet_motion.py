@@ -1,4 +1,4 @@
-"""What a puppet does: the takes of its layers, through its key poses, in the world.
+"""The motion of a puppet: the takes of its layers, mapped by its key poses, in the world.
 
     missing(project, puppet)                  # what it still lacks, as sentences; empty: it can move
     state_of(project, puppet, seconds)        # where its control points are, and where it stands
@@ -57,9 +57,9 @@ class State:
 
 
 def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
-    """The whole take of a layer, solved; kept, so that asking again costs nothing.
+    """The solved motion of a layer's whole take, from a cache where it was solved before.
 
-    Whoever asks with the same values gets the same object. Offset, speed, loop and muting are not part of it.
+    The same values give the same object. Offset, speed, loop and muting are not part of it.
 
     Raises:
         InputError: where the puppet or the layer lacks something, or constraints contradict one another.

@@ -11,13 +11,13 @@ from enliven.arrays import Bool, Float
 from enliven.document import Constraint, Coupling, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import Performance, performed
+from enliven.examples.performer import PerformerClip, performed
 from enliven.examples.performers import cast
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among, some_of
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.examples.spacetime import (
-    Placed,
+    PlacedMotion,
     check_switches,
     conditions_of,
     find_switches,
@@ -47,8 +47,8 @@ def solved(material: Material) -> PuppetMotion:
     return solve.motion(solve.planted(places, placed, yaw), placed, yaw)
 
 
-def seen_by(material: Material) -> tuple[Examples, Performance]:
-    """The examples of a layer, and what it plays as they see it.
+def seen_by(material: Material) -> tuple[Examples, PerformerClip]:
+    """The examples of a layer, and its take as the reference performer would have made it.
 
     Raises:
         InputError: where something is missing.
@@ -58,7 +58,7 @@ def seen_by(material: Material) -> tuple[Examples, Performance]:
 
 
 def check_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> None:
-    """That what is asked of a layer can be met, without solving it.
+    """Check, without solving, that the constraints and switches of a layer can be met.
 
     Raises:
         InputError: where something is missing, for constraints that contradict one another, and for switches
@@ -92,13 +92,13 @@ class _Solve:
         )
 
     @cached_property
-    def took(self) -> Performance:
-        """What the layer plays, as the reference would have done it."""
+    def took(self) -> PerformerClip:
+        """The layer's take as the reference performer would have made it."""
         took = performed(self._take, self._role.joints)
         return replace(took, poses=self._role.seen(took.poses))
 
     def check(self) -> None:
-        """That constraints and switches can be met."""
+        """Check that constraints and switches can be met."""
         conditions_of(self._asked, self.examples, len(self._take.turns), self._take.step)
         if self._layer.switches is not None:
             check_switches(self._layer.switches, len(self._take.turns))
@@ -111,7 +111,7 @@ class _Solve:
         out[:, self._moved] = self._mapping.solve(*how, known=before)
         return out
 
-    def located(self, places: Float, yaw: Float) -> Placed:
+    def located(self, places: Float, yaw: Float) -> PlacedMotion:
         """The way of places (F, P, 3) in the world."""
         switches, how, step = self._layer.switches, self._material.locomotion, self.took.step
         if switches is None:
@@ -122,7 +122,7 @@ class _Solve:
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         return placed
 
-    def planted(self, places: Float, placed: Placed, yaw: Float) -> Float:
+    def planted(self, places: Float, placed: PlacedMotion, yaw: Float) -> Float:
         """The same places (F, P, 3) with feet that stand still."""
         how, weight = self._material.locomotion, self._layer.weight
         if how.plant <= 0.0:
@@ -140,7 +140,7 @@ class _Solve:
         """(F, K) which of them stand."""
         return standing_feet(self._seen, self.took.step, self._legs(), self._material.locomotion)
 
-    def level(self, placed: Placed) -> tuple[Coupling, ...]:
+    def level(self, placed: PlacedMotion) -> tuple[Coupling, ...]:
         """Feet of equal height where the anchor changes, unless that contradicts what the user asked for."""
         if not self._layer.level_feet:
             return ()
@@ -154,8 +154,8 @@ class _Solve:
                 kept = (*kept, one)
         return kept
 
-    def motion(self, places: Float, placed: Placed | None, yaw: Float) -> PuppetMotion:
-        """What came out, as nobody can change it: it is shared by all who ask."""
+    def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
+        """The solved motion, with read-only arrays: all callers share it."""
         still, none = np.zeros((len(places), 3)), np.full(len(places), -1, np.int64)
         way = (placed.root, placed.anchors, placed.switches) if placed else (still, none, ())
         kept = (self.took.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)

@@ -1,4 +1,4 @@
-"""What a layer makes of its whole take: places frame by frame, a way in the world, and rounds of it."""
+"""The solved motion of a layer: places frame by frame, the path in the world, and its repetitions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.examples.performer import turned_about_y
 
 @dataclass(frozen=True, eq=False)
 class PuppetMotion:
-    """What a layer makes of its whole take, one entry a frame of it.
+    """The solved motion of a layer over its whole take, one entry a frame.
 
     Attributes:
         step: seconds between frames.
@@ -75,7 +75,7 @@ class PuppetMotion:
         return self._gone(yaw, np.asarray(root), rounds)
 
     def _gone(self, yaw: float, root: Float, rounds: int) -> tuple[float, Float]:
-        """A yaw and a root after whole rounds, each of which begins where the one before ended.
+        """The yaw and the root after whole rounds; each round begins where the one before ended.
 
         Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, R the turn of one: a geometric series, which
         holds for n < 0 too.

@@ -1,6 +1,6 @@
 """Symmetric control points: what is shown for the left is shown for the right (section 6.1).
 
-partners = partners_of(rest (P, 3), point, normal)         # who is whose mirror image on the mesh
+partners = partners_of(rest (P, 3), point, normal)         # (P,) each point's mirror image on the mesh
 more = doubled(examples, partners, rest, normal)           # each example, and its mirror image
 """
 

@@ -1,4 +1,4 @@
-from .anatomy import Anatomy, Limb, anatomy_of
+from .anatomy import Anatomy, SkeletonLimb, anatomy_of
 from .applying import apply_plan
 from .automatic_mapping import Retargeted, automatic, retargeted
 from .facing import facing_of, turned_level
@@ -7,10 +7,10 @@ from .plan_file import read_plan, write_plan
 
 __all__ = [
     "Anatomy",
-    "Limb",
     "Mode",
     "Plan",
     "Retargeted",
+    "SkeletonLimb",
     "anatomy_of",
     "apply_plan",
     "automatic",

@@ -1,4 +1,4 @@
-"""What a skeleton is made of: a trunk, pairs of limbs on its sides, a head and a tail; by geometry alone.
+"""The anatomy of a skeleton: a trunk, pairs of limbs on its sides, a head and a tail; by geometry alone.
 
 Twigs are left out (fingers, ears, a jaw): at a fork, what is short beside the whole, or beside the way from
 the root to the fork. What is left falls into chains between forks and ends. Those between forks are trunk;
@@ -16,27 +16,39 @@ from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
 from enliven.mapping.facing import facing_of, side_of, turned_level
 
-_SHORT, _TWIG, _SIDE_TWIG = 0.15, 0.5, 0.6
-"""Shares below which a branch is a twig: of the longest, and of its fork's way from the root; of that again
-for one that leads off the middle plane (a big ear)."""
+_SHORT = 0.15
+"""Share of the longest branch below which a branch is a twig, not a limb."""
+_TWIG = 0.5
+"""Share of the path from the root to its fork below which a branch is a twig; also share of its length by
+which a branch leads off the middle plane."""
+_SIDE_TWIG = 0.6
+"""The same, for a branch that leads off the middle plane: a big ear is longer than other twigs."""
 _MANY = 5
 """Branches of a fork, other than the root, that make a face or a hand of it."""
 _ASIDE = 0.15
 """Share of the longest branch that a fork is off the middle plane by to be a hand: its longest goes on."""
-_ALIKE, _APART = 0.15, 0.1
-"""Shares of the length: how much two limbs of a pair differ in it at most, and how far apart they are."""
+_ALIKE = 0.15
+"""Share of their length that two limbs of a pair differ by at most."""
+_APART = 0.1
+"""Share of their length that two limbs of a pair are apart at least."""
 _MIDDLE = 0.03
 """Share of a limb that a bone begins off the middle plane by, to be part of the limb proper."""
-_SIDEWAYS, _ONWARD = 0.8, 0.5
-"""A bone that leads sideways by this share of it, and goes on with less than this cosine, is girdle."""
-_GIRDLE, _THICK = 0.6, 0.7
-"""Share of a limb that is girdle at most; of its second longest bone, that the limb proper begins with."""
-_FLOOR, _DROP = 0.15, 0.12
-"""Shares of the height: how near the floor a leg ends, and how far down it goes."""
+_SIDEWAYS = 0.8
+"""Share of its length by which a girdle bone (collar bone, hip) leads sideways."""
+_ONWARD = 0.5
+"""Cosine between a girdle bone and the next below which the limb bends there: 60 degrees."""
+_GIRDLE = 0.6
+"""Share of a limb that is girdle at most; more would leave too little limb."""
+_THICK = 0.7
+"""Share of the limb's second longest bone that the first bone of the limb proper has at least."""
+_FLOOR = 0.15
+"""Share of the height within which a leg ends above the floor: an ankle does."""
+_DROP = 0.12
+"""Share of the height that a leg goes down at least: a low tail goes down less."""
 
 
 @dataclass(frozen=True)
-class Limb:
+class SkeletonLimb:
     """A chain of joints from a fork to an end.
 
     Attributes:
@@ -62,7 +74,7 @@ class Limb:
         return self.chain[: self.start + 1]
 
 
-Pair = tuple[Limb, Limb]
+Pair = tuple[SkeletonLimb, SkeletonLimb]
 """The left limb and the right."""
 
 
@@ -80,8 +92,8 @@ class Anatomy:
     facing: float
     trunk: tuple[int, ...]
     pairs: tuple[Pair, ...]
-    head: Limb | None
-    tail: Limb | None
+    head: SkeletonLimb | None
+    tail: SkeletonLimb | None
 
     @property
     def legs(self) -> tuple[Pair, ...]:
@@ -109,7 +121,7 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
     pairs, single = _paired(limbs, at, skeleton.names)
     head, tail = _ends(single, at)
     if not any(limb.chain[0] == trunk[-1] for limb in single):
-        trunk, pairs, found = _beheaded(trunk, pairs, at)
+        trunk, pairs, found = _with_head(trunk, pairs, at)
         head = found or head
     return Anatomy(facing, trunk, tuple(pairs), head, tail)
 
@@ -166,10 +178,10 @@ def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
     return best
 
 
-def _beheaded(
+def _with_head(
     trunk: tuple[int, ...], pairs: list[Pair], at: Float
-) -> tuple[tuple[int, ...], list[Pair], Limb | None]:
-    """A trunk that goes on beyond the arms to a fork that has nothing but pairs (ears) ends in a head."""
+) -> tuple[tuple[int, ...], list[Pair], SkeletonLimb | None]:
+    """The trunk, pairs and head, where the trunk ends in a fork of pairs (ears) beyond the arms: a head."""
     forks = [
         trunk.index(pair[0].chain[0]) for pair in pairs if pair[0].chain[0] in trunk and not pair[0].grounded
     ]
@@ -184,7 +196,7 @@ def _length(chain: tuple[int, ...], at: Float) -> float:
     return float(np.linalg.norm(np.diff(at[list(chain)], axis=0), axis=1).sum())
 
 
-def _limb(chain: tuple[int, ...], at: Float) -> Limb:
+def _limb(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
     """A chain with its girdle told from the limb proper."""
     length = _length(chain, at)
     bones = np.linalg.norm(np.diff(at[list(chain)], axis=0), axis=1)
@@ -198,7 +210,7 @@ def _limb(chain: tuple[int, ...], at: Float) -> Limb:
     end = at[chain[-1]]
     drop = float(at[list(chain), 1].max() - end[1])
     grounded = bool(end[1] < floor + _FLOOR * tall and drop > _DROP * tall)
-    return Limb(chain, start, grounded, (float(end[0]), float(end[1]), float(end[2])))
+    return SkeletonLimb(chain, start, grounded, (float(end[0]), float(end[1]), float(end[2])))
 
 
 def _sideways(points: Float) -> Bool:
@@ -210,7 +222,9 @@ def _sideways(points: Float) -> Bool:
     return np.asarray(across & (along < _ONWARD) & (np.arange(len(bones)) < len(bones) - 1))
 
 
-def _paired(limbs: list[Limb], at: Float, names: tuple[str, ...]) -> tuple[list[Pair], list[Limb]]:
+def _paired(
+    limbs: list[SkeletonLimb], at: Float, names: tuple[str, ...]
+) -> tuple[list[Pair], list[SkeletonLimb]]:
     """Pairs (left, right), ordered, and the limbs that have no partner.
 
     Two limbs of a pair are of one length; how a performer holds them says less.
@@ -233,7 +247,7 @@ def _paired(limbs: list[Limb], at: Float, names: tuple[str, ...]) -> tuple[list[
     return pairs, [limb for k, limb in enumerate(limbs) if k not in used]
 
 
-def _on_sides(left: Limb, right: Limb, at: Float, names: tuple[str, ...]) -> bool:
+def _on_sides(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[str, ...]) -> bool:
     """Whether one limb is on the left and the other on the right, by name or by place."""
     sides = [side_of(names[limb.chain[-1]]) for limb in (left, right)]
     if sides != [0, 0]:
@@ -242,7 +256,7 @@ def _on_sides(left: Limb, right: Limb, at: Float, names: tuple[str, ...]) -> boo
     return apart > _APART * max(_length(left.chain, at), _length(right.chain, at))
 
 
-def _off_mirror(left: Limb, right: Limb, at: Float) -> float:
+def _off_mirror(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> float:
     """Metres that the ends of a limb are away from where the other's are in the mirror."""
     mirror = np.array([-1.0, 1.0, 1.0])
     off = np.linalg.norm(at[left.chain[0]] * mirror - at[right.chain[0]])
@@ -256,7 +270,7 @@ def _ahead(pair: Pair, at: Float) -> float:
     return float(starts[2] + starts[1] + 0.1 * (ends[2] + ends[1]))
 
 
-def _ends(single: list[Limb], at: Float) -> tuple[Limb | None, Limb | None]:
+def _ends(single: list[SkeletonLimb], at: Float) -> tuple[SkeletonLimb | None, SkeletonLimb | None]:
     """Head and tail of the limbs that have no partner."""
     ways = {limb: np.array(limb.end) - at[limb.chain[0]] for limb in single}
     scored = sorted(single, key=lambda limb: float(ways[limb][1] + ways[limb][2]))

@@ -1,8 +1,8 @@
-"""A mapping put to work: rest poses agreed on, a basis for every chain, layers bound.
+"""A mapping applied: rest poses are chosen, each chain gets a basis, and layers are bound.
 
-Movement is counted from a rest pose of the take, and every pose will do for one. For chains of mode "pose" it
-is the pose in which the performer's bones point as the model's do at rest: then they always do. For chains of
-mode "move" it is the pose that the take moves about, and the model moves about its own.
+Motion is relative to a rest pose of the take, and any pose can be one. For chains of mode "pose" it is the
+pose in which the performer's bones point as the model's do at rest: then they always do. For chains of mode
+"move" it is the mean pose of the take, and the model moves about its own rest pose.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.plan import ChainPlan, Plan, Rest
-from enliven.mapping.resting import about_itself, at_moment, calm, first_heading, posed, rebased
+from enliven.mapping.resting import at_moment, first_heading, hanging_pose, mean_pose, posed, rebased
 from enliven.motion.layers import arc_of, bind_chain, branch, set_travel
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
 
@@ -32,7 +32,7 @@ def source_anatomy(clip: Clip) -> Anatomy:
     At rest, or in the pose that the take moves about, whichever says more.
     """
     at_rest = anatomy_of(clip.skeleton)
-    amid = anatomy_of(posed(clip.skeleton, about_itself(clip)))
+    amid = anatomy_of(posed(clip.skeleton, mean_pose(clip)))
     if len(amid.pairs) > len(at_rest.pairs):
         return amid
     heading = first_heading(clip)
@@ -56,12 +56,12 @@ class _Line:
 
     @property
     def bones(self) -> set[int]:
-        """Of the take: those whose turns it plays."""
+        """The bones of the take with turns that the line plays."""
         return set(self.mine[1:] or self.mine)
 
 
 class _Turns:
-    """What brings the performer's axes to the model's, seen plainly or in a mirror.
+    """The turns from the performer's axes to the model's, plain or mirrored.
 
     A layer mirrors in the plane x = 0 of the take; with a turn of twice the performer's facing before it,
     that is the plane that parts their left from their right.
@@ -173,8 +173,8 @@ def _rest(clip: Clip, rest: Rest | float) -> Float:
         body = source_anatomy(clip)
         limbs = [limb.proper for pair in body.pairs for limb in pair]
         if len(body.legs) == 1 and body.arms:
-            return calm(clip, limbs)
-    return about_itself(clip)
+            return hanging_pose(clip, limbs)
+    return mean_pose(clip)
 
 
 def _pose_like(since: Float, clip: Clip, line: _Line, target: Skeleton, turns: _Turns) -> None:

@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from enliven.mapping.anatomy import Anatomy, Limb, Pair
+from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Drive:
 
     Attributes:
         source, target: joints, from the one that stays.
-        role: what it is, for whoever reads the mapping.
-        lead: joints of the source before ``source`` whose turn is taken along.
+        role: the limb's name in the mapping file, for the reader only.
+        lead: joints of the source before ``source``; the target's first piece plays their turns too.
         mirrored: the source is of the other side, and taken as seen in a mirror.
     """
 
@@ -53,7 +53,7 @@ def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
 
 
 def _lent_legs(source: Anatomy, target: Anatomy) -> tuple[Pair, ...]:
-    """The source's legs that stand in for arms that it has not."""
+    """The source's legs that stand in for missing arms."""
     spare = len(source.legs) - max(len(target.legs), 1)
     return source.legs[: max(spare, 0)] or source.legs[:1]
 
@@ -88,7 +88,7 @@ def _exchanged(pair: Pair, times: int) -> Pair:
     return (pair[1], pair[0]) if times % 2 else pair
 
 
-def _limb_drives(source: Limb, target: Limb, role: str) -> list[Drive]:
+def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
     """The limb proper, and the girdle where both have one; else the limb takes the girdle's turn along."""
     if len(source.girdle) > 1 and len(target.girdle) > 1:
         return [

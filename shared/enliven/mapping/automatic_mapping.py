@@ -1,4 +1,4 @@
-"""A mapping found by itself, and a shape that moves by it."""
+"""A mapping found automatically, and a shape that moves by it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _ALIKE = np.radians(50.0)
 _TWINS = 0.02
 """Share of the size by which joints of twins are apart at most."""
 _STANDS = np.radians(45.0)
-"""From the vertical to the way from the root to the head, of whoever stands."""
+"""Radians from the vertical to the line from root to head within which a body counts as upright."""
 
 
 def automatic(clip: Clip, shape: Shape) -> Plan:
@@ -78,7 +78,7 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
 
 
 def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode) -> list[ChainPlan]:
-    """What turns the whole: the performer's pelvis.
+    """The chain that turns the whole body: the performer's pelvis.
 
     A walker's pelvis and chest turn to and fro against one another; between them is where the body goes. What
     is of another build, with its trunk level, would swing it about with the pelvis alone: it takes half of

@@ -1,4 +1,4 @@
-"""Where a skeleton looks: about which upright plane it is symmetric, and which side is its front."""
+"""The facing of a skeleton: its upright plane of symmetry, and the side of its front."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@
     mode = "pose"
 
 A chain is given by its first and last joint with two points between, by all of its joints in an array, or by
-one joint, which stands for the turn of itself. What is not said is as in :mod:`enliven.mapping.plan`.
+one joint, for its own turn. Missing keys have the defaults of :mod:`enliven.mapping.plan`.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def write_plan(plan: Plan, path: Path | str) -> None:
 
 
 def plan_text(plan: Plan) -> str:
-    """The text of a mapping file: what is as usual is left out, but for what one may want to change."""
+    """The text of a mapping file, without values that are the default, but for the ones often changed."""
     lines = [_HEAD]
     for field in dataclasses.fields(Plan):
         value = getattr(plan, field.name)

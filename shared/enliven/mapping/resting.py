@@ -1,7 +1,7 @@
-"""Rest poses of a take: the one it is said against. Any pose will do, since turns are relative to it.
+"""Rest poses of a take: the pose that its turns are relative to; any pose can be one.
 
-about_itself(clip)         # (N, 4) the mean pose of the take, its heading the first
-calm(clip, limbs)          # (N, 4) the mean of those frames in which the limbs hang most
+mean_pose(clip)            # (N, 4) the mean pose of the take, its heading the first
+hanging_pose(clip, limbs)  # (N, 4) the mean of those frames in which the limbs hang most
 rebased(clip, since)       # the take against another rest pose
 """
 
@@ -17,9 +17,9 @@ from enliven.document import Clip, Skeleton
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
 _STRIDE = 1.0
-"""Seconds."""
-_CALM = 0.12
-"""Share of a take's frames that count as calm."""
+"""Seconds of a stride: the mean heading over one does not sway with the hips."""
+_HANGING = 0.12
+"""Share of a take's frames, an eighth, that the hanging pose is the mean of."""
 
 
 def heading_of(turns: Float) -> Float:
@@ -42,26 +42,26 @@ def first_heading(clip: Clip) -> Float:
     return heading_of(mean_turn(heading_of(clip.turns[: frames + 1, 0])))
 
 
-def about_itself(clip: Clip) -> Float:
-    """(N, 4) world turns of the pose that a take moves about: of each bone the mean turn in the one before.
+def mean_pose(clip: Clip) -> Float:
+    """(N, 4) world turns of a take's mean pose: the mean turn of each bone relative to its parent.
 
-    The heading is the first one: whoever turns round in a take has no mean of it.
+    The heading is the first frame's: a body that turns round in a take has no mean heading.
     """
     return _mean_pose(clip, np.ones(len(clip.turns), bool))
 
 
-def calm(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
-    """(N, 4) world turns of somebody upright between what they do: arms and legs hang.
+def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
+    """(N, 4) world turns of an upright body with hanging arms and legs, from a take's own frames.
 
-    The mean pose of who waves all the time has raised arms. This is the mean of the eighth of the frames in
-    which the bones of the limbs point down most. Its heading is the first one.
+    The mean pose of a performer who waves all the time has raised arms. This is the mean of the eighth of the
+    frames in which the bones of the limbs point down most. Its heading is the first frame's.
 
     Args:
         limbs: chains of joints.
     """
     bones = [joint for limb in limbs for joint in limb[1:]]
     height = rotate(clip.turns[:, bones], clip.skeleton.vectors[bones])[..., 1].sum(1)
-    return _mean_pose(clip, height <= np.quantile(height, _CALM))
+    return _mean_pose(clip, height <= np.quantile(height, _HANGING))
 
 
 def _mean_pose(clip: Clip, frames: Bool) -> Float:

@@ -1,26 +1,26 @@
 from . import views
 from .assignment import least_cost
-from .board import Board, Row
+from .board import Board, MatchRow
 from .matches import Match, Ranking
 from .picking import Pick, Picker, PickingSettings
 from .ranking import Matcher, RankingSettings
-from .source import Source, source_of, source_of_skeleton
+from .source import MatchSource, source_of, source_of_skeleton
 from .symmetry import EqualLimbs, equal_limbs
-from .views import View, best_view
+from .views import ScreenView, best_view
 
 __all__ = [
     "Board",
     "EqualLimbs",
     "Match",
+    "MatchRow",
+    "MatchSource",
     "Matcher",
     "Pick",
     "Picker",
     "PickingSettings",
     "Ranking",
     "RankingSettings",
-    "Row",
-    "Source",
-    "View",
+    "ScreenView",
     "best_view",
     "equal_limbs",
     "least_cost",

@@ -8,11 +8,11 @@ A node is a *leaf* (one neighbour), a *chain* node (two) or a *branch* node (mor
 3. makes a candidate of every branch node with one neighbour that is no leaf, and
 4. turns each candidate into a leaf, at the average of its leaves weighted by their accumulated lengths,
 
-until one node is left, the root, or a chain, whose node nearest to the centre of mass is the root.
+until one node is left, the root, or a chain; its node nearest to the centre of mass is then the root.
 
-Where the text leaves it open: a branch node all of whose neighbours are leaves, the last there is, is a
-candidate too (a star would have none); a tree without any branch node is one candidate at its root; all
-lengths are of the real bones. A root that is given never becomes a leaf: the iterations end with it.
+The paper leaves some cases open. Here the last branch node, with leaves as all its neighbours, is a candidate
+too (a star would have none); a tree without any branch node is one candidate at its root; all lengths are of
+the real bones. A root that is given never becomes a leaf: the iterations end with it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which target branch for which source branch? Compiled: every choice of branches, or the best of very many.
+"""Assigns target branches to source branches, compiled: every choice of them, or the best of very many.
 
 A *choice* is a set of m of n columns; its score is the best of the m! ways to give one to each row. For all
 choices at once, f(S) = max over j in S of f(S without j) + gain[|S| - 1, j]: sum_i C(n, i) i sums instead of
@@ -116,7 +116,7 @@ def _drop(members, k, value):  # type: ignore[no-untyped-def]
 def least_cost(cost: Float) -> tuple[Int, Int]:
     """(K,) rows, ascending, and (K,) their columns at the least sum of (M, N) costs, K the smaller number.
 
-    What SciPy's ``linear_sum_assignment`` says, without loading ``scipy.optimize`` (0.1 s at each start).
+    It equals SciPy's ``linear_sum_assignment`` without loading ``scipy.optimize`` (0.1 s at each start).
 
     Raises:
         ValueError: for a cost that is not finite.

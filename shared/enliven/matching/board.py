@@ -1,4 +1,4 @@
-"""What a viewer shows of a ranking: the best matches as lines in the world, and which one is meant."""
+"""The part of a ranking that a viewer shows: the best matches as lines in the world, and the chosen one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.arrays import Float
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class MatchRow:
     """One match.
 
     Attributes:
@@ -27,17 +27,17 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """What a performer's pose could mean on a character, at a moment.
+    """The best matches of a performer's pose on a character, and the state of the choice among them.
 
     Attributes:
         character: its id.
-        state: "off": nobody chooses; "choosing"; "playing": what is shown drives.
-        body: the performer's id; -1 for nobody.
+        state: "off": no choice is being made; "choosing"; "playing": the shown match drives.
+        body: the performer's id; -1 for none.
         time_ns: the sensor's clock.
-        shown: which of the rows is meant; -1 for none.
-        rows: the best matches, and the one that is meant.
-        total: how many matches there are.
-        held: 0..1, how long of the time to hold still has passed.
+        shown: the row that is chosen; -1 for none.
+        rows: the best matches, and the chosen one.
+        total: the number of matches.
+        held: 0..1, the share of the time to hold still that has passed.
     """
 
     character: str
@@ -45,6 +45,6 @@ class Board:
     body: int = -1
     time_ns: int = 0
     shown: int = -1
-    rows: tuple[Row, ...] = ()
+    rows: tuple[MatchRow, ...] = ()
     total: int = 0
     held: float = 0.0

@@ -1,4 +1,4 @@
-"""The compiled whole of a ranking: cosines, and every candidate's choices, into flat rows."""
+"""Compiled ranking: cosines, and the choices of every candidate, in flat rows."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def rank_rows(ends, first, source, rows, whole, missing):  # type: ignore[no-unt
 def seen_branches(points, first, axes, eye, perspective, blur, dots):  # type: ignore[no-untyped-def]
     """(B, 2) branches on the screen, from their sub-tree's root, made comparable.
 
-    For cosines each gets length one; but one that is seen end-on, so that less than a share ``blur`` of it
-    shows, has hardly a direction, and stays as short as it is of that: its cosines fade to zero. For dot
+    For cosines each gets length one. A branch seen end-on, with less than a share ``blur`` of it visible, has
+    hardly a direction: it is scaled to its visible part of that share, so its cosines fade to zero. For dot
     products the longest of each sub-tree gets length one.
 
     Args:
@@ -98,7 +98,7 @@ def seen_branches(points, first, axes, eye, perspective, blur, dots):  # type: i
 
 @njit(cache=True, nogil=True)
 def _on_screen(point, axes, eye, perspective):  # type: ignore[no-untyped-def]
-    """Right and up on the screen, and the depth: see :meth:`enliven.matching.views.View.project`."""
+    """Right and up on the screen, and the depth: see :meth:`enliven.matching.views.ScreenView.project`."""
     x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
     depth = 1.0
     if perspective:

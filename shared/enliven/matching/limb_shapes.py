@@ -1,4 +1,4 @@
-"""Every limb of a skeleton as a shape: how long, how large, where its middle is, and which is like it."""
+"""The shape of every limb of a skeleton (length, size, middle), and the limbs that equal it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven.document import Skeleton
 
 
 class LimbShapes:
-    """A skeleton with what is asked of every limb: by its first joint."""
+    """A skeleton with the measures of every limb, by the limb's first joint."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self.skeleton, self.at = skeleton, skeleton.positions

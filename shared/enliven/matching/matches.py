@@ -11,7 +11,7 @@ from enliven.matching.subtrees import Branch, SubTree
 
 @dataclass(frozen=True)
 class Match:
-    """One way: which target branch each source branch drives.
+    """One match: the target branch that each source branch drives.
 
     Attributes:
         candidate: the sub-tree of the target.
@@ -25,7 +25,7 @@ class Match:
 
     @property
     def key(self) -> tuple[tuple[int, ...], ...]:
-        """What is driven, whatever the order in the ranking: the joints of each source branch's chain."""
+        """The joints that each source branch drives; it names the match in any order of the ranking."""
         return tuple(() if branch is None else branch.chain for branch in self.pairs)
 
 
@@ -60,7 +60,7 @@ class Ranking:
         return (self[place] for place in range(len(self)))
 
     def identity(self, place: int) -> tuple[int, ...]:
-        """What names a match in every ranking of the same matcher: its candidate, and its columns."""
+        """The candidate and the columns of a match; they name it in every ranking of the same matcher."""
         return (int(self.which[place]), *(int(column) for column in self.columns[place]))
 
     def find(self, identity: tuple[int, ...]) -> int:

@@ -1,8 +1,8 @@
-"""Live: which match is shown, and when it is taken. A state machine; the time comes from outside.
+"""A state machine that chooses the shown match during a live performance, and accepts it.
 
-The best match of a moment jitters as the performer does. Shown is one that stays until something has been
-better by a margin for a while; until the performer goes through the ranking by hand; until it is accepted, by
-a word (key, pedal, voice) or by holding the pose.
+The best match of a moment jitters as the performer does. The shown match stays until another has been better
+by a margin for a while, the performer goes through the ranking by hand, or it is accepted: by a command (key,
+pedal, voice) or by holding the pose. The caller gives the time.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class PickingSettings:
 
 @dataclass(frozen=True)
 class Pick:
-    """What to show now.
+    """The match to show now.
 
     Attributes:
         match: the one that is shown, or that was accepted; None where there is none.
@@ -59,8 +59,8 @@ class Pick:
 class Picker:
     """Follows the rankings of one matcher.
 
-    A pose that is held before the performer has moved at all, or not since the last one was taken, accepts
-    nothing: somebody who merely stands there means nothing.
+    A held pose accepts a match only after a motion since the start or since the last match: a performer who
+    merely stands there accepts nothing.
     """
 
     def __init__(self, settings: PickingSettings | None = None) -> None:

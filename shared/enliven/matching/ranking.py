@@ -16,7 +16,7 @@ from enliven.matching.abstraction import abstract_skeleton
 from enliven.matching.kernels import rank_rows, seen_branches
 from enliven.matching.matches import Match, Ranking
 from enliven.matching.subtrees import Abstraction, SubTree
-from enliven.matching.views import View
+from enliven.matching.views import ScreenView
 from enliven.settings import setting
 
 __all__ = ["Match", "Matcher", "Ranking", "RankingSettings"]
@@ -61,7 +61,7 @@ class RankingSettings:
 
 
 class Matcher:
-    """A target, abstracted once, against sources that change every frame.
+    """Ranks the matches of a target, abstracted once, with a source that changes every frame.
 
     Args:
         target: a skeleton, or an abstraction of whatever tree.
@@ -88,12 +88,16 @@ class Matcher:
         self._rest = self._points(np.asarray(at, np.float64))
 
     def rank(
-        self, source: Float, view: View, source_view: View | None = None, positions: Float | None = None
+        self,
+        source: Float,
+        view: ScreenView,
+        source_view: ScreenView | None = None,
+        positions: Float | None = None,
     ) -> Ranking:
         """Every match.
 
         Args:
-            source: (m + 1, 3) root and abstract positions, as :meth:`Source.points` gives them.
+            source: (m + 1, 3) root and abstract positions, as :meth:`MatchSource.points` gives them.
             view: from where the target is seen.
             source_view: from where the source is seen; None: the same.
             positions: (N, 3) the target's joints in the pose that is seen; None at rest.
@@ -115,7 +119,7 @@ class Matcher:
         trees = self.abstraction.candidates
         return Ranking(trees, which[order], columns[order], scores[order], plan.total)
 
-    def _seen(self, points: Float, first: Int, view: View) -> Float:
+    def _seen(self, points: Float, first: Int, view: ScreenView) -> Float:
         """(B, 2) branches on the screen, comparable."""
         eye = _NOWHERE if view.eye is None else view.eye
         dots = self.settings.measure == "dot"

@@ -13,7 +13,7 @@ from enliven.matching.subtrees import Branch, Weights
 
 @dataclass(frozen=True)
 class _Leaf:
-    """What a leaf stands for: itself, or a sub-tree.
+    """A leaf: one joint, or a sub-tree that it stands for.
 
     Attributes:
         tail: the longest way from the leaf's joint to a real leaf.
@@ -98,7 +98,7 @@ class Reduction:
 
 
 def centre_of_mass(positions: Float, beside: Sequence[Sequence[int]]) -> Float:
-    """(3,) of a tree whose bones are rods of equal mass a metre."""
+    """(3,) metres, the centre of mass of a tree of bones, each a rod of the same mass per metre."""
     links = [(a, b) for a, near in enumerate(beside) for b in near if a < b]
     pairs = np.array(links, np.int64).reshape(-1, 2)
     lengths = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)

@@ -15,11 +15,11 @@ from enliven.matching.subtrees import Branch
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class MatchSource:
     """A skeleton simplified in a single step to the branches of one joint (AniMesh, Figure 3b).
 
-    What hangs on a branch is abstracted as in the target: what moves is averages of joints, with weights
-    that the lengths of the bones give once.
+    Below a branch the skeleton is abstracted as in the target: a position is a weighted average of joints,
+    and the weights come from the bones' lengths, once.
 
     Attributes:
         root: the joint the branches begin at.
@@ -44,7 +44,7 @@ class Source:
 
 def source_of(
     positions: Float, links: Iterable[tuple[int, int]], root: int | None = None, joints: Iterable[int] = ()
-) -> Source:
+) -> MatchSource:
     """The source that a tree of joints is, or the part of it that some joints are.
 
     Args:
@@ -72,10 +72,10 @@ def source_of(
     weights = np.zeros((len(branches), len(at)))
     for row, branch in zip(weights, branches, strict=True):
         row[list(branch.weights)] = list(branch.weights.values())
-    return Source(kept[found.root], branches, weights)
+    return MatchSource(kept[found.root], branches, weights)
 
 
-def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterable[int] = ()) -> Source:
+def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterable[int] = ()) -> MatchSource:
     """The same, of a skeleton at rest."""
     links = [(int(parent), joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
     return source_of(skeleton.positions, links, root, joints)

@@ -1,4 +1,4 @@
-"""What the abstraction of a skeleton consists of: branches, sub-trees, and the root."""
+"""The parts of a skeleton's abstraction: branches, sub-trees, and the root."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class SubTree:
 
 @dataclass(frozen=True)
 class Abstraction:
-    """What the iterations found.
+    """The result of the iterations.
 
     Attributes:
         root: the joint that was given, or found.

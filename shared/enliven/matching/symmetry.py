@@ -45,7 +45,7 @@ class SymmetrySettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Limb:
+class EqualLimb:
     """One of a group of equal limbs.
 
     Attributes:
@@ -73,7 +73,7 @@ class EqualLimbs:
     kind: Literal["rotation", "mirror"]
     joint: int
     axis: Float
-    limbs: tuple[Limb, ...]
+    limbs: tuple[EqualLimb, ...]
 
     def limb_of(self, joint: int) -> int:
         """Which limb a joint is of, or -1."""
@@ -140,7 +140,7 @@ def _around(
     """The limbs that are the first one turned about an axis, or None without any."""
     if axis[int(np.argmax(np.abs(axis)))] < 0.0:
         axis = -axis
-    best: list[Limb] = []
+    best: list[EqualLimb] = []
     for first in limbs[: max(1, len(limbs) - 2)]:
         made = []
         for other in limbs:
@@ -152,7 +152,7 @@ def _around(
         if len(made) > len(best):
             order = [pair[0] for pair in made[0][1].pairs]
             best = [
-                Limb(tuple(dict(matched.pairs)[j] for j in order), linear, matched.error)
+                EqualLimb(tuple(dict(matched.pairs)[j] for j in order), linear, matched.error)
                 for _, matched, linear in sorted(made, key=lambda entry: entry[0])
             ]
         if len(best) == len(limbs):
@@ -179,8 +179,8 @@ def _mirrored(body: LimbShapes, joint: int, like: list[int], settings: SymmetryS
         matched = body.matched(joint, a, b, linear, settings.tolerance)
         if matched is not None:
             limbs = (
-                Limb(tuple(one for one, _ in matched.pairs), np.eye(3), 0.0),
-                Limb(tuple(other for _, other in matched.pairs), linear, matched.error),
+                EqualLimb(tuple(one for one, _ in matched.pairs), np.eye(3), 0.0),
+                EqualLimb(tuple(other for _, other in matched.pairs), linear, matched.error),
             )
             groups.append(EqualLimbs("mirror", joint, across, limbs))
     return groups

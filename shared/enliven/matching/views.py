@@ -1,4 +1,4 @@
-"""What a skeleton looks like on the screen, and from where more of it can be seen."""
+"""Projections of a skeleton onto the screen, and the view that shows most of it."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ def _axis(*values: float) -> Float:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """From where a skeleton is seen.
+class ScreenView:
+    """The view that a skeleton is projected by: a direction, an up and, for perspective, an eye.
 
-    A performer who is to act as before a mirror is seen by a view against the sensor's: what the sensor has
-    on the left is then on the right, as in a mirror.
+    For a performer who acts as before a mirror the view opposes the sensor's: the sensor's left is then on
+    the right.
 
     Attributes:
         direction: (3,) from the eye into the scene; any length.
-        up: (3,) what points up on the screen, as far as it is across ``direction``.
+        up: (3,) the direction that is up on the screen; its part along ``direction`` does not count.
         eye: (3,) metres, for a perspective view; None for an orthographic one.
         frame: (3, 3) right, up and forward: unit vectors of the world, made of the others.
 
@@ -72,7 +72,7 @@ class View:
         return np.asarray(np.maximum((points - self.eye) @ self.direction, NEAREST))
 
 
-def end_on(vectors: Float, view: View, share: float = 0.2) -> Bool:
+def end_on(vectors: Float, view: ScreenView, share: float = 0.2) -> Bool:
     """(N,) whether each of (N, 3) vectors is seen so nearly end-on that its direction on the screen is noise.
 
     Args:
@@ -89,13 +89,13 @@ def projected_length(vectors: Float, direction: Float) -> float:
     return float(np.sqrt(np.maximum((vectors**2).sum(1) - along**2, 0.0)).sum())
 
 
-def best_view(vectors: Float, view: View, most_turn: float = np.pi / 2, steps: int = 60) -> View:
+def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, steps: int = 60) -> ScreenView:
     """The view that shows most bone: with the largest sum of projected lengths (AniMesh, section 8).
 
     The sum of *squared* lengths is largest along the eigenvector of the smallest eigenvalue of the scatter
     sum(v v^T). From there, from the current direction and from the other eigenvectors, the sum of lengths
-    itself is raised step by step on the sphere: it is sum sqrt(|v|^2 - (v.d)^2), of which each step solves
-    the quadratic bound (iteratively reweighted scatter), so it never falls.
+    itself, sum sqrt(|v|^2 - (v.d)^2), is raised step by step on the sphere: each step maximises a quadratic
+    bound of it (iteratively reweighted scatter), so it never falls.
 
     Args:
         vectors: (N, 3) of the bones.
@@ -105,7 +105,7 @@ def best_view(vectors: Float, view: View, most_turn: float = np.pi / 2, steps: i
         steps: at most, of the refinement.
 
     Returns:
-        An orthographic view: where the eye goes is for whoever orbits the model to say.
+        An orthographic view; the caller places the eye.
     """
     lengths = np.linalg.norm(vectors, axis=1)
     vectors = vectors[lengths > 0.0]
@@ -157,9 +157,9 @@ def _within(direction: Float, current: Float, most_turn: float) -> Float:
     return np.asarray(np.cos(most_turn) * current + np.sin(most_turn) * across)
 
 
-def _towards(direction: Float, view: View) -> View:
+def _towards(direction: Float, view: ScreenView) -> ScreenView:
     """The view along another direction, with its up as near as it can be."""
     up = view.up
     if abs(float(direction @ up)) > 1.0 - 1e-9:
         up = view.direction * -np.sign(direction @ up)
-    return View(direction, up)
+    return ScreenView(direction, up)

@@ -1,4 +1,4 @@
-"""Meshes in and out of files; whatever is wrong with a file becomes one clear message."""
+"""Reads and writes mesh files; an error in a file becomes one clear message."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OWN_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 
 
 class LoadedMesh(NamedTuple):
-    """A mesh that can be used, and one sentence for each thing that was repaired or is unusual."""
+    """A usable mesh, and one sentence for each repair and each unusual property."""
 
     mesh: Mesh
     notes: list[str]

@@ -1,7 +1,7 @@
-"""The JSON of a glTF or GLB file before anything is made of it: what it states must be of a bounded size.
+"""The JSON of a glTF or GLB file, checked before it is used: the amounts that it states must be bounded.
 
-A few words state millions of numbers (an accessor without bytes, a mesh that a thousand nodes show, nodes in
-one endless chain), so what is stated is counted here, in time that is linear in the length of the file.
+A few words can state millions of numbers (an accessor without bytes, a mesh that a thousand nodes show, nodes
+in one endless chain), so these amounts are counted here, in time that is linear in the length of the file.
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ _LISTS = (
     "skins",
     "textures",
 )
-_HEAD, _CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
+_HEAD = struct.Struct("<4sII")
+"""The header of a GLB: magic, version and length in bytes."""
+_CHUNK = struct.Struct("<I4s")
+"""The header of a chunk: length in bytes and kind."""
 
 
 class Entry:
@@ -128,7 +131,7 @@ def _chunk(data: bytes, wanted: bytes) -> bytes | None:
 
 
 def _check_amounts(tree: dict[str, Any]) -> None:
-    """What a file states, all together."""
+    """Refuse a file with too many entries, vertices, primitives or keys."""
     for name, entries in tree.items():
         if isinstance(entries, list) and len(entries) > MOST_LISTED:
             raise ValueError(f"it has {len(entries)} {name}, and no more than {MOST_LISTED} are read")
@@ -140,7 +143,7 @@ def _check_amounts(tree: dict[str, Any]) -> None:
 
 
 def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> None:
-    """The primitives of all meshes, each as often as nodes show it."""
+    """Refuse too many vertices or primitives, each counted as often as nodes show it."""
     shown: dict[int, int] = {}
     for node in nodes:
         if node.get("mesh") is not None:
@@ -159,7 +162,7 @@ def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> N
 
 
 def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
-    """What the samplers of animations and the skins read."""
+    """Refuse too many elements that animation samplers and skins read."""
     named = [skin.get("inverseBindMatrices") for skin in tree.get("skins") or []]
     for animation in tree.get("animations") or []:
         channels = animation.get("channels") or []

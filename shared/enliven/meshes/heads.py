@@ -1,6 +1,6 @@
-"""What the heads of meshes state, looked at before a library reads them whole.
+"""Checks of the headers of mesh files, before a library reads them.
 
-Its time grows with the square of some of these numbers, so that one megabyte would keep it busy for minutes.
+The library's time grows with the square of some of their numbers, so that one megabyte could take minutes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _GROUP = re.compile(rb"^[ \t]*(?:usemtl|o|g)[ \t][^\n]*", re.MULTILINE)
 
 
 def check_ply(data: bytes) -> None:
-    """Refuse a PLY with a head that is none.
+    """Refuse a PLY with a broken header.
 
     Raises:
         ValueError: where the head does not end, or states too many properties or a negative count.

@@ -47,7 +47,7 @@ def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Floa
 
 
 def _crossed(inside: Bool) -> Bool:
-    """True for each cell whose eight corners are not all on one side."""
+    """True for each cell with corners on both sides of the surface."""
     views = [
         inside[i : inside.shape[0] - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k]
         for i, j, k in _CORNERS

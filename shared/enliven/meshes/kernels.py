@@ -124,7 +124,7 @@ def _mix(bits):  # type: ignore[no-untyped-def]
 
 
 def space_curve(points: Float) -> Any:
-    """(N,) an order of points (N, 3) along a Z-curve through space: who is near comes near."""
+    """(N,) an order of points (N, 3) along a Z-curve, which puts near points near in memory."""
     low = points.min(0)
     cells = ((points - low) * (1023.999 / max(float(np.ptp(points, axis=0).max()), 1e-300))).astype(np.int64)
     code = np.zeros(len(points), np.int64)

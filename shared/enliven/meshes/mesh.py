@@ -86,8 +86,8 @@ def _unit(vectors: Float) -> Float:
 def weld(mesh: Mesh) -> tuple[Mesh, Int]:
     """The mesh with every position once, and (V,) the welded vertex of each vertex.
 
-    Files split a vertex wherever normals, colours or texture coordinates differ on its two sides. Whoever
-    asks what hangs together must not see these cuts. Colours are dropped; faces keep their order.
+    Files split a vertex wherever normals, colours or texture coordinates differ on its two sides;
+    connectivity must be computed without these cuts. Colours are dropped; faces keep their order.
     """
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     if np.array_equal(first, np.arange(len(first))):

@@ -1,4 +1,4 @@
-"""Repairs: what cannot be used is taken out of a mesh, and every repair is said in one sentence."""
+"""Repairs of a mesh: unusable vertices and faces are removed, and each repair is reported in a sentence."""
 
 from __future__ import annotations
 

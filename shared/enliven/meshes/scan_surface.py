@@ -1,4 +1,4 @@
-"""A surface through the points of a scan, as it was seen from one side: what no sensor saw stays open.
+"""A surface through the points of a scan from one side; surface that the sensor did not see stays open.
 
 The points that nothing hides are joined in the image that the sensor had of them (a Delaunay triangulation of
 their directions); a triangle that spans a gap, or the step from one thing to what is behind it, is left out.

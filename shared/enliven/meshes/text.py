@@ -8,6 +8,7 @@ from enliven.arrays import Float, Int, Int32
 
 _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 _MEDIT_COLUMNS = {"Vertices": 4, "Triangles": 4, "Quadrilaterals": 5, "Tetrahedra": 5}
+"""Numbers in a line of each section of a Medit file: coordinates or vertices, and a reference number."""
 
 
 def read_off(data: bytes) -> tuple[Float, Int32]:

@@ -1,7 +1,6 @@
-"""Takes, and how they drive a skeleton: rotations along arc length, layered and never baked (AniMesh, 5).
+"""Takes that drive a skeleton: rotations along arc length, layered and never baked (AniMesh, section 5).
 
-What a document keeps: a take (clip), a layer that refers to it and the spans of a bone (layers), a pinned
-foot (contacts). Where takes come from: capture_clip, recorded, positions. Edits: retarget, copying, pin; what
-they are made with: basis. Playing: evaluate, whose player samples (timing, polyline, sampling), multiplies
-(compose), goes along (travel), reaches (end_effector, reaching, ik) and stands (standing).
+``layers`` binds takes to bones and evaluates a pose: a player samples the takes, multiplies their rotations,
+moves the root, leads the ends of chains and holds the feet. ``contact`` finds and keeps the feet's contacts.
+``kinematics`` has the compiled quaternions and the inverse kinematics.
 """

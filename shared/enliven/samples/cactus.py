@@ -8,6 +8,7 @@ from enliven.arrays import Float, Int, UInt8
 from enliven.meshes import Mesh, surface_of
 
 POT, SOIL, GREEN, WHITE, BLACK, BLOOM, HEART = range(7)
+"""The numbers of the parts, rows of ``_COLOURS``."""
 _COLOURS = np.array(
     [
         (196, 98, 62),
@@ -25,16 +26,24 @@ _PALE = np.array([206, 224, 168], np.float64)
 """Of the thorns."""
 
 TOP = np.array([0.0, 1.30, 0.0])
+"""Metres, the top of the trunk."""
 ELBOW = np.array([0.37, 0.70, 0.0])
+"""Metres, the outside of the left arm's bend."""
 TIP = np.array([0.40, 1.10, 0.0])
+"""Metres, the end of the left arm."""
 FOOT = np.array([0.15, 0.0, 0.0])
-"""Metres: the top of the trunk; of the left arm the outside of the bend and the end; the left of the pot."""
+"""Metres, the left of the pot."""
 
 _TRUNK = 0.148
+"""Metres, the trunk's radius: of a saguaro as tall as a child."""
 _ARM = 0.078
+"""Metres, an arm's radius: about half the trunk's."""
 _RIBS = 9
-_BLEND, _FILLET = 0.045, 0.016
-"""Metres: how thick trunk and arms are, and over how much they, and all other parts, run into each other."""
+"""Ribs of the trunk, chosen by eye."""
+_BLEND = 0.045
+"""Metres over which trunk and arms run into each other: they are grown, not joined."""
+_FILLET = 0.016
+"""Metres over which all other parts run into each other; it is finer than ``_BLEND``."""
 
 
 def make_cactus(cell: float = 0.018) -> Mesh:

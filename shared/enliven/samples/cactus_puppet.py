@@ -2,7 +2,7 @@
 
     project = cactus_project()           # with the puppet "cactus", and the take of the poses
 
-The poses are made here, of directions of bones; nobody had to stand for them.
+The poses are made here, of directions of bones; they are not recordings.
 """
 
 from __future__ import annotations
@@ -36,8 +36,12 @@ _POINTS: tuple[tuple[str, _Way, Joint], ...] = (
     ("right foot", (-0.15, 0.0, 0.0), Joint.ANKLE_RIGHT),
 )
 """Name, about where it is on the mesh at rest, and the joint that it is paired with."""
-_SOIL, _SHOULDER, _HEIGHT = 0.25, 0.64, 1.33
-"""Metres: where the trunk leaves the pot, where its arms leave it, its end."""
+_SOIL = 0.25
+"""Metres above the floor at which the trunk leaves the pot, as the mesh has it."""
+_SHOULDER = 0.64
+"""Metres above the floor at which the arms leave the trunk."""
+_HEIGHT = 1.33
+"""Metres above the floor at which the trunk ends."""
 
 _LENGTHS: Mapping[str, float] = {
     "SPINE": 0.22, "SHOULDER_CENTER": 0.30, "HEAD": 0.22, "SHOULDER": 0.19, "ELBOW": 0.28, "WRIST": 0.25,

@@ -11,7 +11,12 @@ from enliven.arrays import Float, Int, UInt8
 from enliven.kernels import njit
 from enliven.meshes import Mesh, surface_of
 
-_OAK, _DARK, _FABRIC = (181, 126, 74), (139, 88, 47), (62, 108, 122)
+_OAK = (181, 126, 74)
+"""sRGB, 0..255, of most of the wood."""
+_DARK = (139, 88, 47)
+"""sRGB, 0..255, of the stained wood: armrests, stretchers and the crest."""
+_FABRIC = (62, 108, 122)
+"""sRGB, 0..255, of the cushions; a board of this colour gets no wood grain."""
 _FILLET = 0.010
 """Metres over which two wooden parts run into each other."""
 _BAND = 0.05
@@ -42,7 +47,7 @@ def make_chair(cell: float = 0.0135) -> Mesh:
 
     The origin lies under the back. A person who stands there, facing +Z, has the legs in the back legs, the
     hips in the seat's rear rail at 0.85 m, the spine and the head in the raked back, and the forearms, held
-    forward at 1.1 m, in the armrests, whose front ends are free so that they move like arms. The side
+    forward at 1.1 m, in the armrests; their front ends are free so that they move like arms. The side
     stretchers make the front legs walk with the back legs. It is one closed surface, so that nothing can
     come apart; the vertices have colours.
 
@@ -84,7 +89,7 @@ def _tapered(path: Float, first: tuple[float, float], last: tuple[float, float])
 
 
 def _chair_boards() -> list[_Board]:
-    """Every part of the chair, as seen by one who sits on it: x to the left, y up, z forward."""
+    """Every part of the chair, as seen from the seat: x to the left, y up, z forward."""
     boards = [*_seat(), *_back()]
     for side in (-1.0, 1.0):
         boards += [*_legs(side), *_arm(side)]

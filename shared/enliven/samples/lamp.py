@@ -9,14 +9,22 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int32
 from enliven.meshes import Mesh
 
-_CREAM, _STEEL, _DARK = (233, 226, 208), (158, 164, 170), (74, 78, 86)
-_INSIDE, _BULB = (250, 236, 200), (255, 221, 130)
-_FOOT, _ELBOW, _HEAD = (
-    np.array([-0.11, 0.44, 0.0]),
-    np.array([-0.17, 1.40, 0.0]),
-    np.array([-0.80, 1.51, 0.0]),
-)
-"""Metres: where the lower arm stands on the post, where both arms meet, where the shade hangs."""
+_CREAM = (233, 226, 208)
+"""sRGB, 0..255, of the enamel: base, bars and the outside of the shade."""
+_STEEL = (158, 164, 170)
+"""sRGB, 0..255, of the springs."""
+_DARK = (74, 78, 86)
+"""sRGB, 0..255, of the pins."""
+_INSIDE = (250, 236, 200)
+"""sRGB, 0..255, of the inside of the shade."""
+_BULB = (255, 221, 130)
+"""sRGB, 0..255, of the bulb."""
+_FOOT = np.array([-0.11, 0.44, 0.0])
+"""Metres, the joint of the lower arm on the post."""
+_ELBOW = np.array([-0.17, 1.40, 0.0])
+"""Metres, the joint of both arms, at a person's shoulder."""
+_HEAD = np.array([-0.80, 1.51, 0.0])
+"""Metres, the joint of the shade."""
 _LOOKS = np.array([-0.8, -0.6, 0.0])
 """Unit direction in which the shade opens."""
 _PIN = np.array([0.0, 0.0, 1.0])
@@ -100,7 +108,7 @@ def _bar(start: Float, end: Float, cell: float) -> _Shell:
 
 
 def _spring(start: Float, end: Float, beside: Float) -> _Shell:
-    """A tension spring, its coils touching, between two hooks: one tube whose radius winds around it."""
+    """A tension spring, its coils touching, between two hooks: one tube with a helical groove."""
     length = float(np.linalg.norm(end - start))
     pitch, around, coil = 0.016, 14, 0.020
     rings = int(length / pitch * 5)

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching import Board, Row
+from enliven.matching import Board, MatchRow
 from enliven.wire.convert import JOINT_STEP
 from enliven.wire.streams import MatchesMessage, PackedMatch
 
@@ -44,7 +44,7 @@ def message_to_board(message: MatchesMessage) -> Board:
     )
 
 
-def _packed(row: Row) -> PackedMatch:
+def _packed(row: MatchRow) -> PackedMatch:
     room, lines = _MOST_JOINTS, list[Float]()
     for line in row.lines[:64]:
         lines.append(line[: min(room, 255)])
@@ -55,8 +55,8 @@ def _packed(row: Row) -> PackedMatch:
     return PackedMatch(row.name[:64] or "?", row.place, row.score, sizes, steps.tobytes())
 
 
-def _unpacked(match: PackedMatch) -> Row:
+def _unpacked(match: PackedMatch) -> MatchRow:
     points = np.frombuffer(match.points, "<i2").reshape(-1, 3) * JOINT_STEP
     ends = np.cumsum([0, *match.sizes])
     lines = tuple(points[a:b] for a, b in itertools.pairwise(ends))
-    return Row(match.name, match.place, match.score, lines)
+    return MatchRow(match.name, match.place, match.score, lines)

@@ -11,7 +11,7 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.matching.picking import PickingSettings
-from enliven.matching.views import View
+from enliven.matching.views import ScreenView
 from enliven.person.body import Body, Joint
 from enliven.rotation import from_rotation_vector, rotate
 from enliven.wire.matches import board_to_message, message_to_board
@@ -84,10 +84,10 @@ def test_without_a_mirror_left_is_where_it_is_seen() -> None:
 def test_who_looks_from_behind_sees_the_other_side() -> None:
     show = Show()
     show.actor.preview(None, "arms")
-    show.stage.look(View(np.array([0.0, 0.0, 1.0])))
+    show.stage.look(ScreenView(np.array([0.0, 0.0, 1.0])))
     show.play(person())
     assert show.shown == ["right", "left"]
-    show.stage.look(View(np.array([1.0, 0.0, 0.0])))
+    show.stage.look(ScreenView(np.array([1.0, 0.0, 0.0])))
     show.play(person(left=(0.0, 1.0, 0.0)), frames=20)
     assert show.shown == ["up", "front"], "seen from the left, the front limb is on the right"
 

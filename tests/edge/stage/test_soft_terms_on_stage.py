@@ -9,7 +9,7 @@ import pytest
 
 from enliven.camera import Intrinsics
 from enliven.deformation.constraints.floor_contact import FloorSettings
-from enliven.deformation.constraints.observed import ObservedSurface, Seen
+from enliven.deformation.constraints.observed import ObservedPoints, ObservedSurface
 from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
 from enliven.deformation.constraints.soft import Points
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
@@ -207,7 +207,7 @@ def arm(bend):
     return np.array([[ELBOW, [-END, 0, 0]], [ELBOW, tip]])
 
 
-def seen_of(ends) -> Seen:
+def seen_of(ends) -> ObservedPoints:
     """What a depth camera sees of the arm: rendered by the project's own renderer."""
     flipped = np.diag([1.0, -1.0, -1.0])
     ends = (ends - WORLD_FROM_CAMERA[:3, 3]) @ flipped
@@ -222,7 +222,7 @@ def seen_of(ends) -> Seen:
     points = world_points(z, Renderer(CAMERA).ray, WORLD_FROM_CAMERA)
     pixels = np.argwhere(inner_pixels(z, np.where(z > 0, 0, -1), 0))[::2]
     eye = WORLD_FROM_CAMERA[:3, 3].copy()
-    return Seen(*surface_samples(points, z, np.ascontiguousarray(pixels), eye))
+    return ObservedPoints(*surface_samples(points, z, np.ascontiguousarray(pixels), eye))
 
 
 def test_the_surface_follows_what_is_seen_without_a_skeleton():

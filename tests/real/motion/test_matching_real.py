@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from enliven.matching.picking import PickingSettings
-from enliven.matching.views import View
+from enliven.matching.views import ScreenView
 from enliven.person.body import Joint
 from enliven.recording import Recording
 from enliven.rotation import conjugate, multiply, to_rotation_vector
@@ -56,7 +56,7 @@ def tips(row):
 def stage_of(**settings):
     actor = cast_rig(str(SPIDER), MatchingSettings(**settings))
     actor.preview(None, "arms")
-    actor.view = View(np.array([0.0, -0.3, -1.0]))
+    actor.view = ScreenView(np.array([0.0, -0.3, -1.0]))
     return Stage([actor]), actor
 
 

@@ -96,10 +96,10 @@ def test_the_graph_remembers_the_surface_and_finds_it_anew():
     """Weights asked for at once, and those of an equal mesh that the graph does not know, are the same."""
     mesh = Mesh(*ball(np.zeros(3), 0.5, 12))
     graph = DeformationGraph.build(mesh, 40)
-    assert graph.land is not None and graph.land.net.mesh is mesh
+    assert graph.cells is not None and graph.cells.net.mesh is mesh
     copy = Mesh(mesh.vertices.copy(), mesh.faces.copy())
     assert_alike(graph.skin(mesh).weights, graph.skin(copy).weights, SOLVED)
-    assert "land" not in repr(graph)
+    assert "cells" not in repr(graph)
 
 
 def sheet(count, size=1.0):

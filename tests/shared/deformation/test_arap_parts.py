@@ -11,7 +11,7 @@ from enliven.deformation.arap.factor import factorise
 from enliven.deformation.arap.polar import ROWS, TRACE, N, R, polar
 from enliven.deformation.arap.solver import ArapSolver, Handle
 from enliven.deformation.arap.solves import backward, forward, unit_column
-from enliven.deformation.arap.threads import Pace
+from enliven.deformation.arap.threads import ThreadChoice
 from enliven.deformation.arap.weights import LEAST, shells_of, surface_edges, virtual_edges
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh
@@ -110,7 +110,7 @@ def test_virtual_edges_make_one_piece_of_many(shells):
 
 
 def test_the_way_that_was_faster_of_late_is_taken_and_the_other_asked_now_and_then():
-    pace, taken = Pace(), []
+    pace, taken = ThreadChoice(), []
     for seconds in [{1: 4.0, 2: 3.0}] * 100 + [{1: 4.0, 2: 9.0}] * 200:
         taken.append(pace.threads())
         pace.note(taken[-1], seconds[taken[-1]])

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from enliven import rotation
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.embedded.energy import gradient
-from enliven.deformation.embedded.lbfgs import descend, keep
-from enliven.deformation.embedded.node_frame import own_force, step_of
+from enliven.deformation.embedded.lbfgs import descend, record_energies
+from enliven.deformation.embedded.node_frame import force_in_node_frame, step_from_node_frame
 from enliven.deformation.embedded.preconditioner import precondition, refactor
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.deformation.graph.connectivity import weak_edges
@@ -185,7 +185,7 @@ def flat_of(solver):
 @pytest.mark.parametrize(("tail", "translation"), CASES)
 def test_the_energy_is_the_papers(tail, translation):
     solver, slow = made_solver(tail, translation)
-    parts = gradient(solver._x.reshape(-1), solver._terms, solver._planes, solver._room.raw)
+    parts = gradient(solver._x.reshape(-1), solver._terms, solver._planes, solver._work.raw)
     value = residuals(flat_of(solver), *slow)
     assert parts[5] == pytest.approx(value @ value)
     assert parts[4] > 0
@@ -198,7 +198,7 @@ def test_the_derivative_in_the_nodes_own_terms_is_that_of_the_slow_energy(tail, 
     x = solver._x.reshape(-1)
     raw, force, way, bend = (np.zeros_like(x) for _ in range(4))
     gradient(x, solver._terms, solver._planes, raw)
-    own_force(x, raw, force)
+    force_in_node_frame(x, raw, force)
     used = np.array([c not in (3, 7, 11, 15) for c in range(16)])
     here = x.copy()
     for n in np.flatnonzero(np.tile(used, len(x) // 16)):
@@ -206,7 +206,7 @@ def test_the_derivative_in_the_nodes_own_terms_is_that_of_the_slow_energy(tail, 
         for s in (1e-5, -1e-5):
             own = np.zeros_like(x)
             own[n] = s
-            step_of(here, own, way, bend)
+            step_from_node_frame(here, own, way, bend)
             x[:] = here + way + bend
             value = residuals(flat_of(solver), *slow)
             ends.append(value @ value)
@@ -225,7 +225,7 @@ def test_a_turn_leaves_no_stretch_to_third_order(seed, angle):
     own, way, bend = np.zeros(16), np.zeros(16), np.zeros(16)
     axis = rng.normal(size=3)
     own[:3] = angle * axis / np.linalg.norm(axis)
-    step_of(x.reshape(-1), own, way, bend)
+    step_from_node_frame(x.reshape(-1), own, way, bend)
     moved = (x.reshape(-1) + way + bend).reshape(4, 4)[:3, :3].T
     expected = rotation.to_matrix(rotation.from_rotation_vector(own[:3])) @ turn
     np.testing.assert_allclose(moved, expected, atol=angle**3 / 4 + 1e-12)
@@ -250,7 +250,7 @@ def test_the_matrix_is_the_second_derivative_of_what_holds_turns_and_shifts(tail
         for c in range(6):
             own, way, bend = (np.zeros_like(x) for _ in range(3))
             own[16 * n + (c if c < 3 else c + 1)] = 1.0
-            step_of(here, own, way, bend)
+            step_from_node_frame(here, own, way, bend)
             ends = []
             for s in (0.5, -0.5):
                 x[:] = here + s * way
@@ -427,8 +427,8 @@ def test_the_energy_never_rises(seed, size):
     x, room = moved.reshape(-1), np.empty(moved.size)
     before = gradient(x, solver._terms, solver._planes, room)[5]
     for _ in range(30):
-        keep(solver._room, gradient(x, solver._terms, solver._planes, solver._room.raw))
-        descend(x, solver._terms, solver._planes, solver._system, solver._room, 1, 0.0)
+        record_energies(solver._work, gradient(x, solver._terms, solver._planes, solver._work.raw))
+        descend(x, solver._terms, solver._planes, solver._system, solver._work, 1, 0.0)
         after = gradient(x, solver._terms, solver._planes, room)[5]
         assert after <= before * (1 + 1e-12) + 1e-12
         before = after

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from enliven.deformation.graph.connectivity import components, joints, weak_edges
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.deformation.graph.surface import between_nodes, net_of, territories
+from enliven.deformation.graph.surface import between_nodes, net_of, voronoi_cells
 from enliven.errors import InputError
 from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh
@@ -168,10 +168,10 @@ def test_the_wrong_mesh_is_refused(chair, two_legs):
 def test_the_way_along_the_surface_goes_round(two_legs):
     tips = np.array([[-0.09, 0.0, 0.0], [0.09, 0.0, 0.0]])
     faces = [np.abs(two_legs.vertices[two_legs.faces].mean(1) - tip).sum(1).argmin() for tip in tips]
-    land = territories(net_of(two_legs, 0.05), tips, np.array(faces, np.int32))
-    way = between_nodes(2, land.borders, land.lengths, np.inf)[0, 1]
+    cells = voronoi_cells(net_of(two_legs, 0.05), tips, np.array(faces, np.int32))
+    way = between_nodes(2, cells.borders, cells.lengths, np.inf)[0, 1]
     assert 1.45 < way < 1.9
-    assert (np.sign(two_legs.vertices[:, 0]) == np.sign(land.owner_of_vertex - 0.5))[
+    assert (np.sign(two_legs.vertices[:, 0]) == np.sign(cells.owner_of_vertex - 0.5))[
         two_legs.vertices[:, 1] < 0.7
     ].all()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.possession.body_in_mesh import extremities, likeness
+from enliven.deformation.possession.body_in_mesh import extremities, find_body_in_mesh
 from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import Joint
@@ -40,7 +40,7 @@ def built(ends, radii, turn=0.0, nodes=96, seed=0):
 
 @pytest.mark.parametrize("turn", [-2.5, -1.0, 0.4, 1.5, 3.0])
 def test_a_person_is_like_a_person_whichever_way_they_face(turn):
-    like = likeness(built(BIPED, GIRTH, turn))
+    like = find_body_in_mesh(built(BIPED, GIRTH, turn))
     apart = (like.yaw - turn + np.pi) % (2 * np.pi) - np.pi
     assert abs(apart) < 0.4, "the toes say where the front is"
     c, s = np.cos(turn), np.sin(turn)
@@ -70,7 +70,7 @@ def test_limbs_are_found_by_how_far_they_stand_out():
 
 def test_a_pole_is_spine_and_arm_and_has_no_legs():
     graph = built([((0, 0.1, 0), (0, 1.4, 0)), ((0, 1.4, 0), (0, 1.5, 0.5))], [0.08, 0.08])
-    like = likeness(graph)
+    like = find_body_in_mesh(graph)
     assert np.isnan(like.joints[Joint.KNEE_LEFT]).all() and np.isnan(like.leg)
     assert np.isfinite(like.joints[[Joint.HIP_CENTER, Joint.HEAD, Joint.HAND_RIGHT]]).all()
     assert like.joints[Joint.HIP_CENTER, 1] < 0.4 and like.joints[Joint.HAND_RIGHT, 1] > 1.1
@@ -79,5 +79,5 @@ def test_a_pole_is_spine_and_arm_and_has_no_legs():
 @pytest.mark.parametrize("nodes", [1, 2, 3, 8])
 def test_few_nodes_and_a_ball_do_no_harm(nodes):
     graph = built([((0, 0.5, 0), (0, 0.5, 0.01))], [0.15], nodes=nodes)
-    like = likeness(graph)
+    like = find_body_in_mesh(graph)
     assert np.isfinite(like.joints[Joint.HIP_CENTER]).all() and np.isfinite(like.yaw)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tolerances import SOLVED, alike
 
 from enliven import rotation
-from enliven.deformation.arap.coarse import coarse_of, edges_around, followed, thrown
+from enliven.deformation.arap.coarse import coarse_of, edges_around, followed, poisson_disk_samples
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.deformation.arap.detail import carry, cell_maps
 from enliven.deformation.arap.solver import ArapSolver, Handle
@@ -74,7 +74,7 @@ def test_where_every_vertex_is_solved_the_carried_surface_is_the_solved_one():
     mesh = tube(12, 20)
     count = len(mesh.vertices)
     net = edges_around(mesh.vertices, mesh.faces)
-    assert np.array_equal(thrown(*net, np.arange(count), 1e-6), np.arange(count))
+    assert np.array_equal(poisson_disk_samples(*net, np.arange(count), 1e-6), np.arange(count))
     start, near, way = np.arange(count + 1), np.arange(count, dtype=np.int32), np.zeros(count)
     start, near, weights = followed(mesh.vertices, mesh.vertices, start, near, way, 0.1, 1.25)
     solver = ArapSolver(mesh)
@@ -96,7 +96,7 @@ def test_samples_are_apart_and_everything_is_near_one():
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import dijkstra
 
-    chosen = thrown(offsets, neighbours, lengths, np.arange(len(mesh.vertices)), 0.12)
+    chosen = poisson_disk_samples(offsets, neighbours, lengths, np.arange(len(mesh.vertices)), 0.12)
     ways = dijkstra(csr_matrix((lengths, neighbours, offsets)), indices=chosen)
     assert (ways.min(0) <= 0.12).all()
     between = ways[:, chosen]

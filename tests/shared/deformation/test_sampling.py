@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.deformation.graph.sampling import distance, distance_matrix, poisson_disk, scatter, throw
+from enliven.deformation.graph.sampling import distance, distance_matrix, poisson_disk, scatter, throw_darts
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.samples.chair import make_chair
@@ -60,7 +60,7 @@ def test_the_grid_finds_what_comparing_all_pairs_finds(radius):
     positions = rng.random((300, 3))
     normals = rng.normal(size=(300, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    assert throw(positions, normals, radius).tolist() == slow_throw(positions, normals, radius)
+    assert throw_darts(positions, normals, radius).tolist() == slow_throw(positions, normals, radius)
 
 
 @pytest.fixture(scope="module")

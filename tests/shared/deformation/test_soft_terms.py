@@ -11,7 +11,7 @@ from enliven import rotation
 from enliven.deformation.constraints.floor_contact import FloorContact, FloorSettings
 from enliven.deformation.constraints.observed import ObservedSettings, ObservedSurface, _compatible
 from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
-from enliven.deformation.constraints.soft import Points, joined_planes, spread
+from enliven.deformation.constraints.soft import Points, grid_subsample, joined_planes
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Pose
@@ -78,7 +78,7 @@ def test_points_move_as_vertices_do(trousers, seed):
 @settings(max_examples=40, deadline=None)
 def test_a_spread_is_no_more_than_asked_and_misses_no_place(count, most, seed):
     points = np.random.default_rng(seed).uniform(size=(count, 3))
-    few = spread(points, most)
+    few = grid_subsample(points, most)
     assert 1 <= len(few) <= min(most, count) and len(set(few)) == len(few)
     if count <= most:
         assert len(few) == count

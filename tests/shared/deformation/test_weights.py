@@ -45,15 +45,15 @@ def slow_weights(mesh, graph, spacing):
     """The three steps of the module's docstring, on a net that is the mesh itself: (V, N) weights."""
     net = net_of(mesh, spacing)
     assert (net.radii == 0).all(), net.radii
-    land = graph.land
+    cells = graph.cells
     count, nodes = len(net.points), len(graph.positions)
 
     def ways_over(web, size, sources):
         a, b = web.edges.T
         return dijkstra(csr_matrix((web.lengths, (a, b)), (size, size)), directed=False, indices=sources)
 
-    ways = ways_over(land.web, count + nodes, count + np.arange(nodes))[:, :count].T
-    followed = carriers(graph.positions, between_nodes(nodes, land.borders, land.lengths), spacing)
+    ways = ways_over(cells.graph, count + nodes, count + np.arange(nodes))[:, :count].T
+    followed = carriers(graph.positions, between_nodes(nodes, cells.borders, cells.lengths), spacing)
     straight = np.linalg.norm(net.points[:, None] - graph.positions, axis=2)
     distance = straight + 2 * np.maximum(0, ways - 1.5 * straight - spacing / 2)
     steep = np.zeros((count, nodes))
@@ -62,7 +62,7 @@ def slow_weights(mesh, graph, spacing):
         most = min(row[near[4]], max(2 * spacing, 1.5 * row[near[0]]))
         fall = np.maximum(0, 1 - row[near[:4]] / most)
         steep[v, near[:4]] = fall / fall.sum()
-    between = ways_over(net.web, count, np.arange(count))
+    between = ways_over(net.graph, count, np.arange(count))
     radius = 0.6 * spacing
     share = np.where(between < radius, (1 - (between / radius) ** 2) ** 2, 0)
     mean = (share @ steep) / share.sum(1, keepdims=True)

@@ -15,10 +15,10 @@ from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.automatic_mapping import automatic, retargeted
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.resting import (
-    about_itself,
     at_moment,
-    calm,
     first_heading,
+    hanging_pose,
+    mean_pose,
     mean_turn,
     posed,
     rebased,
@@ -102,7 +102,7 @@ def test_another_rest_pose_changes_nothing_of_where_joints_are(seed):
     random = np.random.default_rng(seed)
     clip = random_motion(random, horse(), size=1.0)
     for since in (
-        about_itself(clip),
+        mean_pose(clip),
         at_moment(clip, 0.3),
         normalized(random.normal(size=(len(horse()), 4))),
     ):
@@ -227,5 +227,5 @@ def test_who_waves_is_calm_between_the_waves():
     def rise(since):
         return rotate(since[arm[1]], skeleton.vectors[arm[1]])[1] / skeleton.lengths[arm[1]]
 
-    assert rise(calm(clip, [arm])) == pytest.approx(-1.0)
-    assert rise(about_itself(clip)) > 0.0
+    assert rise(hanging_pose(clip, [arm])) == pytest.approx(-1.0)
+    assert rise(mean_pose(clip)) > 0.0

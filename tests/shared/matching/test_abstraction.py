@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.matching.abstraction import abstract, abstract_skeleton
 from enliven.matching.ranking import Matcher
 from enliven.matching.source import source_of
-from enliven.matching.views import View
+from enliven.matching.views import ScreenView
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -41,7 +41,7 @@ def test_figure_three():
     source = source_of(arms.points, arms.links)
     assert source.root == chest
     assert len(source.branches) == 2
-    ranking = Matcher(found, positions).rank(source.points(np.array(arms.points)), View())
+    ranking = Matcher(found, positions).rank(source.points(np.array(arms.points)), ScreenView())
     assert len(ranking) == ranking.total == 16
     assert (
         sorted(match.candidate.name for match in ranking) == ["1-1"] * 3 + ["1-2"] + ["2-1"] * 6 + ["2-2"] * 6

@@ -8,7 +8,7 @@ import pytest
 from enliven.matching.abstraction import abstract
 from enliven.matching.picking import Picker, PickingSettings
 from enliven.matching.ranking import Matcher
-from enliven.matching.views import View
+from enliven.matching.views import ScreenView
 
 POSITIONS = np.array([[0, 0, 0], *((np.cos(a), np.sin(a), 0.0) for a in np.arange(6) * np.pi / 3)])
 MATCHER = Matcher(abstract(POSITIONS, [(0, i) for i in range(1, 7)]), POSITIONS)
@@ -25,7 +25,7 @@ class Performer:
         for _ in range(frames):
             angle = np.radians(degrees + jitter * rng.uniform(-1, 1))
             points = np.array([[0, 0, 0], [np.cos(angle), np.sin(angle), 0.0]])
-            self.pick = self.picker.update(MATCHER.rank(points, View()), points, self.seconds)
+            self.pick = self.picker.update(MATCHER.rank(points, ScreenView()), points, self.seconds)
             self.seconds += 1 / 30
             yield self.arm
 
@@ -148,6 +148,6 @@ def test_without_a_match_nothing_is_shown():
     nothing = Matcher(abstract(np.zeros((1, 3)), []), np.zeros((1, 3)))
     points = np.eye(3)[:2]
     picker = Picker()
-    assert picker.update(nothing.rank(points, View()), points, 0.0).match is None
+    assert picker.update(nothing.rank(points, ScreenView()), points, 0.0).match is None
     assert picker.accept() is None
     assert picker.cycle().match is None

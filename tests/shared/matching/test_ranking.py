@@ -16,7 +16,7 @@ from enliven.matching.abstraction import abstract
 from enliven.matching.assignment import all_choices, assign, best_choices, binomials, least_cost
 from enliven.matching.ranking import Matcher, RankingSettings
 from enliven.matching.source import source_of
-from enliven.matching.views import View
+from enliven.matching.views import ScreenView
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -52,7 +52,7 @@ def brute_force(found, positions, source, view, blur=0.2, missing=-1.0):
 
 def random_view(seed):
     rng = np.random.default_rng(seed)
-    return View(rng.normal(size=3), rng.normal(size=3))
+    return ScreenView(rng.normal(size=3), rng.normal(size=3))
 
 
 @given(trees(most=18), st.integers(1, 5), seeds)
@@ -110,8 +110,8 @@ def test_the_order_of_the_sources_branches_only_reorders_the_pairs(tree, m, seed
     rng = np.random.default_rng(seed)
     source, order = rng.normal(size=(m + 1, 3)), rng.permutation(m)
     matcher = Matcher(abstract(positions, links), positions, settings=ALL)
-    ranking = matcher.rank(source, View())
-    other = matcher.rank(np.concatenate([source[:1], source[1:][order]]), View())
+    ranking = matcher.rank(source, ScreenView())
+    other = matcher.rank(np.concatenate([source[:1], source[1:][order]]), ScreenView())
     scores = {match.key: match.score for match in ranking}
     assert len(scores) == len(ranking)
     for match in other:
@@ -191,14 +191,14 @@ def star(arms, seed=0):
 def test_of_a_sea_urchins_millions_of_choices_the_best_are_the_same():
     positions, links = star(16)
     source = np.random.default_rng(5).normal(size=(6, 3))
-    whole = Matcher(abstract(positions, links), positions).rank(source, View())
+    whole = Matcher(abstract(positions, links), positions).rank(source, ScreenView())
     few = Matcher(abstract(positions, links), positions, settings=RankingSettings(exhaustive=1))
-    best = few.rank(source, View())
+    best = few.rank(source, ScreenView())
     assert whole.total == best.total == 4368
     np.testing.assert_allclose(best.scores, whole.scores, atol=1e-12)
     assert [match.key for match in best] == [match.key for match in whole]
     positions, links = star(60)
-    ranking = Matcher(abstract(positions, links), positions).rank(source, View())
+    ranking = Matcher(abstract(positions, links), positions).rank(source, ScreenView())
     assert ranking.total == 5_461_512
     assert len(ranking) == 256
     assert len(np.unique(np.sort(ranking.columns, axis=1), axis=0)) == 256
@@ -211,7 +211,9 @@ def test_a_performer_with_more_limbs_than_the_target_still_gets_matches():
     tree.limb(fork, (-1.0, 0.0))
     tree.limb(fork, (0.0, -1.0))
     source = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0.5, -1, 0], [-0.5, -1, 0], [0, 1, 0]], float)
-    ranking = Matcher(abstract(tree.points, tree.links), np.array(tree.points, float)).rank(source, View())
+    ranking = Matcher(abstract(tree.points, tree.links), np.array(tree.points, float)).rank(
+        source, ScreenView()
+    )
     assert len(ranking) == 10
     best = ranking[0]
     assert best.pairs[4] is None
@@ -231,7 +233,7 @@ def test_of_equal_matches_the_order_stays():
     for seed in range(20):
         noise = 1e-13 * np.random.default_rng(seed).normal(size=positions.shape)
         source = np.array([[0, 0, 0], [1, 1, 0], [-1, 1, 0]], float)
-        ranking = matcher.rank(source, View(), positions=positions + noise)
+        ranking = matcher.rank(source, ScreenView(), positions=positions + noise)
         orders.add(tuple(match.key for match in ranking if match.score > 2.0 - 1e-6))
     assert len(orders) == 1
 
@@ -245,7 +247,7 @@ def test_a_bone_that_points_at_the_eye_counts_for_nothing():
     found = abstract(positions, [*tree.links, (0, 3)])
     source = np.array([[0, 0, 0], [1, 0, 0]], float)
     scores = {
-        match.pairs[0].chain[1]: match.score for match in Matcher(found, positions).rank(source, View())
+        match.pairs[0].chain[1]: match.score for match in Matcher(found, positions).rank(source, ScreenView())
     }
     assert scores[1] == pytest.approx(1.0)
     assert scores[2] == pytest.approx(-1.0)
@@ -265,7 +267,7 @@ def test_dot_products_let_long_branches_decide():
         matcher = Matcher(
             abstract(positions, tree.links), positions, settings=RankingSettings(measure=measure)
         )
-        return matcher.rank(source, View())[0]
+        return matcher.rank(source, ScreenView())[0]
 
     assert best("cosine").pairs[0].chain == (0, 1)
     assert best("dot").pairs[0].chain == (0, 2)
@@ -276,9 +278,11 @@ def test_in_perspective_what_is_seen_counts():
     points = np.array([[1, 0, -4], [1, 0, -3], [2, 0, -4], [1, 1, -4]], float)
     source = np.array([[0, 0, 0], [1, 0, 0]], float)
     flat = Matcher(abstract(points, [(0, 1), (0, 2), (0, 3)]), points)
-    scores = {m.pairs[0].chain[1]: m.score for m in flat.rank(source, View())}
+    scores = {m.pairs[0].chain[1]: m.score for m in flat.rank(source, ScreenView())}
     assert scores[1] == pytest.approx(0.0, abs=1e-9)
-    seen = {m.pairs[0].chain[1]: m.score for m in flat.rank(source, View(eye=np.zeros(3)), View())}
+    seen = {
+        m.pairs[0].chain[1]: m.score for m in flat.rank(source, ScreenView(eye=np.zeros(3)), ScreenView())
+    }
     # From the origin the bone that comes nearer runs outwards to the right, and a third of it shows.
     assert seen[1] == pytest.approx(1.0)
     assert seen[2] == pytest.approx(1.0)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.matching.views import View, best_view, end_on, projected_length
+from enliven.matching.views import ScreenView, best_view, end_on, projected_length
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -17,7 +17,7 @@ seeds = st.integers(0, 2**32 - 1)
 @settings(max_examples=50, deadline=None)
 def test_axes_are_a_right_handed_screen(seed):
     rng = np.random.default_rng(seed)
-    view = View(5.0 * rng.normal(size=3), rng.normal(size=3))
+    view = ScreenView(5.0 * rng.normal(size=3), rng.normal(size=3))
     right, up = view.axes
     np.testing.assert_allclose(
         np.stack([right, up, -view.direction]) @ np.stack([right, up, -view.direction]).T,
@@ -28,16 +28,16 @@ def test_axes_are_a_right_handed_screen(seed):
 
 
 def test_the_default_view_looks_along_minus_z():
-    np.testing.assert_allclose(View().project(np.array([1.0, 2.0, 3.0])), [1.0, 2.0])
+    np.testing.assert_allclose(ScreenView().project(np.array([1.0, 2.0, 3.0])), [1.0, 2.0])
 
 
 def test_from_behind_left_and_right_change_as_in_a_mirror():
-    behind = View(np.array([0.0, 0.0, 1.0]))
+    behind = ScreenView(np.array([0.0, 0.0, 1.0]))
     np.testing.assert_allclose(behind.project(np.array([1.0, 2.0, 3.0])), [-1.0, 2.0])
 
 
 def test_a_perspective_view_divides_by_the_depth():
-    view = View(eye=np.array([0.0, 0.0, 4.0]))
+    view = ScreenView(eye=np.array([0.0, 0.0, 4.0]))
     np.testing.assert_allclose(
         view.project(np.array([[1.0, 2.0, 2.0], [1.0, 0.0, 5.0]])), [[0.5, 1.0], [1e3, 0.0]]
     )
@@ -46,13 +46,13 @@ def test_a_perspective_view_divides_by_the_depth():
 @pytest.mark.parametrize("direction", [np.zeros(3), np.array([0.0, 2.0, 0.0]), np.array([np.nan, 0.0, 1.0])])
 def test_a_view_without_a_direction_is_refused(direction):
     with pytest.raises(InputError, match="direction"):
-        View(direction)
+        ScreenView(direction)
 
 
 def test_bones_seen_end_on_are_told():
     vectors = np.array([[0.0, 0.0, 1.0], [0.1, 0.0, 1.0], [0.0, 0.5, 1.0], [0.0, 0.0, 0.0]])
-    assert end_on(vectors, View()).tolist() == [True, True, False, False]
-    assert end_on(vectors, View(), 0.05).tolist() == [True, False, False, False]
+    assert end_on(vectors, ScreenView()).tolist() == [True, True, False, False]
+    assert end_on(vectors, ScreenView(), 0.05).tolist() == [True, False, False, False]
 
 
 @given(seeds, st.integers(1, 12))
@@ -60,7 +60,7 @@ def test_bones_seen_end_on_are_told():
 def test_no_direction_of_many_shows_more_bone(seed, count):
     rng = np.random.default_rng(seed)
     vectors = rng.normal(size=(count, 3)) * rng.uniform(0.1, 2.0, (count, 1))
-    view = View(rng.normal(size=3), rng.normal(size=3))
+    view = ScreenView(rng.normal(size=3), rng.normal(size=3))
     found = best_view(vectors, view)
     tried = rng.normal(size=(2000, 3))
     tried /= np.linalg.norm(tried, axis=1, keepdims=True)
@@ -74,7 +74,7 @@ def test_no_direction_of_many_shows_more_bone(seed, count):
 def test_a_flat_skeleton_is_seen_from_the_front():
     rng = np.random.default_rng(1)
     vectors = np.concatenate([rng.normal(size=(9, 2)), np.zeros((9, 1))], axis=1)
-    found = best_view(vectors, View(np.array([1.0, 0.0, -0.2])))
+    found = best_view(vectors, ScreenView(np.array([1.0, 0.0, -0.2])))
     np.testing.assert_allclose(found.direction, [0.0, 0.0, -1.0], atol=1e-6)
     np.testing.assert_allclose(found.up, [0.0, 1.0, 0.0], atol=1e-6)
     assert not end_on(vectors, found).any()
@@ -84,7 +84,7 @@ def test_a_flat_skeleton_is_seen_from_the_front():
 @settings(max_examples=40, deadline=None)
 def test_it_stays_near_the_current_view_where_that_is_asked(seed, most_turn):
     rng = np.random.default_rng(seed)
-    vectors, view = rng.normal(size=(5, 3)), View(rng.normal(size=3), rng.normal(size=3))
+    vectors, view = rng.normal(size=(5, 3)), ScreenView(rng.normal(size=3), rng.normal(size=3))
     found = best_view(vectors, view, most_turn)
     assert np.arccos(np.clip(found.direction @ view.direction, -1.0, 1.0)) <= most_turn + 1e-6
     assert projected_length(vectors, found.direction) >= projected_length(vectors, view.direction) - 1e-9
@@ -92,11 +92,11 @@ def test_it_stays_near_the_current_view_where_that_is_asked(seed, most_turn):
 
 def test_a_view_from_above_keeps_an_up():
     vectors = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    found = best_view(vectors, View(np.array([0.0, -0.1, -1.0])))
+    found = best_view(vectors, ScreenView(np.array([0.0, -0.1, -1.0])))
     np.testing.assert_allclose(np.abs(found.direction), [0.0, 1.0, 0.0], atol=1e-6)
     assert abs(found.up @ found.direction) < 1e-9
 
 
 def test_without_bones_the_view_stays():
-    view = View()
+    view = ScreenView()
     assert best_view(np.zeros((3, 3)), view) is view

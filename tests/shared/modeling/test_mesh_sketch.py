@@ -11,7 +11,7 @@ from enliven.modeling.mesh.cut_loops import winding
 from enliven.modeling.sketching import strokes
 from enliven.modeling.sketching.axis_bones import simplified
 from enliven.modeling.sketching.outline import _crossings, outline_of
-from enliven.modeling.sketching.sketch import Plane, SketchSettings, shape_from_stroke
+from enliven.modeling.sketching.sketch import SketchPlane, SketchSettings, shape_from_stroke
 
 ALL = {
     "tentacle": strokes.tentacle(),
@@ -126,13 +126,13 @@ def test_any_stroke_that_does_not_cross_itself_becomes_a_part(radii, backwards, 
 
 
 def test_a_plane_puts_the_part_where_it_was_drawn():
-    plane = Plane(np.array([1.0, 2, 3]), np.array([0, 0, -2.0]), np.array([0, 3.0, 1.0]))
+    plane = SketchPlane(np.array([1.0, 2, 3]), np.array([0, 0, -2.0]), np.array([0, 3.0, 1.0]))
     here, there = shape_from_stroke(ALL["star"]), shape_from_stroke(ALL["star"], plane)
     axes = np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]])
     np.testing.assert_allclose(there.mesh.vertices, plane.origin + here.mesh.vertices @ axes, atol=1e-12)
     np.testing.assert_allclose(there.skeleton.positions, plane.origin + here.skeleton.positions @ axes)
     with pytest.raises(InputError, match="two directions"):
-        shape_from_stroke(ALL["star"], Plane(np.zeros(3), np.ones(3), np.ones(3)))
+        shape_from_stroke(ALL["star"], SketchPlane(np.zeros(3), np.ones(3), np.ones(3)))
 
 
 def test_the_ends_of_a_stroke_may_run_past_each_other():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from enliven.document.character import Character, SkinWeights
-from enliven.matching.board import Board, Row
+from enliven.matching.board import Board, MatchRow
 from enliven_viewer.live.match_cards import cards_of, draw_cards
 from enliven_viewer.live.view_report import ViewReporter, hidden, look_of, turn_to_bones
 from enliven_viewer.playback.document import Document
@@ -29,7 +29,7 @@ CHARACTER = Character(
     "bones",
 )
 RIGHT, LEFT, UP = (PIVOTS[[0, k]].astype(float) for k in (1, 2, 3))
-ROWS = (Row("1-1", 0, 1.9, (RIGHT, LEFT)), Row("1-1", 1, 1.2, (UP, LEFT)))
+ROWS = (MatchRow("1-1", 0, 1.9, (RIGHT, LEFT)), MatchRow("1-1", 1, 1.2, (UP, LEFT)))
 BOARD = Board("cross", "choosing", 1, 5, 0, ROWS, 3, 0.5)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Pose, Props
-from enliven.matching import Board, Row
+from enliven.matching import Board, MatchRow
 from enliven.person import Body
 from enliven.rotation import slerp
 
@@ -126,7 +126,7 @@ def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float
     return made
 
 
-def _blend_row(first: Row, last: Row, share: float) -> Row:
+def _blend_row(first: MatchRow, last: MatchRow, share: float) -> MatchRow:
     """The same limbs between two moments; the earlier ones where the limbs differ."""
     if [len(line) for line in first.lines] != [len(line) for line in last.lines]:
         return first

@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.mapping import Anatomy, Limb, anatomy_of, facing_of
+from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, facing_of
 from enliven.person import Body, Joint
 from enliven.takes import BODY_NAMES
 from enliven_edge.stage.placement import turn_about_y
@@ -142,7 +142,7 @@ def _take_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
 
 
 def _take_limb(
-    skeleton: Skeleton, limb: Limb, chain: Sequence[Joint], lengths: Float, bones: dict[int, _Bone]
+    skeleton: Skeleton, limb: SkeletonLimb, chain: Sequence[Joint], lengths: Float, bones: dict[int, _Bone]
 ) -> None:
     """The girdle goes with the trunk; each bone of the limb along the person's that is as far along."""
     grounded = chain[0] in (Joint.HIP_LEFT, Joint.HIP_RIGHT)

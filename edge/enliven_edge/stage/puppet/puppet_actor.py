@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints import Seen
+from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
 from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of
@@ -79,7 +79,9 @@ class PuppetActor:
         """Seconds from a performer's pose to the puppet's."""
         return self._live.delay
 
-    def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
+    def perform(
+        self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
+    ) -> Pose:
         """The pose at a moment; of performers who are out of view, the last."""
         if not self._met and bodies and np.isfinite(bodies[0].joints).all():
             self._meet(bodies[0])

@@ -6,14 +6,14 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Skeleton
-from enliven.matching import Match, Matcher, Pick, Picker, Ranking, Row, View
+from enliven.matching import Match, Matcher, MatchRow, Pick, Picker, Ranking, ScreenView
 from enliven.person import Body
 from enliven_edge.stage.rig.limbs import BodySource, body_source
 from enliven_edge.stage.rig.live_shape import Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 
-_TOWARDS = View(np.array([0.0, 0.0, -1.0]))
-_MIRRORED = View(np.array([0.0, 0.0, 1.0]))
+_TOWARDS = ScreenView(np.array([0.0, 0.0, -1.0]))
+_MIRRORED = ScreenView(np.array([0.0, 0.0, 1.0]))
 _NOTHING = Pick(None, -1)
 
 
@@ -89,7 +89,7 @@ class Chooser:
         """The chains that are meant."""
         return [] if self.pick.match is None else [chain for chain in self._chains(self.pick.match) if chain]
 
-    def rows(self, joints: Float) -> tuple[tuple[Row, ...], int]:
+    def rows(self, joints: Float) -> tuple[tuple[MatchRow, ...], int]:
         """The best matches and the one that is meant, and which of them that is; -1 for none.
 
         Args:
@@ -103,9 +103,9 @@ class Chooser:
         rows = tuple(self._row(self._ranking[place], place, joints) for place in places)
         return rows, places.index(self.pick.place)
 
-    def _row(self, match: Match, place: int, joints: Float) -> Row:
+    def _row(self, match: Match, place: int, joints: Float) -> MatchRow:
         lines = tuple(joints[list(chain)] for chain in self._chains(match))
-        return Row(self._skeleton.names[match.candidate.root], place, match.score, lines)
+        return MatchRow(self._skeleton.names[match.candidate.root], place, match.score, lines)
 
     def _chains(self, match: Match) -> list[tuple[int, ...]]:
         """The target chain of each branch of the source; empty for none."""

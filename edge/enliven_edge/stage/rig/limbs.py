@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
-from enliven.matching import Source, source_of
+from enliven.matching import MatchSource, source_of
 from enliven.person import Body, Joint, parts_named
 
 LIMBS: dict[str, tuple[Joint, ...]] = {
@@ -32,7 +32,7 @@ class BodySource:
         chains: by branch, the joints from the trunk outwards, neighbours in the body's tree.
     """
 
-    source: Source
+    source: MatchSource
     chains: tuple[tuple[Joint, ...], ...]
 
 

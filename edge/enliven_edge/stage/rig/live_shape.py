@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Pose, Project, Shape
-from enliven.matching import View
+from enliven.matching import ScreenView
 from enliven.motion.layers import Player, bind_chain, pose_from
 from enliven.person import PARENTS, Body
 from enliven.rotation import conjugate, multiply
@@ -43,7 +43,7 @@ class Binding:
     body: int
     pairs: tuple[Pair, ...]
     take: Clip
-    view: View
+    view: ScreenView
     mirrored: bool
     still: Body
     joints: Float
@@ -99,7 +99,7 @@ class Puppet:
         self.joints = self._player.at(0.0).joints
 
     def bind(
-        self, body: Body, pairs: Sequence[Pair], view: View, *, mirrored: bool, alone: bool = False
+        self, body: Body, pairs: Sequence[Pair], view: ScreenView, *, mirrored: bool, alone: bool = False
     ) -> None:
         """From now on, chains of the body drive chains of the shape; both are at rest as they are now.
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints import Seen
+from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose, Shape, character_of
 from enliven.errors import InputError
-from enliven.matching import Board, Row, View
+from enliven.matching import Board, MatchRow, ScreenView
 from enliven.person import Body, parts_named
 from enliven_edge.stage.actor import Mode
 from enliven_edge.stage.highlights import Cues, State, cues_of
@@ -39,12 +39,12 @@ class RigActor:
         self._time_ns = 0
 
     @property
-    def view(self) -> View:
+    def view(self) -> ScreenView:
         """From where it is seen: what a pose means is decided on the screen."""
         return self.chooser.view
 
     @view.setter
-    def view(self, view: View) -> None:
+    def view(self, view: ScreenView) -> None:
         self.chooser.view = view
 
     @property
@@ -63,7 +63,9 @@ class RigActor:
         who, parts = self._candidate
         return (self.chooser.body if self.chooser.body >= 0 else who), parts
 
-    def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
+    def perform(
+        self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
+    ) -> Pose:
         """The pose at a moment, and the ranking for whoever chooses."""
         self._time_ns = time_ns
         bodies = [body for body in bodies if np.isfinite(body.joints).all()]
@@ -140,7 +142,7 @@ class RigActor:
         if not self.holds:
             return Board(own, "off", time_ns=self._time_ns)
         rows = tuple(
-            Row("driven", 0, 0.0, tuple(self.puppet.joints[list(t)] for _, t in hold.pairs))
+            MatchRow("driven", 0, 0.0, tuple(self.puppet.joints[list(t)] for _, t in hold.pairs))
             for hold in self.holds
         )
         return Board(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.constraints import Seen
+from enliven.deformation.constraints import ObservedPoints
 from enliven.kernels import njit
 from enliven_edge.tracking.frame import View, sampled, surface_samples
 
 
-def seen_surfaces(view: View, owner: Int, ids: Int, points: int = 1200) -> dict[int, Seen]:
+def seen_surfaces(view: View, owner: Int, ids: Int, points: int = 1200) -> dict[int, ObservedPoints]:
     """Points and normals of each performer, by id; world frame.
 
     Args:
@@ -23,15 +23,17 @@ def seen_surfaces(view: View, owner: Int, ids: Int, points: int = 1200) -> dict[
         mask = inner_pixels(view.z, owner, index)
         if person >= 0 and mask.any():
             found, normals = surface_samples(view.points, view.z, sampled(mask, points), view.eye)
-            surfaces[person] = Seen(found, normals)
+            surfaces[person] = ObservedPoints(found, normals)
     return surfaces
 
 
-def mirrored_surfaces(surfaces: dict[int, Seen], point: Float, normal: Float) -> dict[int, Seen]:
+def mirrored_surfaces(
+    surfaces: dict[int, ObservedPoints], point: Float, normal: Float
+) -> dict[int, ObservedPoints]:
     """The surfaces in a mirror through ``point`` (3,) with the unit ``normal`` (3,)."""
     flip = np.eye(3) - 2 * np.outer(normal, normal)
     return {
-        person: Seen((seen.points - point) @ flip + point, seen.normals @ flip)
+        person: ObservedPoints((seen.points - point) @ flip + point, seen.normals @ flip)
         for person, seen in surfaces.items()
     }
 

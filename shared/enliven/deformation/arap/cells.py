@@ -1,4 +1,4 @@
-"""The cells of a surface: their rotations, scales and volume matrices, and what is left to be moved.
+"""The cells of a surface: their rotations, scales and volume matrices, and the residual of the positions.
 
 Equations of U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh
 models", 2015, section 4. Vertices are in an order that has neighbours near in memory; only the vector ``z``
@@ -22,10 +22,11 @@ from enliven.lanes import fma4, load4, splat4, store4
 _STEADY = 0.02
 """Part of a cell's own size that holds its stretch at 1, where it has no extent along its main axis."""
 _WIDE = 31
+"""Rows of the pose state's block: polar's first 18, a cell's spread (6), its rest (6) and its size (1)."""
 
 
 class Cells(NamedTuple):
-    """What does not change from frame to frame; D directed edges.
+    """The constants of a surface's cells; V vertices, D directed edges.
 
     Attributes:
         start: (V + 1,) where each vertex's edges begin.

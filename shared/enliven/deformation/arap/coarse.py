@@ -1,9 +1,10 @@
-"""A coarse surface within a fine one: some of its vertices, evenly spread along it, and who follows them.
+"""A coarse surface within a fine one: a Poisson-disk sample of its vertices, and weights of the others.
 
-Samples are thrown in a fixed random order, none nearer than a spacing along the surface to those before; then
-come the control points that are none yet. Three samples whose lands meet in a face of the fine mesh make a
-face of the coarse one; two whose lands meet otherwise (around a thin limb) are linked. Shells smaller than a
-few spacings that no control point holds are no surface of their own: they ride on what is nearest.
+Samples are drawn in a fixed random order, each at least one spacing along the surface from all before it;
+control points that are not among them are added. The Voronoi cell of a sample is the set of vertices nearest
+to it along the surface. Where three cells meet in a face of the fine mesh, their samples make a coarse face;
+where two cells meet otherwise (around a thin limb), their samples are linked. A shell that is smaller than a
+few spacings and holds no control point is not sampled: it rides on the surface nearest to it.
 
 A fine vertex follows the samples near it *along the surface*, so that fingers that touch do not stick. The
 weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data", 1980:
@@ -33,12 +34,13 @@ _DETOUR = 1.25
 _DUST = 2.0
 """Spacings; a shell that is smaller rides."""
 _MOST_ROUNDS = 6
+"""Corrections of the spacing at most; the last count of samples is taken where it is still 15 % off."""
 _FINEST = 1.5
-"""Edges of the mesh; samples are not nearer."""
+"""Least spacing of samples in mean edge lengths of the mesh: below it nearly all vertices are samples."""
 
 
-class Search(NamedTuple):
-    """What is known of a mesh of V vertices before there are control points.
+class CoarseSampling(NamedTuple):
+    """The samples of a mesh of V vertices without those of its control points.
 
     Attributes:
         whole: the mesh welded, W vertices, in an order that has neighbours near in memory.
@@ -72,7 +74,7 @@ class Coarse(NamedTuple):
         near: (K,) the samples that it follows.
         weights: (K,) above 0, of sum 1 for each vertex.
         notes: sentences for the user about what was done.
-        base: what serves for other control points too.
+        base: the samples that do not depend on the control points.
         added: (A,) the samples that are there for control points, vertices of ``base.whole``.
     """
 
@@ -83,7 +85,7 @@ class Coarse(NamedTuple):
     near: Int32
     weights: Float32
     notes: tuple[str, ...]
-    base: Search
+    base: CoarseSampling
     added: Int
 
 
@@ -91,7 +93,7 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
     """About ``count`` samples of the mesh, those of ``held`` (P,) among them.
 
     Args:
-        before: of the same mesh; what does not change is taken from it.
+        before: an earlier result for the same mesh; its samples are used again where they serve.
 
     Raises:
         InputError: for a control point that is not there, or that no face uses.
@@ -110,7 +112,7 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
         return before._replace(held=numbers)
     start, near, way = _with_more(base, added)
     points, reach = base.whole.vertices, _REACH * base.spacing
-    faces, links = _lands(base.whole.faces, _nearest(start, near, way))
+    faces, links = _coarse_faces(base.whole.faces, _nearest(start, near, way))
     start, near, weights = followed(points, points[samples], start, near, way, reach, _DETOUR)
     if base.riding.any():
         start, near, weights = _with_riders(base.whole, base.riding, start, near, weights)
@@ -120,8 +122,8 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
     return Coarse(coarse, links, numbers, start, near, weights, notes, base, added)
 
 
-def _search(mesh: Mesh, count: int, awake: Float | None = None) -> Search:
-    """Samples of the mesh, and who is near them; the shells at the positions ``awake`` (A, 3) do not ride."""
+def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSampling:
+    """Samples of the mesh and their neighbourhoods; shells at the positions ``awake`` (A, 3) do not ride."""
     whole, welded = _in_order(*weld(mesh))
     net = edges_around(whole.vertices, whole.faces)
     label = shells(whole.faces, len(whole.vertices))
@@ -133,12 +135,12 @@ def _search(mesh: Mesh, count: int, awake: Float | None = None) -> Search:
     for _ in range(_MOST_ROUNDS):
         riding = _riding(whole.vertices, label, held, spacing)
         order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
-        samples = thrown(*net, order, spacing)
+        samples = poisson_disk_samples(*net, order, spacing)
         if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= finest:
             break
         spacing = max(spacing * float(np.sqrt(len(samples) / count)), finest)
     near = ways(*net, samples, len(whole.vertices), _DETOUR * _REACH * spacing)
-    return Search(whole, welded, net, spacing, samples, riding, *near)
+    return CoarseSampling(whole, welded, net, spacing, samples, riding, *near)
 
 
 def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
@@ -151,7 +153,7 @@ def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
     return Mesh(whole.vertices[order], faces.astype(np.int32), whole.name), place[welded]
 
 
-def _with_more(base: Search, added: Int) -> tuple[Int, Int32, Float]:
+def _with_more(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:
     """The base's CSR with the samples ``added`` (A,), numbered after its own."""
     if not len(added):
         return base.start, base.near, base.way
@@ -169,7 +171,7 @@ def _with_more(base: Search, added: Int) -> tuple[Int, Int32, Float]:
     return offsets, every, ways_to
 
 
-def _check_held(held: Int, base: Search) -> None:
+def _check_held(held: Int, base: CoarseSampling) -> None:
     count, offsets = len(base.welded), base.net[0]
     for vertex in held.tolist():
         if not 0 <= vertex < count:
@@ -183,8 +185,8 @@ def _check_held(held: Int, base: Search) -> None:
             )
 
 
-def _notes(base: Search, count: int) -> tuple[str, ...]:
-    """What the user is told."""
+def _notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
+    """Sentences for the user about the samples, welds and tiny shells."""
     vertices, points = len(base.welded), len(base.riding)
     notes = [f"{vertices:,} vertices: {count:,} of them are solved and carry the others with their detail."]
     if points < vertices:
@@ -234,8 +236,8 @@ def edges_around(points, faces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def thrown(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
-    """(M,) of ``order`` each that is no nearer than ``spacing`` to those before, along the surface."""
+def poisson_disk_samples(offsets, neighbours, lengths, order, spacing):  # type: ignore[no-untyped-def]
+    """(M,) the vertices of ``order`` that are ``spacing`` or more along the surface from all before."""
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     covered = np.zeros(metres.shape[0], np.bool_)
     chosen, size = np.empty(order.shape[0], np.int64), 0
@@ -311,7 +313,7 @@ def _riding(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
     return np.asarray(small[label])
 
 
-def _lands(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
+def _coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
     """(G, 3) the coarse faces, and (L, 2) neighbours that share none."""
     corners = nearest[faces]
     corners = corners[((corners != corners[:, [1, 2, 0]]).any(1)) & (corners >= 0).all(1)]
@@ -333,7 +335,7 @@ def _sides(corners: Int, count: int) -> Int:
 def _with_riders(
     whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
 ) -> tuple[Int, Int32, Float32]:
-    """The same CSR, where each tiny shell follows, as one, what the nearest vertex of the surface does."""
+    """The same CSR; each tiny shell follows, as a whole, the samples of the surface vertex nearest to it."""
     rest = np.flatnonzero(~riding)
     label = shells(whole.faces, len(whole.vertices))[riding]
     number = np.unique(label, return_inverse=True)[1].reshape(-1)
@@ -345,7 +347,7 @@ def _with_riders(
 
 
 def _spread(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
-    """The CSR whose row v is row ``of[v]`` of the one given."""
+    """A CSR with row ``of[v]`` of the given one as row v."""
     sizes = np.diff(start)[of]
     offsets = np.concatenate([[0], np.cumsum(sizes)])
     rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])

@@ -19,19 +19,19 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.deformation.arap.coarse import Coarse, coarse_of
 from enliven.deformation.arap.detail import carry
-from enliven.deformation.arap.guide import Guide, come, handles_of, rows_of
+from enliven.deformation.arap.guide import Guide, handles_of, rows_of, settle_from_rest
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import check_mesh
-from enliven.deformation.arap.threads import Pace, shared
+from enliven.deformation.arap.threads import ThreadChoice, shared
 from enliven.document import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
 _WHERE = "puppet surface"
 _GUIDED = 3
-"""A guide is worth its time where it has at most a third of the vertices."""
+"""Least ratio of the solver's vertices to the guide's for which a guide saves more time than it costs."""
 _LOCAL = 6
-"""Frames in which what is local settles."""
+"""Frames after the guide in which local details settle."""
 
 
 class PuppetSurface:
@@ -62,15 +62,15 @@ class PuppetSurface:
         self.mesh, self._settings = mesh, settings or ArapSettings()
         check_mesh(mesh, self._settings.most_carried)
         self._aside: PuppetSurface | None = None
-        self._pace = Pace()
+        self._pace = ThreadChoice()
         self._body: tuple[ArapSolver, Coarse | None] | None = None
         self.hold(held, weights)
 
     def hold(self, held: Sequence[int], weights: Sequence[float | None] | None = None) -> None:
-        """Exactly these control points from now on, and the mesh at rest.
+        """Replace the control points, and put the mesh to rest.
 
         Raises:
-            InputError: as when it is made; nothing has changed then.
+            InputError: as the constructor; nothing has changed then.
         """
         vertices = np.array(held, np.int64).reshape(-1)
         pulls = [None] * len(vertices) if weights is None else list(weights)
@@ -90,7 +90,7 @@ class PuppetSurface:
         self.pose = _frozen(self.mesh.vertices.copy())
 
     def _solved(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
-        """The solver, and the coarse surface that it is of; those that are there where they serve."""
+        """The solver and its coarse surface (None: it solves the whole mesh), made anew where needed."""
         if len(self.mesh.vertices) <= self._settings.coarse_above:
             return (ArapSolver(self.mesh, self._settings), None) if self._body is None else self._body
         before = None if self._body is None else self._body[1]
@@ -106,10 +106,10 @@ class PuppetSurface:
             places: (P, 3) metres in the mesh's frame.
 
         Returns:
-            (V, 3) the mesh's vertices, read-only; hard control points are exactly where they are wanted.
+            (V, 3) the mesh's vertices, read-only; hard control points are exactly at their places.
 
         Raises:
-            InputError: for places that cannot be meant. The last good pose stays.
+            InputError: for places of another shape, not finite or too far away. The last good pose stays.
         """
         wanted = self._checked(places)
         if len(wanted):
@@ -120,17 +120,17 @@ class PuppetSurface:
         return self.pose
 
     def settle(self, places: Float) -> Float:
-        """The surface at ``places`` (P, 3), come from rest in small steps: the same whatever was before.
+        """(V, 3) the surface at ``places`` (P, 3), moved from rest in small steps; no earlier frame matters.
 
         Raises:
-            InputError: for places that cannot be meant. The last good pose stays.
+            InputError: for places of another shape, or not finite. The last good pose stays.
         """
         wanted = self._checked(places)
         if not len(wanted):
             return self.pose
         self._solver.check(rows_of(wanted))
         if self._guide is None:
-            come(self._solver, self.mesh.vertices[self._held], wanted)
+            settle_from_rest(self._solver, self.mesh.vertices[self._held], wanted)
         else:
             self._solver.start_from(self._guide.settle(wanted), self._guide.pressure)
         for _ in range(_LOCAL):
@@ -139,7 +139,7 @@ class PuppetSurface:
         return self.pose
 
     def aside(self, places: Float) -> Float:
-        """What :meth:`settle` would give, while what is being dragged stays as it is.
+        """The result of :meth:`settle`, solved by a second solver; the pose of a drag stays.
 
         It may be called from another thread than the other methods, one call at a time.
         """
@@ -148,14 +148,14 @@ class PuppetSurface:
         return self._aside.settle(places)
 
     def _twin(self) -> PuppetSurface:
-        """Another one at rest, with the same control points; it shares what does not change."""
+        """A second surface at rest with the same control points; it shares the factor and the weights."""
         other = copy(self)
         other._solver = self._solver.twin()
         other._guide = None if self._guide is None else self._guide.twin()
         return other
 
     def _carried(self, wanted: Float) -> Float:
-        """(V, 3) what the solver's pose makes of the mesh."""
+        """(V, 3) the mesh's vertices carried by the solver's pose."""
         coarse = self._coarse
         if coarse is None:
             return self._solver.pose

@@ -1,7 +1,7 @@
 """The detail of a surface, carried by the cells of a coarse one.
 
-Each cell is an affine map: it takes its own vertex to where that was solved to be, and what is around it by
-the map that fits its edges best. Where a cell has no extent (along the normal of a flat one) the map is that
+Each cell is an affine map: it takes the cell's vertex to its solved position, and the surroundings by the map
+that fits the cell's edges best. Where a cell has no extent (along the normal of a flat one) the map is that
 of its rotation and volume, V_i R_i.
 """
 

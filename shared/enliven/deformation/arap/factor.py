@@ -1,10 +1,10 @@
 """A sparse Cholesky factor for many solves with three right-hand sides: supernodes, float32, registers.
 
-SciPy's SuperLU orders (multiple minimum degree) and factorises once. Its columns that share their pattern are
-gathered into supernodes; narrow ones are merged where few zeros come in. A supernode is a dense panel, cut
-into blocks of four columns, so that its indices are read once and a row is four multiplications into one
-register of x, y, z. The triangle on the diagonal is stored inverted: no division, no waiting for the one
-before. Values are float32: the solver asks for corrections, whose error the next iteration takes back.
+SciPy's SuperLU orders (multiple minimum degree) and factorises once. Columns with one pattern are gathered
+into supernodes; narrow supernodes are merged where few zeros come in. A supernode is a dense panel, cut into
+blocks of four columns, so that its indices are read once and a row is four multiplications into one register
+of x, y, z. The triangle on the diagonal is stored inverted, which avoids divisions and their latency. Values
+are float32: the solver asks for corrections, and the next iteration corrects their rounding.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ from enliven.arrays import Float, Float32, Int, Int32
 from enliven.kernels import njit
 
 _WIDEST = 64
+"""Columns of a supernode at most: the inverted triangle on its diagonal grows with their square."""
 _FEW_ZEROS = 0.25
+"""Share of stored zeros in a panel up to which a supernode is merged with its parent: more cost more to
+multiply than the merged indices save."""
 
 
 class Factor(NamedTuple):
@@ -52,7 +55,8 @@ class Factor(NamedTuple):
 def factorise(count: int, edges: Int, weights: Float) -> Factor:
     """The factor of the edges' Laplacian with its vertex 0 held.
 
-    Holding one vertex takes away nothing: the solver adds a shift of the whole (see arap_handles).
+    Holding one vertex loses nothing: the solver adds a shift of the whole
+    (:mod:`enliven.deformation.arap.handles`).
 
     Args:
         count: V vertices, all of them in one piece.

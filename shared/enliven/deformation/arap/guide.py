@@ -1,8 +1,8 @@
-"""A small likeness of a surface that finds the large bends, for which a fine one takes hundreds of frames.
+"""A coarse proxy of a surface that finds the large bends, for which the fine one takes hundreds of frames.
 
-Alternating between turns and positions moves a bend about one edge a time: on ten thousand vertices an arm
-is on its way for hundreds of iterations. A likeness of a few hundred vertices has it there at once, and
-takes the fine surface along (:mod:`enliven.deformation.arap.detail`), which then settles what is local.
+Alternating between rotations and positions moves a bend by about one edge an iteration: on ten thousand
+vertices an arm takes hundreds of iterations. A proxy of a few hundred vertices bends at once and carries the
+fine surface along (:mod:`enliven.deformation.arap.detail`), which then settles only its details.
 """
 
 from __future__ import annotations
@@ -21,14 +21,19 @@ from enliven.meshes import Mesh
 from enliven.rotation import nearest_quaternion, to_matrix
 
 _STEPS = 24
-"""From rest to where the handles are wanted: some eight degrees a step where a limb is turned right round."""
+"""Steps from rest to the handles' targets: some eight degrees a step where a limb turns by 180 degrees."""
 _SETTLING = 40
+"""Frames at the targets before the last one, in which the proxy comes to rest."""
 _ITERATIONS = 6
+"""Iterations of the proxy in a frame: it is small, so that more of them than the fine surface has cost
+little."""
 _FOLLOW = 0.01
+"""Least ``ArapSettings.follow`` of the proxy: a motion of the handles that is rigid but for this part moves
+the whole."""
 
 
 class Guide:
-    """Takes a mesh along by a solver of a few hundred of its vertices.
+    """A coarse proxy that carries a mesh: a solver of a few hundred of its vertices.
 
     Args:
         fine: the solver of the mesh.
@@ -36,7 +41,7 @@ class Guide:
         weights: (P,) None is hard.
 
     Attributes:
-        carried: (V, 3) the mesh as the likeness leaves it.
+        carried: (V, 3) metres, the mesh as the proxy carries it.
     """
 
     def __init__(
@@ -55,12 +60,12 @@ class Guide:
         self.carried = mesh.vertices
 
     def take(self, fine: ArapSolver, places: Float) -> None:
-        """Take the fine surface along with the handles, from where they were to ``places`` (P, 3).
+        """Carry the fine surface with the handles from their last places to ``places`` (P, 3) metres.
 
-        What it has beside the likeness is turned as the handles turn on the whole.
+        Offsets of the fine surface from the proxy turn by the best rotation of all handles.
 
         Raises:
-            InputError: for places that cannot be meant; nothing has changed.
+            InputError: for places of another shape, or not finite; nothing has changed.
         """
         self._solver.solve(rows_of(places))
         turn, _, _ = rigid_between(self._places, places)
@@ -68,14 +73,14 @@ class Guide:
         fine.go_along(before, self.carried, turn)
 
     def settle(self, places: Float) -> Float:
-        """(V, 3) the mesh at ``places``, come from rest in small steps: the same whatever was before."""
-        come(self._solver, self._home, places)
+        """(V, 3) metres, the mesh moved from rest to ``places`` in small steps; no earlier frame matters."""
+        settle_from_rest(self._solver, self._home, places)
         self.carried, self._places = self._carry(), places
         return self.carried
 
     @property
     def pressure(self) -> float:
-        """What holds the likeness's volume; for a surface of any resolution it is the same."""
+        """The pressure that holds the proxy's volume; it does not depend on the resolution."""
         return self._solver.pressure
 
     def _carry(self) -> Float:
@@ -85,18 +90,18 @@ class Guide:
         return out
 
     def twin(self) -> Guide:
-        """Another one, at rest, that shares what does not change."""
+        """A second guide at rest that shares the factor and the weights."""
         other = object.__new__(Guide)
         other.__dict__.update(self.__dict__)
         other._solver, other._places, other.carried = self._solver.twin(), self._home, self._rest
         return other
 
 
-def come(solver: ArapSolver, home: Float, places: Float) -> None:
-    """Take a solver from rest to ``places`` (P, 3) in small steps, and let it settle.
+def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
+    """Move a solver from rest to ``places`` (P, 3) in small steps, and let it settle.
 
-    A limb that is turned far in one step is turned inside out. What all handles do together as one rigid
-    motion is done at the end; on the way there it would press the figure through its own middle.
+    A limb that turns far in one step is turned inside out. The rigid motion that all handles share comes in
+    the last step; spread over the steps it would press the figure through its own middle.
     """
     solver.reset()
     turn, old, new = rigid_between(home, places)

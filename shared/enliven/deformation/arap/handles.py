@@ -1,4 +1,4 @@
-"""Handles upon a factor that knows nothing of them.
+"""Handles added to a factor of the Laplacian alone, exactly and without a new factorisation.
 
 The factor is of the Laplacian alone (with vertex 0 held, which gives one of its solutions). What pulls at
 the handles, forces f on the handle vertices E, and a shift c of the whole are found from
@@ -27,7 +27,7 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion
 
 
-class Held(NamedTuple):
+class HeldVertices(NamedTuple):
     """H handle vertices.
 
     Attributes:
@@ -49,7 +49,7 @@ class Held(NamedTuple):
 
 def hold(
     factor: Factor, eliminated: Int32, places: Int, soft: Float, known: dict[int, tuple[Int32, Float]]
-) -> Held:
+) -> HeldVertices:
     """The handles at ``places`` (H,), no hard one twice.
 
     Args:
@@ -68,7 +68,7 @@ def hold(
     matrix[-1, -1] = 0.0
     _products(start, rows, values, len(factor.order), matrix)
     matrix[np.arange(count), np.arange(count)] += soft
-    return Held(
+    return HeldVertices(
         places.astype(np.int32), start, rows, values, np.asarray(np.linalg.inv(matrix), np.float64), soft
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.arap.surface import Surface
+from enliven.deformation.arap.surface import PreparedSurface
 from enliven.errors import InputError
 
 WHERE = "deformation"
@@ -31,7 +31,7 @@ class Handle:
     weight: float | None = None
 
 
-def check_handle(handle: Handle, surface: Surface) -> None:
+def check_handle(handle: Handle, surface: PreparedSurface) -> None:
     """That the handle's vertices can be held."""
     who, count = f"handle {handle.name!r}", len(surface.place_of)
     if not handle.vertices:
@@ -49,7 +49,7 @@ def check_handle(handle: Handle, surface: Surface) -> None:
             )
 
 
-def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surface: Surface) -> Float:
+def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surface: PreparedSurface) -> Float:
     """(K, 3) the checked target of a handle."""
     if name not in handles:
         known = ", ".join(handles) or "none"

@@ -1,12 +1,12 @@
 """Nearest rotations of many 3x3 matrices, several at a time in the processor's registers.
 
-trace(RᵀS) is largest for the rotation whose quaternion is the top eigenvector of Horn's traceless symmetric
-4x4 matrix K of S ("Closed-form solution of absolute orientation using unit quaternions", 1987). With
-|S| = 1 its characteristic polynomial is x⁴ - 2x² - 8 det(S) x + 1 - 4 |cof S|²; Laguerre's steps from
-the square root of 3, which is above every eigenvalue, fall to the top one (Newton's took three times as many
-where the next is near). The eigenvector is a column of the
-adjugate of K - x. No branch, no loop of unknown length: the compiler makes vector instructions of it. Where
-the top eigenvalue is nearly double (cells on a line, inverted cells) the slow sure way is taken.
+trace(RᵀS) is largest for the rotation with the top eigenvector of Horn's traceless symmetric 4x4 matrix K of
+S as its quaternion ("Closed-form solution of absolute orientation using unit quaternions", 1987). With |S| =
+1 its characteristic polynomial is x⁴ - 2x² - 8 det(S) x + 1 - 4 |cof S|²; Laguerre's steps from the square
+root of 3, which is above every eigenvalue, fall to the top one (Newton's took three times as many where the
+next is near). The eigenvector is a column of the adjugate of K - x. No branch, no loop of unknown length: the
+compiler makes vector instructions of it. Where the top eigenvalue is nearly double (cells on a line, inverted
+cells) the slow sure way is taken.
 """
 
 from __future__ import annotations
@@ -20,9 +20,18 @@ from enliven.rotation import nearest_quaternion
 
 N = 64
 """Cells of a block; a block is one array, row k of it is ``block[k * N : (k + 1) * N]``."""
-# Rows of a block: the matrix by columns, the rotation by columns, trace(RᵀS), how clear the answer is.
-S, R, TRACE, CLEAR, ROWS = 0, 9, 18, 19, 20
+S = 0
+"""First row of a block's matrix, by columns."""
+R = 9
+"""First row of a block's rotation, by columns; it follows the nine of the matrix."""
+TRACE = 18
+"""Row of trace(RᵀS) in a block."""
+CLEAR = 19
+"""Row of the slope of the characteristic polynomial at its top root: 0 where the eigenvalue is double."""
+ROWS = 20
+"""Rows of a block."""
 _UNCLEAR = 0.05
+"""Slope at or below which the adjugate is too small for a sure eigenvector in float64."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -115,7 +115,7 @@ def _apart(boxes, a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _crossing(vertices, corners, of_face, boxes):  # type: ignore[no-untyped-def]
-    """(K,) the rows of ``corners`` (F, 3) whose faces cross others."""
+    """(K,) the rows of ``corners`` (F, 3) with faces that cross others."""
     count, leaves = corners.shape[0], boxes.shape[0] // 2
     hit = np.zeros(count, np.bool_)
     stack = np.empty((128, 2), np.int64)

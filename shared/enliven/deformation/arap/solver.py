@@ -10,10 +10,11 @@ U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion 
 
 A frame takes a few iterations from the last frame's shape. In the shape state each cell takes its best
 rotation and uniform scale (eq. 4 to 9), which never raises the energy; the last iteration is the pose
-state's (eq. 10 to 13), whose volume-preserving V_i R_i make what is shown. The pose is never fed back.
+state's (eq. 10 to 13): its volume-preserving V_i R_i make the pose that is shown, which is never fed back.
 
-Solved are corrections: what is left of eq. 9 at the positions as they are, in float64, through a factor in
-float32. Handles are put upon the factor exactly (arap_handles); adding one costs less than a frame.
+Each solve gives a correction: the residual of eq. 9 is computed in float64 and solved by a float32 factor.
+Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`); one more costs less than a
+frame.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap.cells import energy, residual, turn_and_scale, turn_and_squash
 from enliven.deformation.arap.detail import cell_maps
-from enliven.deformation.arap.handles import Held, follow, hold, pull
+from enliven.deformation.arap.handles import HeldVertices, follow, hold, pull
 from enliven.deformation.arap.input import WHERE, Handle, check_handle, checked_target
 from enliven.deformation.arap.solves import backward, forward
-from enliven.deformation.arap.step import give, gone_along, moved, plain
+from enliven.deformation.arap.step import carry_positions, moved, set_zero, write_pose
 from enliven.deformation.arap.surface import surface_of
-from enliven.deformation.arap.threads import Pace, shared
+from enliven.deformation.arap.threads import ThreadChoice, shared
 from enliven.deformation.arap.volume import press
 from enliven.document import ArapSettings
 from enliven.errors import InputError
@@ -44,8 +45,9 @@ __all__ = ["ArapSettings", "ArapSolver", "Handle"]
 _SAME = 1e-6
 """Part of the mesh's size within which two hard handles on one vertex agree."""
 _MOST_HELD = 2000
+"""Vertices of all handles at most: a frame multiplies by a dense square matrix of so many rows."""
 _MOST_KEPT = 4000
-"""Columns of handles that went; one takes some 10 kB."""
+"""Columns of the factor kept for removed handles; one takes some 10 kB."""
 
 
 class ArapSolver:
@@ -73,9 +75,9 @@ class ArapSolver:
         self._z = np.zeros(4 * (count + 4), np.float32)
         self._room = np.zeros(4 * (self._surface.factor.tallest + 4), np.float32)
         self._columns: dict[int, tuple[Int32, Float]] = {}
-        self._pace, self._threads = Pace(), 1
+        self._pace, self._threads = ThreadChoice(), 1
         self.handles: dict[str, Handle] = {}
-        self._held: Held | None = None
+        self._held: HeldVertices | None = None
         self._wanted: dict[str, Float] = {}
         self.reset()
 
@@ -90,7 +92,7 @@ class ArapSolver:
         self._wanted = {name: self.mesh.vertices[list(h.vertices)] for name, h in self.handles.items()}
 
     def add_handle(self, handle: Handle) -> None:
-        """One handle more; until it is moved it wants its vertices where they are.
+        """Add a handle with its vertices' present positions as targets.
 
         Raises:
             InputError: for a name that is taken, or a vertex that is not there or belongs to no face.
@@ -100,14 +102,18 @@ class ArapSolver:
         self.set_handles([*self.handles.values(), handle])
 
     def remove_handle(self, name: str) -> None:
-        """One handle less."""
+        """Remove a handle.
+
+        Raises:
+            InputError: for a name that no handle has.
+        """
         if name not in self.handles:
             known = ", ".join(self.handles) or "none"
             raise InputError(f"there is no handle {name!r}", where=WHERE, mend=f"Known: {known}.")
         self.set_handles([handle for handle in self.handles.values() if handle.name != name])
 
     def set_handles(self, handles: Sequence[Handle]) -> None:
-        """Exactly these handles; those that were there before keep their targets."""
+        """Replace all handles; a handle that stays keeps its targets."""
         for handle in handles:
             check_handle(handle, self._surface)
         names = [handle.name for handle in handles]
@@ -144,10 +150,10 @@ class ArapSolver:
             targets: for the handles that move, (K, 3) metres, a row a vertex of the handle; the others stay.
 
         Returns:
-            (V, 3) the mesh's vertices; hard handles are exactly where they are wanted.
+            (V, 3) the mesh's vertices; hard handles are exactly at their targets.
 
         Raises:
-            InputError: for targets that cannot be meant. The last good pose stays.
+            InputError: for targets of another shape, not finite or contradicting. The last good pose stays.
         """
         wanted, held, rows = self.check(targets)
         settings, surface = self.settings, self._surface
@@ -164,9 +170,9 @@ class ArapSolver:
             self._share(turn_and_squash, surface.cells, frames, exaggeration, most)
             shift = self._global(held, rows, settings.volume)
         else:
-            plain(self._z)
+            set_zero(self._z)
         pose: Float = np.empty_like(self.pose)
-        give(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
+        write_pose(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
             self.start_from(self.pose, 0.0)
             raise InputError("the handles leave no finite shape", where=WHERE, mend="Move them less far.")
@@ -178,8 +184,10 @@ class ArapSolver:
         self._pace.note(self._threads, perf_counter() - start)
         return pose
 
-    def check(self, targets: Mapping[str, Float] | None = None) -> tuple[dict[str, Float], Held, Float]:
-        """What :meth:`solve` is to do, refused as there, before anything has changed."""
+    def check(
+        self, targets: Mapping[str, Float] | None = None
+    ) -> tuple[dict[str, Float], HeldVertices, Float]:
+        """The targets, handle vertices and rows of :meth:`solve`, with its errors; nothing changes."""
         wanted = self._wanted | {
             name: checked_target(name, value, self.handles, self._surface)
             for name, value in (targets or {}).items()
@@ -197,7 +205,7 @@ class ArapSolver:
         """The kernel over all vertices."""
         shared(kernel, len(self._surface.rest), self._threads, *arguments)
 
-    def _global(self, held: Held, rows: Float, volume: float = 0.0) -> tuple[float, float, float]:
+    def _global(self, held: HeldVertices, rows: Float, volume: float = 0.0) -> tuple[float, float, float]:
         """The correction of eq. 9 (or 13, with a pressure) into ``_z``, and the shift of the whole."""
         surface, frames = self._surface, self._frames.reshape(-1)
         self._share(residual, surface.cells, frames, self._z)
@@ -225,11 +233,11 @@ class ArapSolver:
 
     @property
     def joints(self) -> Int:
-        """(J, 2) vertices that hang together though no face says so: what joins shells, and ``links``."""
+        """(J, 2) pairs of vertices joined without a face: edges between shells, and ``links``."""
         return self._surface.joints
 
     def start_from(self, shown: Float, pressure: float) -> None:
-        """The next frame is made of a pose (V, 3), whose volume a pressure holds, and of nothing before."""
+        """Start the next frame from a pose (V, 3) in metres and the pressure that holds its volume."""
         self._frames[:] = 0.0
         self._frames[:, [0, 5, 10]] = 1.0
         self.pressure = pressure
@@ -237,13 +245,13 @@ class ArapSolver:
         self._shown[:] = self._frames[:, 12:15]
 
     def go_along(self, before: Float, after: Float, turn: Float) -> None:
-        """Take the shape along: each vertex from where a likeness had it (V, 3) to where it has it.
+        """Carry the shape with a proxy, from the proxy's vertices before (V, 3) to those after (V, 3).
 
         Args:
-            turn: (3, 3), how what the shape has beside the likeness turns.
+            turn: (3, 3) the rotation of the shape's offsets from the proxy.
         """
         surface, frames = self._surface, self._frames.reshape(-1)
-        gone_along(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
+        carry_positions(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
 
     def twin(self) -> ArapSolver:
         """Another solver of the same mesh and handles, at rest; it shares the factor."""
@@ -255,7 +263,7 @@ class ArapSolver:
         return other
 
     def maps(self) -> Float:
-        """(16 V,) how each vertex takes along what is near it: see :func:`arap_detail.cell_maps`."""
+        """(16 V,) each vertex's affine map: see :func:`enliven.deformation.arap.detail.cell_maps`."""
         surface, out = self._surface, np.empty(16 * len(self.pose))
         frames = self._frames.reshape(-1)
         cell_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)
@@ -269,7 +277,7 @@ class ArapSolver:
         vertices = np.flatnonzero(rows >= 0)
         return vertices, rows[vertices]
 
-    def _together(self, wanted: Mapping[str, Float]) -> tuple[Held, Float]:
+    def _together(self, wanted: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
         """(H, 3) the targets about the centre, or an InputError where hard handles contradict each other."""
         if self._held is None:
             raise InputError("there is no handle", where=WHERE, mend="Add one, or the mesh stays at rest.")

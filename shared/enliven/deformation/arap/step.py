@@ -17,14 +17,14 @@ def moved(frames, z, shift, eliminated):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def plain(z):  # type: ignore[no-untyped-def]
+def set_zero(z):  # type: ignore[no-untyped-def]
     """No correction."""
     for i in range(len(z)):
         z[i] = 0.0
 
 
 @njit(cache=True, nogil=True)
-def give(frames, z, shift, eliminated, place_of, centre, out):  # type: ignore[no-untyped-def]
+def write_pose(frames, z, shift, eliminated, place_of, centre, out):  # type: ignore[no-untyped-def]
     """``out`` (V, 3) <- the corrected positions, in the mesh's order."""
     for v in range(len(place_of)):
         i = place_of[v]
@@ -34,11 +34,11 @@ def give(frames, z, shift, eliminated, place_of, centre, out):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True)
-def gone_along(frames, shown, place_of, centre, before, after, turn):  # type: ignore[no-untyped-def]
+def carry_positions(frames, shown, place_of, centre, before, after, turn):  # type: ignore[no-untyped-def]
     """Positions in ``frames`` and in ``shown`` (P, 3) <- after + turn (position - before), of each vertex.
 
     Args:
-        before, after: (V, 3) where a likeness had each vertex of the mesh, and has it.
+        before, after: (V, 3) metres, the mesh as a proxy carried it in the last frame, and in this one.
         turn: (3, 3), how what is beside it turns.
     """
     done = np.zeros(len(shown), np.bool_)

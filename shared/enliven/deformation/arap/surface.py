@@ -17,8 +17,8 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 
 
-class Surface(NamedTuple):
-    """What the solver needs of a mesh.
+class PreparedSurface(NamedTuple):
+    """A welded, connected, reordered and factorised mesh; V vertices, P places, E edges.
 
     Attributes:
         place_of: (V,) the place of each vertex of the mesh in the solver's order; welded ones share it.
@@ -47,7 +47,7 @@ class Surface(NamedTuple):
     notes: tuple[str, ...]
 
 
-def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surface:
+def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> PreparedSurface:
     """The surface of any mesh that has a face.
 
     Args:
@@ -91,7 +91,7 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Surf
     eliminated[factor.order] = np.arange(len(points))
     cells = cells_of(rest, edges, weights, eliminated)
     volume = volume_of(rest, place[welded.faces], cells, factor)
-    return Surface(
+    return PreparedSurface(
         place[of],
         rest,
         centre,
@@ -115,7 +115,7 @@ def _neighbours_near(count: int, edges: Int) -> Int:
 
 
 def check_mesh(mesh: Mesh, most_vertices: int) -> None:
-    """That the mesh can be deformed at all.
+    """Refuse a mesh that cannot be deformed.
 
     Raises:
         InputError: without faces, with positions that are not finite, or with too many vertices.

@@ -16,16 +16,21 @@ from functools import cache
 from typing import Any
 
 _PIECES = 8
+"""Pieces of a range: enough that a thread that is held up leaves most of them to the other."""
 _BLOCK = 64
+"""Vertices that a piece is a multiple of: the kernels work on blocks of so many cells."""
 _SMALL = 4000
-_ASKED, _FORGOTTEN = 40, 1.01
-"""Calls after which the way that seemed slower is tried again, and how fast old times are forgotten."""
+"""Vertices below which a range stays in one thread: waking the second costs as much as it saves."""
+_RETRIED = 40
+"""Calls after which the count of threads that was slower is timed again."""
+_FORGOTTEN = 1.01
+"""Factor on the least times with each call, so that a load that ended is forgotten within some 70 calls."""
 
 
-class Pace:
-    """Whether a second thread pays just now: on idle cores it does, beside other work it costs.
+class ThreadChoice:
+    """Chooses one thread or two by their last times: a second thread is faster on idle cores only.
 
-    Both ways are timed, the one that was faster of late is taken, and the other is asked again now and then.
+    Both counts are timed, the faster of late is taken, and the other is timed again now and then.
     """
 
     def __init__(self) -> None:
@@ -33,14 +38,14 @@ class Pace:
         self._calls = 0
 
     def threads(self) -> int:
-        """How many to take for the next call, 1 or 2."""
+        """The number of threads for the next call, 1 or 2."""
         self._calls += 1
         faster = 1 if self._least[0] <= self._least[1] else 2
         unknown = math.inf in self._least and self._calls > 1
-        return 3 - faster if unknown or self._calls % _ASKED == 0 else faster
+        return 3 - faster if unknown or self._calls % _RETRIED == 0 else faster
 
     def note(self, threads: int, seconds: float) -> None:
-        """How long a call with so many threads took."""
+        """Record the seconds that a call with so many threads took."""
         self._least = [least * _FORGOTTEN for least in self._least]
         self._least[threads - 1] = min(seconds, self._least[threads - 1])
 

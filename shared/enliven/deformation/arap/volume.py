@@ -2,7 +2,7 @@
 
 V_i of eq. 12 keeps the volume of a cell, but a surface has none: a ball that is drawn out between two hands
 gets its length by straightening its curves, which no cell notices, and grows. So the pose state has a
-pressure: eq. 13 with - 4 p Vol(x'), whose gradient at a vertex is a third of the area vectors of its faces.
+pressure: eq. 13 with - 4 p Vol(x'). The gradient of Vol at a vertex is a third of its faces' area vectors.
 It acts only where cells are stretched, so that a squashed head does not blow up the tail, as one constraint
 for all would (J. Huang et al., "Subspace gradient domain mesh deformation", 2006). From frame to frame p goes
 to where the volume is that of rest. It is on the right side of the pose's solve: no further one is needed.

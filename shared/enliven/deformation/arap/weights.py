@@ -17,6 +17,8 @@ from scipy.spatial import cKDTree
 from enliven.arrays import Float, Int, Int32
 
 _SINE = np.sin(np.radians(1.0))
+"""Sine of the least angle of a face that its cotangents are taken of: thinner ones would give weights without
+bound."""
 LEAST = 0.01
 """The least weight of an edge; an edge of the equilateral triangle has 0.58."""
 VIRTUAL = 0.5

@@ -1,5 +1,5 @@
 from .floor_contact import FloorContact, FloorSettings
-from .observed import ObservedSettings, ObservedSurface, Seen
+from .observed import ObservedPoints, ObservedSettings, ObservedSurface
 from .planes import PlaneConstraints
 from .self_contact import SelfContact, SelfContactSettings
 from .soft import joined_planes
@@ -7,10 +7,10 @@ from .soft import joined_planes
 __all__ = [
     "FloorContact",
     "FloorSettings",
+    "ObservedPoints",
     "ObservedSettings",
     "ObservedSurface",
     "PlaneConstraints",
-    "Seen",
     "SelfContact",
     "SelfContactSettings",
     "joined_planes",

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Float, Int
 from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.deformation.constraints.soft import Points, joined_planes, spread
+from enliven.deformation.constraints.soft import Points, grid_subsample, joined_planes
 from enliven.document import Character
 from enliven.settings import setting
 
@@ -77,8 +77,8 @@ class FloorContact:
         y = character.vertices[:, 1].astype(np.float64)
         self.height = float(np.ptp(y)) or 1.0
         low = np.flatnonzero(y < y.min() + _LOW * self.height)
-        soles = low[spread(character.vertices[low], _SOLES)]
-        rest = spread(character.vertices, _ELSEWHERE)
+        soles = low[grid_subsample(character.vertices[low], _SOLES)]
+        rest = grid_subsample(character.vertices, _ELSEWHERE)
         self.soles = Points.of(character, soles)
         self._all = Points.of(character, np.concatenate([soles, np.setdiff1d(rest, soles)]))
         self._lowest = float(y.min())

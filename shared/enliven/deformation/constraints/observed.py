@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.deformation.constraints.soft import Points, spread
+from enliven.deformation.constraints.soft import Points, grid_subsample
 from enliven.document import Character
 from enliven.kernels import njit
 from enliven.meshes import Mesh
@@ -41,7 +41,7 @@ class ObservedSettings:
 
 
 @dataclass(frozen=True)
-class Seen:
+class ObservedPoints:
     """What a sensor sees of one performer.
 
     Attributes:
@@ -58,7 +58,7 @@ class ObservedSurface:
 
     def __init__(self, character: Character, settings: ObservedSettings | None = None) -> None:
         self.settings = settings or ObservedSettings()
-        which = spread(character.vertices, self.settings.surface)
+        which = grid_subsample(character.vertices, self.settings.surface)
         self.points = Points.of(character, which)
         mesh = Mesh(character.vertices.astype(np.float64), character.faces, character.id)
         self._tips = Points(

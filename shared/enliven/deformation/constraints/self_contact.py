@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Bool, Float
 from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.deformation.constraints.soft import Points, spread
+from enliven.deformation.constraints.soft import Points, grid_subsample
 from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
 from enliven.kernels import njit
@@ -35,7 +35,7 @@ class SelfContact:
         self, character: Character, graph: DeformationGraph, settings: SelfContactSettings | None = None
     ) -> None:
         self.settings = settings or SelfContactSettings()
-        surface = character.vertices[spread(character.vertices, 3000)].astype(np.float64)
+        surface = character.vertices[grid_subsample(character.vertices, 3000)].astype(np.float64)
         spacing = _mean_edge(graph)
         self.radii = _inner_radii(graph.positions, graph.normals, surface, 2.0 * spacing)
         count = len(graph.positions)

@@ -84,7 +84,7 @@ def joined_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
     )
 
 
-def spread(points: Float | Float32, most: int) -> Int:
+def grid_subsample(points: Float | Float32, most: int) -> Int:
     """At most so many of (P, 3) points, evenly spread: one in each cell of a grid that is made to fit."""
     if len(points) <= most:
         return np.arange(len(points))

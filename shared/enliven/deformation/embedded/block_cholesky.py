@@ -67,7 +67,7 @@ def elimination_order(count: int, pairs: Int) -> Int:
 
 
 def analyse(count: int, pairs: Int) -> BlockPattern:
-    """The pattern of the factor of a matrix whose nodes are eliminated in the order 0, 1, 2, ...
+    """The block pattern of the Cholesky factor, with the nodes eliminated in the order 0, 1, 2, ...
 
     Args:
         count: N, the number of nodes.
@@ -150,8 +150,9 @@ def _times(lower, target, upper, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _invert_factor(a):  # type: ignore[no-untyped-def]
-    """Replace the symmetric block ``a`` (48,), of which the lower half is read, by the inverse of its lower
-    Cholesky factor.
+    """Replace the symmetric block ``a`` (48,) by the inverse of its lower Cholesky factor.
+
+    Only the lower half of ``a`` is read.
     """
     for j in range(6):
         for i in range(j, 6):
@@ -220,7 +221,7 @@ def _weighted(blocks, block, y, at, even, odd):  # type: ignore[no-untyped-def]
 
 
 def dense_of(pattern: BlockPattern, lower: Float32) -> Float:
-    """(6N, 6N) the symmetric matrix whose lower blocks (48 B,) are given; for tests and diagnosis."""
+    """(6N, 6N) the symmetric matrix with the lower blocks (48 B,); for tests and diagnosis."""
     count = len(pattern.start) - 1
     blocks = lower.reshape(-1, 6, 8)[:, :, :6]
     out = np.zeros((count, 6, count, 6))

@@ -1,10 +1,10 @@
-"""Steps and forces in each node's own terms: how it turns, how it stretches, where it goes.
+"""Steps and forces in node frames: how each node turns, stretches and shifts.
 
 A node's R and position have twelve numbers; so has a step: a turn w, a shift, and a symmetric stretch S, with
-dR = (w x R) + R S. The terms belong to the node as it stands: a node that has turned has other columns and
-the same terms. What L-BFGS learnt before a step therefore still holds after it, which it does not in the
-plain unknowns, where turning is bound to a direction that turns away: there the steps after the first one
-were nearly without effect.
+dR = (w x R) + R S. These numbers are relative to the node: where it has turned, its columns are others and
+the numbers the same. L-BFGS' step pairs therefore hold after a step too. In the plain unknowns they do not,
+since a turn there is bound to a direction that turns away: steps after the first one were nearly without
+effect.
 
 Sixteen numbers a node: w and a 0, the shift and a 0, S00 S11 S22 and a 0, S01 S02 S12 and a 0.
 """
@@ -15,8 +15,8 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def own_force(x, gradient, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``out`` (16 N,) takes dE/dx (16 N,) as the derivative by the nodes' own terms at ``x``."""
+def force_in_node_frame(x, gradient, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (16 N,) takes dE/dx (16 N,) as the derivative in the node frames at ``x``."""
     for j in range(x.shape[0] // 16):
         at = 16 * j
         u = v = w = 0.0
@@ -43,7 +43,7 @@ def own_force(x, gradient, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def step_of(x, own, way, bend):  # type: ignore[no-untyped-def]
+def step_from_node_frame(x, own, way, bend):  # type: ignore[no-untyped-def]
     """Kernel: ``way`` takes the step ``own`` in the plain unknowns, and ``bend`` how it goes on to second
     order, half of w x (w x R).
 

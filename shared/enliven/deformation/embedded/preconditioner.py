@@ -1,12 +1,12 @@
 """The matrix that preconditions the descent: six unknowns a node, its turn and its shift.
 
-A step is written in each node's own terms (``node_frame``): dR = (w x R) + R S, with w
+A step is written in node frames (``node_frame``): dR = (w x R) + R S, with w
 a turn and S a symmetric stretch, and a shift of its position. In these the second derivative of the energy
-falls into two parts that hardly see each other: E_rot holds every stretch, alone, and nothing but E_reg,
-E_con and E_rig hold turns and shifts. So a turn and a shift a node make a sparse system of 6x6 blocks, an
-eighth of the work of one with all twelve unknowns, and the stretch of each node is a 3x3 matrix of its own.
-Against this matrix the true one has its eigenvalues between 0.35 and 2.6 (a man of 128 and of 256 nodes,
-walking); that is why the number of iterations does not grow with the nodes.
+falls into two nearly independent parts: E_rot alone holds the stretches, and E_reg, E_con and E_rig alone
+hold turns and shifts. So a turn and a shift a node make a sparse system of 6x6 blocks, an eighth of the work
+of one with all twelve unknowns, and the stretch of each node is a 3x3 matrix of its own. Against this matrix
+the true one has its eigenvalues between 0.35 and 2.6 (a man of 128 and of 256 nodes, walking); that is why
+the number of iterations does not grow with the nodes.
 
 Where nodes turn, their lever arms turn with them, so the matrix is made anew whenever it no longer ends a
 frame in a few steps.
@@ -30,7 +30,7 @@ _PRESSED = 0.45
 
 
 class RigidSystem(NamedTuple):
-    """The factor, and what it was made at.
+    """The factor, its pattern, and the state and weights that it was made at.
 
     Attributes:
         start, row, product: of :class:`enliven.deformation.embedded.block_cholesky.BlockPattern`.
@@ -260,8 +260,8 @@ def _add_outer(lower, block, j, first, second, w):  # type: ignore[no-untyped-de
 def _add_planes(planes, s):  # type: ignore[no-untyped-def]
     """Planes: a row of six numbers a node.
 
-    The pattern knows nothing of the points that planes hold. Two nodes that it does not couple are taken
-    apart: 2 ab <= a^2 + b^2, so the matrix stays above the true one.
+    The pattern does not contain the couplings of planes. The product of two nodes that it does not couple is
+    bounded, 2 ab <= a^2 + b^2, so the matrix stays above the true one.
     """
     arms, jacobian = np.empty(3), np.zeros((4, 3, 8), np.float32)
     line = np.zeros((4, 6))
@@ -317,7 +317,7 @@ def _invert3(m, at):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def precondition(s, way):  # type: ignore[no-untyped-def]
-    """Kernel: replace ``way`` (16 N,), a force in each node's own terms, by the step that the matrix makes
+    """Kernel: replace ``way`` (16 N,), a force in node frames, by the step that the matrix makes
     of it.
 
     The second derivative is twice the matrix, so everything is halved.

@@ -1,4 +1,4 @@
-"""What keeps a solve sane when targets jump or lie: no node stays inside out."""
+"""Safeguards for targets that jump or are wrong: no node stays inside out."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _copy_turn(target, source):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _volume(node):  # type: ignore[no-untyped-def]
-    """The determinant of R, whose columns are the first three rows of ``node`` (4, 4)."""
+    """The determinant of R: its columns are the first three rows of ``node`` (4, 4)."""
     return (
         node[0, 0] * (node[1, 1] * node[2, 2] - node[1, 2] * node[2, 1])
         - node[0, 1] * (node[1, 0] * node[2, 2] - node[1, 2] * node[2, 0])

@@ -1,4 +1,4 @@
-"""Embedded deformation solved for every frame: the pattern analysed once, a small matrix now and then.
+"""Embedded deformation, solved every frame: the pattern is analysed once, a small matrix refactored at times.
 
 KinÊtre, eq. 8, is minimised by L-BFGS, preconditioned with a matrix of six unknowns a node, a turn and a
 shift (:mod:`enliven.deformation.embedded.preconditioner`), factorised in 6x6 blocks
@@ -21,10 +21,10 @@ the same, five frames old, plain unknowns   9            16           none
 
 A search along the line (exact: the energy is a polynomial there) took as many iterations as whole steps. The
 parabola makes no difference to the constant matrix; with this one frames did not end without it. Steps and
-changes of the gradient are kept in each node's own terms (``node_frame``): in the plain
-unknowns, steps after the first hardly gained, and an old matrix was of no use. In the nodes' own terms it is,
-so it is kept: 0.22 ms a frame with 128 nodes instead of 0.3. Constraints that come and go with the tracker's
-confidence would have a constant matrix factorised as often.
+changes of the gradient are kept in node frames (``node_frame``): in the plain unknowns, steps after the first
+hardly gained, and an old matrix was of no use. In node frames it is, so it is kept: 0.22 ms a frame with 128
+nodes instead of 0.3. Constraints that come and go with the tracker's confidence would have a constant matrix
+factorised as often.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from enliven.arrays import Float, Int, Int32
 from enliven.deformation.constraints import PlaneConstraints
 from enliven.deformation.embedded.block_cholesky import SIZE, BlockPattern, analyse, elimination_order
 from enliven.deformation.embedded.energy import Planes, Terms, gradient
-from enliven.deformation.embedded.lbfgs import Room, keep, solve_frame
+from enliven.deformation.embedded.lbfgs import Workspace, record_energies, solve_frame
 from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
@@ -121,7 +121,7 @@ class EmbeddedSolver:
         self._place[self._order] = np.arange(count)
         self._terms = self._terms_of(attachment, _checked_stiffness(stiffness, count))
         self._system = _system_of(analyse(count, self._place[pairs]), self._terms)
-        self._room = Room.empty(count)
+        self._work = Workspace.empty(count)
         self._rest = np.zeros((count, 4, 4))
         self._rest[:, :3, :3] = np.eye(3)
         self._rest[:, 3, :3] = graph.positions[self._order]
@@ -170,7 +170,7 @@ class EmbeddedSolver:
         return place.astype(np.int32), np.ascontiguousarray(rows)
 
     def _planes_of(self, planes: PlaneConstraints | None) -> Planes:
-        """The frame's planes as the kernels take them; what cannot be meant is left out."""
+        """The frame's planes in the kernels' form, without those that are not finite."""
         if planes is None or not len(planes):
             return Planes(
                 np.empty((0, 4), np.int32),
@@ -201,8 +201,8 @@ class EmbeddedSolver:
         else:
             self._x[:, :3, :3] = np.swapaxes(start[0], 1, 2)[self._order]
             self._x[:, 3, :3] = start[1][self._order]
-        self._room.last[:] = self._x.reshape(-1)
-        keep(self._room, gradient(self._x.reshape(-1), self._terms, self._planes, self._room.raw))
+        self._work.last[:] = self._x.reshape(-1)
+        record_energies(self._work, gradient(self._x.reshape(-1), self._terms, self._planes, self._work.raw))
         self._report()
 
     def solve(
@@ -211,7 +211,7 @@ class EmbeddedSolver:
         """Minimise the energy, starting from the last frame's answer.
 
         Args:
-            targets: (L, 3) metres, q_l; a point whose target is not finite, or farther than 10 km, is free.
+            targets: (L, 3) metres, q_l; a target that is not finite, or farther than 10 km, frees its point.
             weights: (L,) not negative, how much each constraint counts; 1 where None.
             planes: soft planes of this frame.
 
@@ -226,7 +226,7 @@ class EmbeddedSolver:
             self._terms,
             self._planes,
             self._system,
-            self._room,
+            self._work,
             self.settings.iterations,
             self.settings.tolerance,
         )
@@ -240,7 +240,7 @@ class EmbeddedSolver:
         return linear, positions
 
     def _take(self, targets: Float, weights: Float | None) -> None:
-        """Copy the frame's targets and weights, those that cannot be meant left out."""
+        """Copy the frame's usable targets and weights."""
         terms = self._terms
         targets = np.ascontiguousarray(targets, np.float64)
         pulls = self._ones if weights is None else np.ascontiguousarray(weights, np.float64)
@@ -254,12 +254,12 @@ class EmbeddedSolver:
     def _report(self) -> None:
         """Fill ``energy`` with each term, weighted, and their sum."""
         names = ("rotation", "smoothness", "constraint", "rigidity", "planes", "total")
-        self.energy = dict(zip(names, self._room.energies.tolist(), strict=True))
+        self.energy = dict(zip(names, self._work.energies.tolist(), strict=True))
 
 
 @njit(cache=True, nogil=True)
 def _take_usable(targets, weights, scale, out, pulls):  # type: ignore[no-untyped-def]
-    """``out`` (L, 4) and ``pulls`` (L,) take what can be meant; what cannot pulls with 0."""
+    """Fill ``out`` (L, 4) with the usable targets, and ``pulls`` (L,) with the weights, 0 for the others."""
     for m in range(len(pulls)):
         usable = weights[m] > 0.0 and np.isfinite(weights[m])
         for a in range(3):

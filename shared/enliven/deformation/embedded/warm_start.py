@@ -1,4 +1,4 @@
-"""Where a frame's descent begins: as the last frame went on, or wherever else the energy is lower."""
+"""The start of a frame's descent: the last frame extrapolated, or another state with a lower energy."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ _FAR = 4.0
 
 
 @njit(cache=True, nogil=True)
-def choose_start(x, rest, t, planes, room):  # type: ignore[no-untyped-def]
+def choose_start(x, rest, t, planes, work):  # type: ignore[no-untyped-def]
     """Kernel: start from the best of: the last frame; that, gone on as before; either moved rigidly; the rest
     pose moved rigidly.
 
     The rigid motion is the one that best brings the points to their targets. E_rot and E_reg do not change
     in it, so a body that leaps costs nothing; and a state that wild targets have spoilt is left as soon as
     the rest pose does better. The rigid ones are tried only where the others are bad. Returns whether
-    ``room.raw`` and ``room.energies`` are of the start already.
+    ``work.raw`` and ``work.energies`` are of the start already.
     """
-    before = room.energies
+    before = work.energies
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
     settled = before[5]
-    _go_on(x, room.last, room.trial)
-    copy_row(room.last, x)
-    energies = gradient(room.trial, t, planes, room.raw)
+    _go_on(x, work.last, work.trial)
+    copy_row(work.last, x)
+    energies = gradient(work.trial, t, planes, work.raw)
     goes_on = energies[5] < least or not np.isfinite(least)
     if goes_on:
         least = energies[5]
-        copy_row(x, room.trial)
+        copy_row(x, work.trial)
     if least <= _FAR * settled + 1e-6:
         if goes_on:
             for i in range(6):
@@ -41,11 +41,11 @@ def choose_start(x, rest, t, planes, room):  # type: ignore[no-untyped-def]
     turn, middle, goal = np.empty((3, 3)), np.empty(3), np.empty(3)
     for origin in (x, rest):
         if _rigid_motion(origin, t, turn, middle, goal):
-            _moved(origin, turn, middle, goal, room.trial)
-            energy = gradient(room.trial, t, planes, room.raw)[5]
+            _moved(origin, turn, middle, goal, work.trial)
+            energy = gradient(work.trial, t, planes, work.raw)[5]
             if energy < least or not np.isfinite(least):
                 least = energy
-                copy_row(x, room.trial)
+                copy_row(x, work.trial)
     return False
 
 

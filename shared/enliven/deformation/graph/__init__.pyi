@@ -1,13 +1,13 @@
 from .graph import DeformationGraph, character_from
 from .sampling import scatter
 from .stiffness import stiffness_at
-from .surface import Net, net_of
+from .surface import SurfaceNet, net_of
 from .surface_kernels import dijkstra_workspace, settle_within, ways
 from .weights import insert
 
 __all__ = [
     "DeformationGraph",
-    "Net",
+    "SurfaceNet",
     "character_from",
     "dijkstra_workspace",
     "insert",

@@ -20,9 +20,9 @@ def components(count: int, edges: Int32 | Int) -> Int:
 def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
     """(C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
 
-    KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components, each pair
-    of which is as far apart as its nearest two nodes. Borůvka's way: every component takes its shortest way
-    out, until one is left.
+    KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components; two
+    components are as far apart as their nearest two nodes. Borůvka's algorithm: every component takes its
+    shortest edge out, until one is left.
 
     Args:
         distances: (N, N) symmetric and finite off the diagonal.
@@ -54,12 +54,13 @@ def _shortest_ways_out(distances, label):  # type: ignore[no-untyped-def]
 
 
 def weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
-    """Where a part of a connected graph hangs on by one edge or one node.
+    """The bridges and cut vertices of a connected graph, by Tarjan's low links.
 
     Returns:
-        bridges: (E,) edges whose removal parts the graph.
-        cut_vertices: (N,) nodes whose removal parts the graph.
-        hanging: (E,) the bridges, and the edges by which every part but the largest hangs on a cut vertex.
+        bridges: (E,) true for an edge that, removed, splits the graph.
+        cut_vertices: (N,) true for a node that, removed, splits the graph.
+        hanging: (E,) true for the bridges, and for the edges that join any part but the largest to a cut
+            vertex.
     """
     offsets, neighbours, edge_of = _incidence(count, edges)
     bridges, cuts = _lowlink(offsets, neighbours, edge_of, len(edges))

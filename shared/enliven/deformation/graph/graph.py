@@ -12,7 +12,13 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.deformation.graph.connectivity import joints, weak_edges
 from enliven.deformation.graph.sampling import SurfaceSamples, distance_matrix, poisson_disk
-from enliven.deformation.graph.surface import Territories, between_nodes, net_of, territories, ways_from_nodes
+from enliven.deformation.graph.surface import (
+    VoronoiCells,
+    between_nodes,
+    net_of,
+    voronoi_cells,
+    ways_from_nodes,
+)
 from enliven.deformation.graph.weights import DETOUR, SLACK, blending_weights, carriers
 from enliven.document import Character, SkinWeights
 from enliven.errors import InputError
@@ -35,11 +41,11 @@ class DeformationGraph:
         normals: (N, 3) outward unit normals of the surface.
         faces: (N,) the face of the mesh that each node lies on.
         edges: (E, 2) int32, i < j, sorted.
-        rigid: (E,) the edges where E_rig acts: bridges, and where a part hangs by one cut vertex.
-        bridges: (E,) the edges whose removal parts the graph.
-        cut_vertices: (N,) the nodes whose removal parts the graph.
+        rigid: (E,) the edges where E_rig acts: bridges, and edges that join a part to a cut vertex.
+        bridges: (E,) true for an edge that, removed, splits the graph.
+        cut_vertices: (N,) true for a node that, removed, splits the graph.
         radius: metres, the R of the sampling.
-        land: whose land the surface is; None for a graph that was not built on a mesh.
+        cells: the nodes' Voronoi cells on the surface; None for a graph that was not built on a mesh.
     """
 
     positions: Float
@@ -50,7 +56,7 @@ class DeformationGraph:
     bridges: Bool
     cut_vertices: Bool
     radius: float
-    land: Territories | None = field(default=None, repr=False, compare=False)
+    cells: VoronoiCells | None = field(default=None, repr=False, compare=False)
 
     @staticmethod
     def build(mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None) -> DeformationGraph:
@@ -61,8 +67,8 @@ class DeformationGraph:
         - Nodes that are near only through the air are not linked: two nodes of one shell that are much
           farther apart along the surface (two legs), or of two shells that do not nearly touch.
         - Where the surface bends much, few nodes face the same way, and the four nearest under D may be a
-          metre away. Neighbours lie within 2.5 node spacings along the surface; who has fewer than four
-          such takes those that are nearest along the surface.
+          metre away. Neighbours lie within 2.5 node spacings along the surface; a node with fewer than four
+          of them takes those that are nearest along the surface.
         - The two faces of a part thinner than half a node spacing are linked, each node with the nearest
           one opposite, so that thin parts keep their thickness.
 
@@ -81,7 +87,7 @@ class DeformationGraph:
         welded = weld(mesh)
         samples = poisson_disk(mesh, nodes, radius, seed, welded)
         net = net_of(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
-        return _linked(samples, territories(net, samples.positions, samples.faces))
+        return _linked(samples, voronoi_cells(net, samples.positions, samples.faces))
 
     def skin(self, mesh: Mesh) -> SkinWeights:
         """Four nodes and weights for each vertex of the mesh that the graph was built on (or its refinement
@@ -96,18 +102,18 @@ class DeformationGraph:
                 mend="Use the mesh that the graph was built on.",
             )
         spacing = _mean_spacing(mesh.area, len(self.positions))
-        land = self.land
-        if land is None or land.net.mesh is not mesh:
-            land = territories(net_of(mesh, spacing), self.positions, self.faces)
-        ways = between_nodes(len(self.positions), land.borders, land.lengths)
+        cells = self.cells
+        if cells is None or cells.net.mesh is not mesh:
+            cells = voronoi_cells(net_of(mesh, spacing), self.positions, self.faces)
+        ways = between_nodes(len(self.positions), cells.borders, cells.lengths)
         followed = carriers(self.positions, ways, spacing)
         leaps = self.edges[np.isinf(ways[self.edges[:, 0], self.edges[:, 1]])]
-        near = ways_from_nodes(land, followed, leaps, spacing, _FAR * spacing)
-        return blending_weights(land.net, near, self.positions, spacing, NEIGHBOURS)
+        near = ways_from_nodes(cells, followed, leaps, spacing, _FAR * spacing)
+        return blending_weights(cells.net, near, self.positions, spacing, NEIGHBOURS)
 
 
 def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
-    """The mesh as a character whose transforms are the nodes of ``graph``."""
+    """The mesh as a character with the nodes of ``graph`` as its transforms."""
     return Character(
         id,
         mesh.vertices.astype(np.float32),
@@ -142,13 +148,13 @@ def _through(positions: Float, normals: Float, spacing: float) -> Bool:
     return np.asarray(behind & behind.T & (np.linalg.norm(way, axis=2) < 2 * spacing))
 
 
-def _linked(samples: SurfaceSamples, land: Territories) -> DeformationGraph:
+def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
     """The graph over ``samples``."""
     count = len(samples.positions)
-    spacing = _mean_spacing(land.net.mesh.area, count)
+    spacing = _mean_spacing(cells.net.mesh.area, count)
     apart = distance_matrix(samples)
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
-    ways = between_nodes(count, land.borders, land.lengths)
+    ways = between_nodes(count, cells.borders, cells.lengths)
     detours = _detours(samples.positions, ways, spacing)
     far = detours | (ways > _REACH * spacing)
     # What D cannot judge comes after all that it can, by the way along the surface.
@@ -166,7 +172,15 @@ def _linked(samples: SurfaceSamples, land: Territories) -> DeformationGraph:
     edges = np.unique(edges, axis=0).astype(np.int32)
     bridges, cuts, hanging = weak_edges(count, edges)
     return DeformationGraph(
-        samples.positions, samples.normals, samples.faces, edges, hanging, bridges, cuts, samples.radius, land
+        samples.positions,
+        samples.normals,
+        samples.faces,
+        edges,
+        hanging,
+        bridges,
+        cuts,
+        samples.radius,
+        cells,
     )
 
 

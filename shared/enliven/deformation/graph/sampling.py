@@ -12,6 +12,7 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 
 _DARTS_PER_NODE = 80
+"""Candidate points for each node: with so many, hardly any place is left where one more would fit."""
 _SMOOTH = 0.75
 """Least cosine between a vertex normal and its faces' normals where the surface counts as smooth."""
 
@@ -85,7 +86,7 @@ def poisson_disk(
     Dart throwing in a fixed random order over area-weighted candidates. With ``radius`` the number of points
     follows. Without, there are exactly ``nodes``: R starts at the paper's sqrt(A / N), which gives fewer
     points on a plane and more where the surface bends; it is bisected until the maximal pattern over the
-    same candidates has N points, or the fewest above N, of which those thrown last are left out.
+    same candidates has N points, or the fewest above N; the last ones drawn are then left out.
     ``welded`` is what :func:`enliven.meshes.mesh.weld` makes of the mesh, where it is known.
 
     Raises:
@@ -104,27 +105,27 @@ def poisson_disk(
     if radius is None:
         radius, chosen = _exactly(nodes, positions, normals, np.sqrt(area / nodes))
     else:
-        chosen = throw(positions, normals, radius)
+        chosen = throw_darts(positions, normals, radius)
     return SurfaceSamples(positions[chosen], normals[chosen], darts.faces[order][chosen], float(radius))
 
 
 def _exactly(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
-    """The largest radius found whose maximal pattern has at least ``count`` points, and ``count`` of them."""
+    """The largest radius found that gives ``count`` points or more, and ``count`` of its points."""
     low, high = radius, radius
-    chosen = throw(positions, normals, low)
+    chosen = throw_darts(positions, normals, low)
     while len(chosen) < count and low > 1e-9 * radius:
         high, low = low, low / 1.3
-        chosen = throw(positions, normals, low)
-    while low == high or len(throw(positions, normals, high)) > count:
+        chosen = throw_darts(positions, normals, low)
+    while low == high or len(throw_darts(positions, normals, high)) > count:
         low, high = high, high * 1.3
         if high > 1e3 * radius:
             break
-    chosen = throw(positions, normals, low)
+    chosen = throw_darts(positions, normals, low)
     for _ in range(24):
         if len(chosen) == count:
             break
         middle = (low + high) / 2
-        trial = throw(positions, normals, middle)
+        trial = throw_darts(positions, normals, middle)
         if len(trial) >= count:
             low, chosen = middle, trial
         else:
@@ -149,7 +150,7 @@ def distance(p, n_p, q, n_q):  # type: ignore[no-untyped-def]
     return np.sqrt(dx * dx + dy * dy + dz * dz + 8.0 * along * along) / facing
 
 
-def throw(positions: Float, normals: Float, radius: float) -> Int:
+def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
     """(K,) the candidates kept, in order: each that is no nearer than ``radius`` (D) to one kept before."""
     low = positions.min(0)
     # D >= the Euclidean distance, so a conflict lies in the same or a neighbouring cell of side R.
@@ -163,12 +164,12 @@ def throw(positions: Float, normals: Float, radius: float) -> Int:
     near = np.searchsorted(unique, unique[:, None] + steps)
     near = np.minimum(near, len(unique) - 1)
     near[unique[near] != unique[:, None] + steps] = -1
-    return np.asarray(_throw(positions, normals, cell.reshape(-1), near, radius))
+    return np.asarray(_throw_darts(positions, normals, cell.reshape(-1), near, radius))
 
 
 @njit(cache=True, nogil=True)
-def _throw(positions, normals, cell, near, radius):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`throw`: ``cell`` (M,) of each candidate, ``near`` (C, 27) cells around each cell."""
+def _throw_darts(positions, normals, cell, near, radius):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`throw_darts`: ``cell`` (M,) of each candidate, ``near`` (C, 27) cells around each."""
     head = np.full(near.shape[0], -1, np.int64)
     below = np.empty(positions.shape[0], np.int64)
     kept = np.empty(positions.shape[0], np.int64)

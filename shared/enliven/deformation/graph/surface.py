@@ -1,10 +1,10 @@
-"""Distances along a surface: how far nodes and vertices are from each other, and whose land is whose.
+"""Geodesic distances: shortest paths along a surface, and the Voronoi cells of a graph's nodes on it.
 
-Two legs may be near in space and far along the surface. Whoever links nodes, or lets vertices follow nodes,
-asks here first. Ways run over a *net*: the welded mesh's own edges where the mesh is coarse, halved until
-they are short enough; where it is fine, the vertices within one cell of a grid that hang together within it
-become one point of the net, so that a million vertices cost no more than ten thousand. Cells never join two
-sheets that meet elsewhere. The net also leads through thin parts, and across the seams between shells.
+Two legs may be near in space and far along the surface, so nodes are linked, and vertices follow nodes, by
+these distances. Paths run over a *net*. Where the mesh is coarse, the net is the welded mesh's edges, halved
+until they are short enough. Where it is fine, connected vertices within one cell of a grid become one point
+of the net, so that a million vertices cost no more than ten thousand; a cell never joins two sheets that meet
+elsewhere. The net also has links through thin parts, and across the seams between shells.
 """
 
 from __future__ import annotations
@@ -22,22 +22,24 @@ from enliven.deformation.graph.connectivity import components
 from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
 
 _MOST_VERTICES = 200_000
+"""Vertices of a halved mesh at most, unless the mesh itself has more: it bounds the net's memory and time."""
 _CELLS = 6
 """Cells of the net along one node spacing."""
 _LONGEST = 1 / 3
 """Edges are halved until they are shorter than this many node spacings."""
 _CROWDED = 20_000
+"""Points from which on a net is tested for being a triangle soup; a smaller one is cheap in any case."""
 _PIECES = 6
 """Pieces to a cell, in the mean, from which on a net of more than 20,000 points is a soup's."""
 _THIN = 1 / 2
 """Two points that lie behind each other are linked where they are nearer than this many spacings."""
 _SEAM = 1 / 2
-"""The same, for points of two shells one of which goes on where the other ends."""
+"""The same, for points of two shells where one continues the other."""
 _TOUCH = 1 / 10
 """The same, for points of two shells whichever way they face."""
 
 
-class Web(NamedTuple):
+class WeightedGraph(NamedTuple):
     """A weighted undirected graph over points.
 
     Attributes:
@@ -50,8 +52,8 @@ class Web(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Net:
-    """The points that ways along a surface run over.
+class SurfaceNet:
+    """A net: the points and links that paths along a surface run over.
 
     Attributes:
         mesh: the surface it stands for.
@@ -61,7 +63,7 @@ class Net:
         radii: (C,) metres, from each point to the farthest of its vertices.
         of_vertex: (V,) int32, the point that stands for each vertex of the mesh.
         shell: (C,) the number of the shell that each point is on.
-        web: along the surface, through thin parts, and across seams.
+        graph: along the surface, through thin parts, and across seams.
         label: (W,) int32, the point that stands for each vertex of the welded and cut mesh.
         faces: (G, 3) the faces of that mesh.
         origin: (G,) the mesh's face that each was cut from, ascending; None where none was cut.
@@ -74,14 +76,14 @@ class Net:
     radii: Float32
     of_vertex: Int32
     shell: Int
-    web: Web
+    graph: WeightedGraph
     label: Int32
     faces: Int32
     origin: Int | None
 
 
-def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> Net:
-    """The net of a mesh whose nodes will be about ``spacing`` metres apart.
+def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> SurfaceNet:
+    """The net of a mesh, for nodes about ``spacing`` metres apart.
 
     Args:
         mesh: any triangles.
@@ -103,8 +105,10 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
     normals /= np.where(length > 0, length, 1.0)
     shell = components(count, edges)
     links = _links(points, normals, shell, spacing)
-    web = _web(points, np.concatenate([edges, links]))
-    return Net(mesh, cell, points, normals, radii, label[welded_of], shell, web, label, faces, origin)
+    graph = _weighted(points, np.concatenate([edges, links]))
+    return SurfaceNet(
+        mesh, cell, points, normals, radii, label[welded_of], shell, graph, label, faces, origin
+    )
 
 
 def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
@@ -137,25 +141,25 @@ def _links(points: Float, normals: Float, shell: Int, spacing: float) -> Int32:
     )
 
 
-def _web(points: Float, edges: Int32) -> Web:
+def _weighted(points: Float, edges: Int32) -> WeightedGraph:
     """The edges with their straight lengths."""
-    return Web(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
+    return WeightedGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
 
 
 @dataclass(frozen=True)
-class Territories:
-    """The net with nodes in it, and who is near whom.
+class VoronoiCells:
+    """The Voronoi cells of nodes on a surface, by distances along its net.
 
     Attributes:
         net: the surface.
-        web: the net's edges, and those that tie the nodes in; node j is point C + j.
-        owner: (C,) the node that each point of the net is nearest to along the surface.
-        borders: (B, 2) pairs of nodes whose territories touch.
+        graph: the net's edges, and those that tie the nodes in; node j is point C + j.
+        owner: (C,) the node nearest to each point of the net, along the surface.
+        borders: (B, 2) pairs of nodes with adjacent cells.
         lengths: (B,) metres, the shortest way between the two across their border.
     """
 
-    net: Net
-    web: Web
+    net: SurfaceNet
+    graph: WeightedGraph
     owner: Int
     borders: Int
     lengths: Float
@@ -166,7 +170,7 @@ class Territories:
         return np.asarray(self.owner[self.net.of_vertex])
 
 
-def territories(net: Net, positions: Float, faces: Int32) -> Territories:
+def voronoi_cells(net: SurfaceNet, positions: Float, faces: Int32) -> VoronoiCells:
     """Split the surface between nodes by distance along it (a geodesic Voronoi diagram).
 
     A part without any node goes, as a whole, to the node that is nearest in space.
@@ -177,19 +181,19 @@ def territories(net: Net, positions: Float, faces: Int32) -> Territories:
         faces: (N,) the face of the mesh that each node lies on.
     """
     count = len(net.points)
-    web = _tied(net, positions, faces)
+    graph = _tied(net, positions, faces)
     sources = count + np.arange(len(positions))
-    lengths, owner = kernels.spread(*_adjacency(web, count + len(positions)), sources)
+    lengths, owner = kernels.spread(*_adjacency(graph, count + len(positions)), sources)
     owner = np.where(owner < 0, -1, owner - count)
-    ends = owner[web.edges]
+    ends = owner[graph.edges]
     crossing = (ends[:, 0] != ends[:, 1]) & (ends >= 0).all(1)
-    a, b = web.edges[crossing].T
-    borders, across = _shortest(ends[crossing], lengths[a] + web.lengths[crossing] + lengths[b])
-    return Territories(net, web, owner[:count], borders, across)
+    a, b = graph.edges[crossing].T
+    borders, across = _shortest(ends[crossing], lengths[a] + graph.lengths[crossing] + lengths[b])
+    return VoronoiCells(net, graph, owner[:count], borders, across)
 
 
-def _tied(net: Net, positions: Float, faces: Int32) -> Web:
-    """The net's web with each node tied to the corners of its face, and each part without a node to one."""
+def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> WeightedGraph:
+    """The net's graph with each node tied to the corners of its face, and each part without a node to one."""
     count = len(net.points)
     origin = np.arange(len(net.faces)) if net.origin is None else net.origin
     first, last = np.searchsorted(origin, faces), np.searchsorted(origin, faces, side="right")
@@ -197,11 +201,13 @@ def _tied(net: Net, positions: Float, faces: Int32) -> Web:
     inside = np.concatenate([net.faces[a:b].reshape(-1) for a, b in zip(first, last, strict=True)])
     corner = net.label[inside]
     ties = np.unique(np.stack([corner, count + node], 1), axis=0).astype(np.int32)
-    part = components(count + len(faces), np.concatenate([net.web.edges, ties]))
+    part = components(count + len(faces), np.concatenate([net.graph.edges, ties]))
     ties = np.concatenate([ties, _adoptions(net.points, part, positions)])
     ends = np.concatenate([net.points, positions])
     lengths = np.linalg.norm(ends[ties[:, 0]] - ends[ties[:, 1]], axis=1)
-    return Web(np.concatenate([net.web.edges, ties]), np.concatenate([net.web.lengths, lengths]))
+    return WeightedGraph(
+        np.concatenate([net.graph.edges, ties]), np.concatenate([net.graph.lengths, lengths])
+    )
 
 
 def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
@@ -219,16 +225,16 @@ def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
     return np.stack([orphans[order][first], count + nearest[order][first]], 1).astype(np.int32)
 
 
-def _adjacency(web: Web, count: int) -> tuple[Int, Int32, Float]:
+def _adjacency(graph: WeightedGraph, count: int) -> tuple[Int, Int32, Float]:
     """CSR neighbours of each point: offsets (count + 1,), neighbours and lengths (2 E,)."""
-    rows, columns = np.concatenate([web.edges, web.edges[:, ::-1]]).T
+    rows, columns = np.concatenate([graph.edges, graph.edges[:, ::-1]]).T
     order = np.argsort(rows, kind="stable")
     offsets = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
-    return offsets, columns[order], np.concatenate([web.lengths, web.lengths])[order]
+    return offsets, columns[order], np.concatenate([graph.lengths, graph.lengths])[order]
 
 
 def ways_from_nodes(
-    land: Territories, nodes: Int, joints: Int32, spacing: float, reach: float
+    cells: VoronoiCells, nodes: Int, joints: Int32, spacing: float, reach: float
 ) -> tuple[Int, Int32, Float]:
     """Which nodes lie within ``reach`` metres of each point of the net along the surface, and how far.
 
@@ -241,12 +247,12 @@ def ways_from_nodes(
     Returns:
         CSR over the points: offsets (C + 1,), nodes (K,) ascending at each point, and metres (K,).
     """
-    count = len(land.net.points)
-    web = Web(
-        np.concatenate([land.web.edges, (count + joints).astype(np.int32)]),
-        np.concatenate([land.web.lengths, np.full(len(joints), spacing)]),
+    count = len(cells.net.points)
+    graph = WeightedGraph(
+        np.concatenate([cells.graph.edges, (count + joints).astype(np.int32)]),
+        np.concatenate([cells.graph.lengths, np.full(len(joints), spacing)]),
     )
-    offsets, neighbours, lengths = _adjacency(web, int(web.edges.max(initial=0)) + 1)
+    offsets, neighbours, lengths = _adjacency(graph, int(graph.edges.max(initial=0)) + 1)
     while True:
         ends, which, metres = kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
         # Few nodes on a long thing may leave a point alone.
@@ -255,17 +261,17 @@ def ways_from_nodes(
         reach = 4 * reach if reach < 100 * spacing else np.inf
 
 
-def points_around(net: Net, reach: float) -> tuple[Int, Int32, Float]:
+def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
     """The points within ``reach`` metres along the net of each point, itself first, then the nearest.
 
     Returns:
         CSR: offsets (C + 1,), points (K,) and metres (K,).
     """
-    ends, points, metres = kernels.around(*_adjacency(net.web, len(net.points)), reach)
+    ends, points, metres = kernels.around(*_adjacency(net.graph, len(net.points)), reach)
     return ends, points, metres
 
 
-def members(net: Net) -> tuple[Int, Int32]:
+def members(net: SurfaceNet) -> tuple[Int, Int32]:
     """CSR: offsets (C + 1,) and the vertices of each point."""
     starts, order = kernels.by_label(net.of_vertex, len(net.points))
     return starts, order

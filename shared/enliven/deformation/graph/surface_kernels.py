@@ -30,7 +30,7 @@ def grid_cells(vertices, size):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def clusters(faces, cells):  # type: ignore[no-untyped-def]
-    """(V,) int32 the cluster of each vertex, and how many there are: what hangs together within a cell."""
+    """(V,) int32 the cluster of each vertex, and their count; a cluster is a connected part within a cell."""
     parent = np.arange(cells.shape[0]).astype(np.int32)
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -168,6 +168,7 @@ def grid(points: Float, size: float) -> tuple[Int, Int, Any]:
 
 
 _SHELLS = 3
+"""Links at most from a point to other shells: where shells only touch, one link would make a hinge."""
 
 
 @njit(cache=True, nogil=True)

@@ -23,22 +23,26 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.graph.surface import Net, members, points_around
+from enliven.deformation.graph.surface import SurfaceNet, members, points_around
 from enliven.document import SkinWeights
 from enliven.kernels import njit
 
-DETOUR, SLACK = 1.5, 0.5
-"""A way along the surface is a detour where it is longer than 1.5 times the straight way and half a node
-spacing."""
+DETOUR = 1.5
+"""Factor on the straight distance up to which a path along the surface is no detour: a curved surface alone
+makes paths longer."""
+SLACK = 0.5
+"""Node spacings by which it may be longer besides: paths over the net are that coarse."""
 _APART = 0.6
 """How many node spacings two nodes that carry vertices are apart at least."""
 _FARTHEST = 2.0
 """How many node spacings away a node has no weight any more, unless it is the nearest or nearly so."""
 _MEAN = 0.6
 """Node spacings, the radius of the surface around a point that its weights are the mean over."""
-_WIDTH, _REACH = 1.8, 2.7
-"""Cells of the net: a vertex takes its weights from the points that are as near as the first in space (more
-than a cell's diagonal, so its own is among them) and as the second along the surface."""
+_WIDTH = 1.8
+"""Cells of the net, in space: a vertex takes its weights from points nearer than this. It is more than a
+cell's diagonal, so that the vertex's own point is among them."""
+_REACH = 2.7
+"""Cells of the net, along the surface: the same; 1.5 times as far, as a path bends."""
 _AROUND = 64
 """Points at most that a vertex takes its weights from, the nearest to its own first."""
 _KEPT = 12
@@ -66,7 +70,7 @@ def carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> I
 
 
 def blending_weights(
-    net: Net, near: tuple[Int, Int32, Float], positions: Float, spacing: float, k: int = 4
+    net: SurfaceNet, near: tuple[Int, Int32, Float], positions: Float, spacing: float, k: int = 4
 ) -> SkinWeights:
     """Four nodes and weights for each vertex of the net's mesh, the largest first.
 
@@ -181,7 +185,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
                     table[b - first, place[j]] = shares[around[b], m]
         for m in range(some):
             place[union[m]] = -1
-        some = _hopeful(table, last - first, union, some, largest, who)
+        some = _drop_small_columns(table, last - first, union, some, largest, who)
         for i in range(starts[c], starts[c + 1]):
             v = order[i]
             mean[:some] = 0.0
@@ -212,10 +216,10 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
 
 
 @njit(cache=True, nogil=True)
-def _hopeful(table, rows, union, some, largest, who):  # type: ignore[no-untyped-def]
+def _drop_small_columns(table, rows, union, some, largest, who):  # type: ignore[no-untyped-def]
     """Keep the columns that may be among the largest of a mean of the rows; returns how many.
 
-    A column whose largest entry is below the smallest entries of k + 1 others never is.
+    A column is dropped where its largest entry is below the smallest entries of k + 1 others.
     """
     found = np.int64(0)
     for m in range(some):

@@ -1,14 +1,14 @@
 from .attachment import Attachment, AttachmentSettings, Growth, attach
-from .body_in_mesh import Likeness, likeness
-from .bone_cylinders import bone_rotations, filled
+from .body_in_mesh import BodyInMesh, find_body_in_mesh
+from .bone_cylinders import bone_rotations, filled_joints
 
 __all__ = [
     "Attachment",
     "AttachmentSettings",
+    "BodyInMesh",
     "Growth",
-    "Likeness",
     "attach",
     "bone_rotations",
-    "filled",
-    "likeness",
+    "filled_joints",
+    "find_body_in_mesh",
 ]

@@ -14,8 +14,8 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples, filled
-from enliven.deformation.possession.nearest_nodes import carried_back, nearest_facing
+from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples, filled_joints
+from enliven.deformation.possession.nearest_nodes import nearest_facing, to_rest_space
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.person import PARENTS, J, Joint, parts_named
@@ -25,7 +25,9 @@ _PARENT = np.array(PARENTS)
 _LIMBS = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
 """(20,) the trunk, the arms and the legs, by the joint that a bone ends at."""
 _ARMS = (1, 2)
+"""The numbers of the arms among those limbs."""
 _ON_PELVIS = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
+"""The joints with bones that begin at the pelvis."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +46,10 @@ class AttachmentSettings:
 
 @dataclass(frozen=True)
 class Growth:
-    """How far to reach where a body does not fit the mesh: limb by limb, each until enough of it holds.
+    """The longer reach of a body that does not fit the mesh: it grows limb by limb until enough bones hold.
 
-    An arm of somebody who holds with all that they have needs to reach nothing: where a mesh has no place
-    for arms, they would take hold of its flanks. The arms then reach as far as the whole needs.
+    Arms of a performer who holds the mesh with the whole body reach only as far as the whole body needs: in
+    a mesh without arms they would otherwise take hold of its flanks.
 
     Attributes:
         enough: share of the bones that must take hold before the reach stops growing.
@@ -138,7 +140,7 @@ class Attachment:
         """
         joints = checked_joints(joints)
         turns, _ = bone_rotations(self.rest, joints)
-        ends = filled(joints, filled(self.rest, self.rest))
+        ends = filled_joints(joints, filled_joints(self.rest, self.rest))
         out = np.empty((len(self), 3))
         _place(ends, turns, self.bone, self.along, self.radial, out)
         finite = np.asarray(np.isfinite(joints).all(1))
@@ -216,7 +218,7 @@ def attach(
     points = points[held]
     if deformed is not None:
         linear, positions = (np.ascontiguousarray(a, np.float64) for a in deformed)
-        points = carried_back(points, indices, weights, graph.positions, linear, positions)
+        points = to_rest_space(points, indices, weights, graph.positions, linear, positions)
     return Attachment(points, indices, weights, bone[held], along[held], radial[held], joints)
 
 

@@ -28,18 +28,20 @@ _LONG = 1.5
 _LEAN = 0.15
 """Share of the height by which a head is ahead of a body that is not upright."""
 _LEG = ((Joint.HIP_LEFT, 0.95), (Joint.KNEE_LEFT, 0.5), (Joint.ANKLE_LEFT, 0.12), (Joint.FOOT_LEFT, 0.0))
+"""Joints of a leg, and their share of the limb's length from its tip, about as in a person."""
 _ARM = (
     (Joint.SHOULDER_LEFT, 0.95),
     (Joint.ELBOW_LEFT, 0.5),
     (Joint.WRIST_LEFT, 0.15),
     (Joint.HAND_LEFT, 0.0),
 )
+"""The same of an arm."""
 _TO_RIGHT = 4
 """From a left joint's number to the right one's."""
 
 
 @dataclass(frozen=True)
-class Likeness:
+class BodyInMesh:
     """A person's skeleton within a mesh.
 
     Attributes:
@@ -60,7 +62,7 @@ class Likeness:
         return float(np.sum(ways) / 2)
 
 
-def likeness(graph: DeformationGraph) -> Likeness:
+def find_body_in_mesh(graph: DeformationGraph) -> BodyInMesh:
     """The skeleton of a person in the mesh of a graph, by its extremities."""
     limbs = _Limbs(graph.positions, *extremities(graph))
     floor, height = limbs.positions[:, 1].min(), np.ptp(limbs.positions[:, 1]) or 1.0
@@ -81,7 +83,7 @@ def likeness(graph: DeformationGraph) -> Likeness:
     _put(joints, limbs, _LEG, legs)
     _put(joints, limbs, _ARM, arms)
     _trunk(joints, limbs, heads, floor, height)
-    return Likeness(joints, yaw)
+    return BodyInMesh(joints, yaw)
 
 
 def extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
@@ -186,9 +188,9 @@ class _Limbs:
 def _front(limbs: _Limbs, heads: Int, feet: Int) -> float:
     """Radians about +Y from +Z to the front.
 
-    Of who stands on four feet or more and is long: along the length, where the head is. Of who stands on two:
-    across the line between the legs, to where the head is ahead of the body, or else the toes of the legs.
-    Of all others, and of who looks alike from both sides: +Z, or the side that is nearer to it.
+    For a long mesh on four feet or more: along its length, towards the head. For a mesh on two feet: across
+    the line between the legs, to the side of the head, or else of the toes. For all others, and where both
+    sides look alike: +Z, or the side nearer to it.
     """
     middle = limbs.positions.mean(0)
     head = limbs.at[heads].mean(0) - middle if len(heads) else np.zeros(3)

@@ -9,7 +9,8 @@ from enliven.kernels import njit
 from enliven.person import BONES, PARENTS, J, Joint
 
 _PARENT = np.array(PARENTS)
-_HIP, _CHEST = int(Joint.HIP_CENTER), int(Joint.SHOULDER_CENTER)
+_HIP = int(Joint.HIP_CENTER)
+_CHEST = int(Joint.SHOULDER_CENTER)
 # Arrays: tuples of ints would be types of their own, for which the kernels are compiled once each.
 _HIPS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
 _SHOULDERS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])
@@ -56,8 +57,8 @@ def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
     """
     turns = np.empty((len(BONES), 3, 3))
     axes = np.empty((len(BONES), 3, 3))
-    filled_rest = filled(rest, rest)
-    _rotations(filled_rest, filled(joints, filled_rest), turns, axes)
+    filled_rest = filled_joints(rest, rest)
+    _rotations(filled_rest, filled_joints(joints, filled_rest), turns, axes)
     return turns, axes
 
 
@@ -67,7 +68,7 @@ def known_bones(joints: Float) -> Bool:
     return np.asarray(finite[1:] & finite[_PARENT[1:]])
 
 
-def filled(joints: Float, rest: Float) -> Float:
+def filled_joints(joints: Float, rest: Float) -> Float:
     """(20, 3) the joints, each that is not finite placed as far from its parent as in ``rest``."""
     out = np.array(joints, np.float64)
     known = np.asarray(np.isfinite(out).all(1))

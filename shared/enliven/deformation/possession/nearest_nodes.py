@@ -1,4 +1,4 @@
-"""Which nodes are in reach of which samples: the inner loop of taking hold."""
+"""The nodes within reach of each bone's samples: the inner loop of possession."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _close_to_group(points, first, last, nodes, reach, centre, close):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def carried_back(points, indices, weights, pivots, linear, positions):  # type: ignore[no-untyped-def]
+def to_rest_space(points, indices, weights, pivots, linear, positions):  # type: ignore[no-untyped-def]
     """(L, 3) the rest-space points that lie at ``points`` (L, 3) now: each node's inverse map, blended.
 
     A node that is squashed flat is taken as unturned, so that the point stays finite.

@@ -2,7 +2,7 @@ from .bake import BakedSurface, bake_surface
 from .frames import SurfaceFrames, states_of
 from .maps import stretch_axes
 from .morphs import BakedMorphs, bake_morphs
-from .nodes import Net
+from .nodes import EdgeGraph
 from .settings import BakeError, BakeSettings
 
 __all__ = [
@@ -10,7 +10,7 @@ __all__ = [
     "BakeSettings",
     "BakedMorphs",
     "BakedSurface",
-    "Net",
+    "EdgeGraph",
     "SurfaceFrames",
     "bake_morphs",
     "bake_surface",

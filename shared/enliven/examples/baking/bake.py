@@ -1,4 +1,4 @@
-"""A surface that was solved, as one that moves by itself: transforms that vertices follow, at most four each.
+"""A solved surface becomes skinned: transforms over time, and at most four of them for each vertex.
 
     baked = bake_surface(mesh, frames, traits, held=[4711, 12])
     print(baked.error)
@@ -19,7 +19,7 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.document import SkinWeights
 from enliven.examples.baking.maps import Maps, add_errors
-from enliven.examples.baking.nodes import Net, Seeds
+from enliven.examples.baking.nodes import EdgeGraph, Seeds
 from enliven.examples.baking.settings import BakeError, BakeSettings
 from enliven.examples.baking.weights import fit_weights
 from enliven.meshes import Mesh, weld
@@ -31,8 +31,9 @@ _CHUNK = 16
 _AGAIN = 3
 """How often frames that were not fitted to and are too far off are taken in."""
 _MOST_MISSED = 16
+"""Frames taken in at once at most, the worst first; each is one more that every round fits."""
 _LAST = 5
-"""Rounds with maps as a glTF node can say them."""
+"""Rounds with maps that a glTF node can express: rotation, and scale along fixed axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,7 @@ def bake_surface(
     fit = _Fit(welded, wanted, [int(of[v]) for v in held], settings, shear)
     for _ in range(_AGAIN):
         fit.run()
-        missed = Missed(settings.worst * fit.size)
+        missed = WorstFrames(settings.worst * fit.size)
         linear, places, error = _measured(fit, frames, len(traits), first, missed)
         if not missed.frames or not fit.room:
             break
@@ -106,11 +107,11 @@ def farthest(traits: Float, count: int) -> Int:
     return np.sort(np.array(chosen))
 
 
-class Missed:
-    """The frames that are farthest off of those that are too far off.
+class WorstFrames:
+    """The worst of the frames that are off by more than the tolerance.
 
     Attributes:
-        most: metres that are not too far.
+        most: metres, the tolerance.
         frames: (V, 3) of each.
     """
 
@@ -122,14 +123,14 @@ class Missed:
     def frames(self) -> list[Float]:
         return [frame for _, frame in self._kept]
 
-    def see(self, worst: float, frame: Float) -> None:
-        """A frame whose farthest vertex is ``worst`` metres off."""
+    def record(self, worst: float, frame: Float) -> None:
+        """Record a frame with its farthest vertex ``worst`` metres off."""
         if worst > self.most:
             self._kept = sorted([*self._kept, (worst, frame)], key=lambda kept: -kept[0])[:_MOST_MISSED]
 
 
 class _Fit:
-    """The weights and maps as they get better.
+    """The weights and maps during the alternating fit.
 
     Attributes:
         indices, weights: (V, 4) of the welded mesh.
@@ -143,7 +144,7 @@ class _Fit:
         self._rest, self._wanted, self._settings, self._shear = mesh.vertices, wanted, settings, shear
         self._bound = False
         self.size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-        self._net = Net(mesh)
+        self._net = EdgeGraph(mesh)
         self._near = self._net.lengths.indices.astype(np.int64)
         self._starts = self._net.lengths.indptr.astype(np.int64)
         count = min(settings.nodes, len(mesh.vertices))
@@ -151,7 +152,7 @@ class _Fit:
         self._begin()
 
     def run(self) -> None:
-        """Fits, and adds transforms until it is good enough or there are as many as there may be.
+        """Fit, and add transforms, until the tolerance or the most transforms are reached.
 
         Maps are any affine ones until the surface is followed; what they are to be is asked of them last.
         """
@@ -190,7 +191,7 @@ class _Fit:
             self._better_maps()
 
     def _share(self) -> Float:
-        """(V,) each vertex's errors as a share of what is good enough; above 1 where it is not."""
+        """(V,) each vertex's error as a share of the tolerance; above 1 where it exceeds it."""
         settings, frames = self._settings, self._wanted.shape[1]
         squares, worst, _ = self.errors(self._found, self._wanted)
         whole = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)
@@ -199,7 +200,7 @@ class _Fit:
         return np.asarray(np.maximum(own, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
 
     def _begin(self) -> None:
-        """Each vertex follows the seed whose land it is on."""
+        """Let each vertex follow the seed nearest to it along the surface."""
         self.pivots = np.ascontiguousarray(self._rest[self.seeds.vertices])
         self._candidates = self.seeds.nearest(self._settings.candidates)
         self.indices = np.zeros((len(self._rest), 4), np.int32)
@@ -255,7 +256,7 @@ def _chunks(frames: Frames, first: Int) -> Iterator[Float]:
 
 
 def _measured(
-    fit: _Fit, frames: Frames, count: int, first: Int, missed: Missed
+    fit: _Fit, frames: Frames, count: int, first: Int, missed: WorstFrames
 ) -> tuple[Float, Float, BakeError]:
     """The transforms of all frames, and how far the surface is off."""
     linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
@@ -265,7 +266,7 @@ def _measured(
         squares, most, of_frame = fit.errors(maps, wanted)
         total += float(squares.sum())
         for number, off in enumerate(np.sqrt(of_frame)):
-            missed.see(float(off), wanted[:, number])
+            missed.record(float(off), wanted[:, number])
         if most.max() > worst:
             worst, frame, vertex = float(most.max()), at + int(of_frame.argmax()), int(first[most.argmax()])
         linear[at : at + len(maps)] = maps[:, :, :3].transpose(0, 1, 3, 2)

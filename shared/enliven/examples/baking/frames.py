@@ -1,4 +1,4 @@
-"""What a puppet does from one time to another, frame by frame, and where the whole is meanwhile."""
+"""A puppet's surface from one time to another, frame by frame, and its frame in the world."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from enliven.rotation import from_rotation_vector, multiply, rotate
 
 @dataclass(eq=False)
 class SurfaceFrames:
-    """The frames of a surface that control points carry; called, it goes through them, as often as asked.
+    """The frames of a surface that control points carry; each call iterates over all of them.
 
     Attributes:
-        puppet: whose surface it is.
+        puppet: the puppet with the surface.
         places: (F, P, 3) metres in the mesh's frame, the control points.
-        kept: MB; frames are solved once where all of them need no more, else each time.
+        kept: MB; frames are solved once where all of them fit into so much, else at each call.
     """
 
     puppet: Puppet

@@ -23,8 +23,11 @@ _PLACE = 1e-6
 _GLOBAL = 1e-3
 """Part of the whole surface's turn in that of each transform: it decides where the own surface is a line."""
 _SWEEPS = 4
-_LEAST, _MOST = 0.1, 10.0
-"""Bounds of a scale."""
+"""Passes over all transforms, each solved with the others held."""
+_LEAST = 0.1
+"""Least scale along an axis: a smaller one would flatten the part, and its inverse lose its digits."""
+_MOST = 10.0
+"""Greatest scale along an axis, the inverse of the least."""
 
 
 class Maps:

@@ -1,4 +1,4 @@
-"""A surface that was solved, as morph targets: shapes that are added up with weights of each frame.
+"""A solved surface as morph targets: shapes that are summed with the weights of each frame.
 
 The targets are the principal components of the frames that differ most, as many as a stated error needs.
 Turns of a part are no sums of shapes, so large ones need many targets; transforms
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.examples.baking.bake import Frames, Missed, farthest
+from enliven.examples.baking.bake import Frames, WorstFrames, farthest
 from enliven.examples.baking.settings import BakeError, BakeSettings
 from enliven.meshes import Mesh
 
@@ -51,7 +51,7 @@ def bake_morphs(
         shapes, spread = _components(moved, settings.targets)
         count = _needed(moved, shapes, settings, size)
         shapes, spread = shapes[:count], spread[:count]
-        missed = Missed(settings.worst * size)
+        missed = WorstFrames(settings.worst * size)
         weights, error = _measured(mesh, frames, len(traits), shapes, size, missed)
         if not missed.frames or count == settings.targets:
             break
@@ -85,7 +85,7 @@ def _seen(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
 
 
 def _components(moved: Float, most: int) -> tuple[Float, Float]:
-    """(N, 3 V) orthonormal rows that tell most of (C, 3 V), the most telling first, and (N,) their spread."""
+    """(N, 3 V) the principal components of (C, 3 V), the largest first, and (N,) their spread."""
     values, vectors = np.linalg.eigh(moved @ moved.T)
     order = np.argsort(values)[::-1][:most]
     order = order[values[order] > 1e-12 * max(float(values.max()), 1e-300)]
@@ -111,7 +111,7 @@ def _needed(moved: Float, shapes: Float, settings: BakeSettings, size: float) ->
 
 
 def _measured(
-    mesh: Mesh, frames: Frames, count: int, shapes: Float, size: float, missed: Missed
+    mesh: Mesh, frames: Frames, count: int, shapes: Float, size: float, missed: WorstFrames
 ) -> tuple[Float, BakeError]:
     """(F, N) weights of all frames, and how far the surface is off."""
     weights, total, worst, at, vertex = np.empty((count, len(shapes))), 0.0, 0.0, 0, 0
@@ -120,7 +120,7 @@ def _measured(
         weights[number] = shapes @ moved
         off = ((moved - weights[number] @ shapes).reshape(-1, 3) ** 2).sum(1)
         total += float(off.mean())
-        missed.see(float(np.sqrt(off.max())), vertices)
+        missed.record(float(np.sqrt(off.max())), vertices)
         if off.max() > worst:
             worst, at, vertex = float(off.max()), number, int(off.argmax())
     return weights, BakeError(float(np.sqrt(total / count)), float(np.sqrt(worst)), at, vertex, size)

@@ -13,7 +13,7 @@ from enliven.deformation.arap import surface_edges, virtual_edges
 from enliven.meshes import Mesh
 
 
-class Net:
+class EdgeGraph:
     """The edges of a welded mesh; shells are joined where they are nearest.
 
     Attributes:
@@ -45,7 +45,7 @@ class Seeds:
         away: (S, V) metres from each along the surface.
     """
 
-    def __init__(self, net: Net, held: Sequence[int], count: int) -> None:
+    def __init__(self, net: EdgeGraph, held: Sequence[int], count: int) -> None:
         self._net = net
         first = list(dict.fromkeys(held)) or [0]
         self.vertices, self.away = first, net.away(first)
@@ -55,7 +55,8 @@ class Seeds:
     def grow(self, scores: Float, count: int) -> int:
         """Adds up to ``count`` seeds, each at the vertex of the highest score (V,) that is left.
 
-        What is nearer to a new seed than half of its own way to the next is no longer asked for.
+        A vertex nearer to a new seed than half of the seed's distance to the next one is no longer a
+        candidate.
 
         Returns:
             How many were added.
@@ -78,7 +79,7 @@ class Seeds:
         return filled
 
     def edges(self) -> Int32:
-        """(E, 2) pairs of seeds whose lands touch."""
+        """(E, 2) pairs of seeds with adjacent Voronoi cells."""
         owner: Int = np.argmin(self.away, axis=0)
         pairs = np.sort(owner[self._net.edges], 1)
         return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).astype(np.int32).reshape(-1, 2)

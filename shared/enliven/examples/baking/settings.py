@@ -1,4 +1,4 @@
-"""How closely a puppet's surface is followed when it is baked, and how far off it is."""
+"""The settings of a bake, and its error."""
 
 from __future__ import annotations
 

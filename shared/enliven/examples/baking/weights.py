@@ -14,6 +14,7 @@ import numpy as np
 from enliven.kernels import njit
 
 _MOST = 4
+"""Transforms that a vertex follows at most: glTF's one set of joints, and the viewer's shader, have four."""
 
 
 @njit(cache=True, nogil=True)
@@ -87,9 +88,9 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def solve_bounded(gram, pull, smooth, there, free, room, found):  # type: ignore[no-untyped-def]
-    """Into ``found`` the weights, at most four above zero; false where there are none to be had.
+    """Fill ``found`` with the weights, at most four above zero; false where there is no solution.
 
-    What comes out below zero is let go of, the lowest first; then the smallest until four are left.
+    Weights below zero are dropped, the lowest first; then the smallest, until four are left.
     """
     scale = 0.0
     for c in range(there):
@@ -115,7 +116,7 @@ def solve_bounded(gram, pull, smooth, there, free, room, found):  # type: ignore
 
 @njit(cache=True, nogil=True)
 def _equal(gram, pull, smooth, least, there, free, room, found):  # type: ignore[no-untyped-def]
-    """The free weights (others 0) whose sum is one, by two solves with what is free."""
+    """The free weights with the sum one, the others 0, by two solves of the free part."""
     n = 0
     order = np.empty(there, np.int64)
     for c in range(there):

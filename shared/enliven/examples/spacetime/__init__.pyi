@@ -1,7 +1,7 @@
 from .anchoring import stand
 from .bounded import Nodes
 from .constraints import Conditions, conditions_of
-from .locomotion import Placed, check_switches, find_switches, locate, standing_feet
+from .locomotion import PlacedMotion, check_switches, find_switches, locate, standing_feet
 from .nearest import Nearest
 from .planting import planted
 from .spacetime import Solution, solve
@@ -10,7 +10,7 @@ __all__ = [
     "Conditions",
     "Nearest",
     "Nodes",
-    "Placed",
+    "PlacedMotion",
     "Solution",
     "check_switches",
     "conditions_of",

@@ -1,4 +1,4 @@
-"""Contact, frame by frame: who is the anchor, and where the mesh is so that it does not move."""
+"""Contact, frame by frame: the control point that is the anchor, and the root that keeps it in place."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _anchor(places, feet, stands, before, highest):  # type: ignore[no-untyped-def]
-    """Who is the anchor after ``before`` (-1: nobody) was: one that stands, as long as it does; else the
-    lowest, or the anchor before while it is not above ``highest``."""
+    """The next anchor after ``before`` (-1: none): a foot that stands, for as long as it does; else the
+    lowest foot, or the anchor before while it is not above ``highest``."""
     known = stands.any()
     best, height = -1, np.inf
     for k in range(len(feet)):

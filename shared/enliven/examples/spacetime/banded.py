@@ -1,4 +1,4 @@
-"""The spacetime system, solved as the band that it is: block LDL' of 3x3 blocks, two beside the diagonal.
+"""The spacetime system, solved by a band factor: block LDL' of 3x3 blocks, two beside the diagonal.
 
 The paper's system (eq. 24) has the weights of all frames as unknowns. Within each frame they are eliminated
 (``bounded``: c = base - give q), which leaves the accelerations y = lambda A c (eq. 20,
@@ -132,7 +132,7 @@ def _take(out, a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _inverted(d, out):  # type: ignore[no-untyped-def]
-    """``out`` = d^-1 of a symmetric d whose eigenvalues are one or more."""
+    """``out`` = d^-1 of a symmetric d with eigenvalues of one or more."""
     a, b, c = d[0, 0], 0.5 * (d[0, 1] + d[1, 0]), 0.5 * (d[0, 2] + d[2, 0])
     e, f, g = d[1, 1], 0.5 * (d[1, 2] + d[2, 1]), d[2, 2]
     out[0, 0], out[0, 1], out[0, 2] = e * g - f * f, c * f - b * g, b * f - c * e

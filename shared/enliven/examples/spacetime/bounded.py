@@ -54,7 +54,7 @@ class Nodes:
         return Nodes(matrix, right, reach, offset, slack, state, still, swing, base, give, least)
 
     def begin(self, slack: float) -> None:
-        """Nothing is held and nothing known."""
+        """Begin with no weight at its bounds and no known terms."""
         self.offset[:] = 0.0
         self.slack[:] = slack
         self.state[:] = 2
@@ -71,7 +71,7 @@ class Nodes:
         return int(changed), float(energy)
 
     def arrays_of(self, point: int) -> tuple[tuple[AnyArray, ...], tuple[AnyArray, ...]]:
-        """A point's arrays as kernels take them: what is given, and what they find."""
+        """A point's arrays as kernels take them: the inputs, and the results."""
         names = list(self.__dataclass_fields__)
         arrays = tuple(getattr(self, name)[point] for name in names)
         return arrays[:6], arrays[6:]
@@ -96,8 +96,8 @@ def respond(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def workspace(most):  # type: ignore[no-untyped-def]
-    """What :func:`answers` writes into: weights, what is asked of them (b - C q), the numbers of the free
-    ones, the factor of their part, and the states that are tried."""
+    """The arrays that :func:`answers` works in: weights, their right-hand sides (b - C q), the numbers of the
+    free ones, the factor of their part, and the states that are tried."""
     factor, trial = np.empty((most, most)), np.empty(most, np.int8)
     return np.empty(most), np.empty(most), np.empty(most, np.int64), factor, trial
 
@@ -238,7 +238,7 @@ def _fill(matrix, f, work, count, low, high):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _linear(node, known, f, qx, qy, qz, work):  # type: ignore[no-untyped-def]
-    """What is known of a node whose states, weights at a pull and factor are in ``work``."""
+    """The known terms of a node; its states, weights at a pull and factor are in ``work``."""
     matrix, right, reach, offset, slack, _ = node
     still, swing, base, give, least = known
     w, _, free, factor, state = work

@@ -1,12 +1,12 @@
-"""Hard constraints on trajectories (eq. 22, 23), and how they are made free of one another.
+"""Hard constraints on trajectories (eq. 22, 23), made independent of one another.
 
     Position("left foot", frame=10, place=(0, 0, 0.2))            # or axes="y" for its height alone
     Velocity("left foot", frame=11, velocity=(0, 0, 0))           # from the frame before to this one
     Coupling("left foot", "right foot", frame=30, axes="y")       # equal heights: a change of anchor
 
 Each says, axis by axis, that one coordinate has a value or that two differ by a value. So they are a forest:
-what hangs on a known value becomes known (and is eliminated node by node), what would close a circle is left
-out where it agrees and refused where it contradicts, and the others are independent.
+a coordinate tied to a known value becomes known (and is eliminated node by node); a constraint that would
+close a cycle is left out where it agrees and refused where it contradicts; the others are independent.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ _Link = tuple[Constraint, _Node, _Node | None, float]
 
 
 def _links(one: Constraint, examples: Examples, frames: int, step: float) -> Iterator[_Link]:
-    """What a constraint says of single coordinates: (it, a, b, value) for a - b = value, or a = value."""
+    """A constraint by single coordinates: (it, a, b, value) for a - b = value, or a = value."""
     _check(one, frames)
     p, f = examples.point(one.point), one.frame
     for axis in ("xyz".index(letter) for letter in one.axes):
@@ -138,7 +138,7 @@ class _Forest:
         return True
 
     def value(self, node: _Node) -> float | None:
-        """What a coordinate is, where that is known."""
+        """The value of a coordinate, where it is known."""
         root, value = self._root(node)
         return value if root is None else None
 

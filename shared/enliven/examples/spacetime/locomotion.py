@@ -25,8 +25,8 @@ from enliven.motion.contact import runs_of, touching
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """A mesh in the world.
+class PlacedMotion:
+    """The motion of a mesh's control points in the world.
 
     Attributes:
         world: (F, P, 3) metres, the control points; the floor is y = 0.
@@ -102,7 +102,7 @@ def locate(
     feet: Sequence[int],
     settings: LocomotionSettings | None = None,
     stands: Bool | None = None,
-) -> Placed:
+) -> PlacedMotion:
     """Puts control points into the world.
 
     Args:
@@ -127,7 +127,7 @@ def locate(
         way.fly(first)
         way.stand(first, last)
     way.fly(len(turned))
-    return Placed(turned + way.root[:, None], way.root, way.anchors, switches_of(way.anchors >= 0))
+    return PlacedMotion(turned + way.root[:, None], way.root, way.anchors, switches_of(way.anchors >= 0))
 
 
 class _Way:
@@ -171,7 +171,7 @@ class _Way:
         self._done = until
 
     def _land(self, start: int, until: int) -> None:
-        """Who comes to the floor before the performer does stands there from then on."""
+        """Where the mesh reaches the floor before the performer does, it stands there from then on."""
         under = np.flatnonzero(self.root[start:until, 1] < self._lowest[start:until])
         if len(under) == 0:
             return
@@ -193,7 +193,7 @@ class _Way:
 
 
 def check_switches(switches: Sequence[Switch], frames: int) -> None:
-    """That switches begin at frame 0, ascend, and are within ``frames``.
+    """Refuse switches that do not begin at frame 0, ascend, and lie within ``frames``.
 
     Raises:
         InputError: where they do not.

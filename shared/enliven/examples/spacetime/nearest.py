@@ -1,4 +1,4 @@
-"""What a pose says about a control point: the nearest examples and how well their weights explain it.
+"""The energy of a control point at a pose: the nearest examples, and how well their weights explain it.
 
 Of frame i and pair p, with the joint at j and the examples j_e nearest to it, the energy of weights w is
 
@@ -27,7 +27,7 @@ _LEAVING = 1e-6
 
 
 class Nearest:
-    """The poses (F, P, 3) of a motion, ready to be compared with the examples."""
+    """The poses (F, P, 3) of a motion, prepared for comparisons with the examples."""
 
     def __init__(self, examples: Examples, settings: ExampleSettings, poses: Float) -> None:
         size, middle = examples.source_size, examples.targets.mean(0)

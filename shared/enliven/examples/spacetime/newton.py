@@ -17,20 +17,21 @@ from enliven.kernels import copy_rows, njit
 _AROUND = 16
 """Rows of a window before and after where a piece changed."""
 _MOST_ROUNDS = 60
+"""Newton steps over all frames at most; each ends at once where no frame changes its quadratic piece."""
 _MOST_STEPS = np.int64(40)
-"""As a plain int it would be a type of its own, and so would a 0 or a 1 that is handed on as it is."""
+"""Newton steps in a window at most. As a plain int it would be a Numba type of its own (a literal)."""
 _HALVINGS = 20
+"""Halvings of a step at most: what is left is a millionth of it."""
 
 
 @njit(cache=True, nogil=True)
 def solve_point(node, known, weight, low, high, places):  # type: ignore[no-untyped-def]
     """Kernel: ``places`` (F, 3) of one point; returns how many block rows were factored.
 
-    ``node`` and ``known`` are the point's arrays (``answers``). What the
-    functions below are handed along: y (F - 2, 3), the accelerations times lambda; ``goal``, where a step
-    goes to; ``how``, (lambda, low, high); ``work``, the nodes' workspace; ``marks`` (F,), frames whose piece
-    changed; ``band``, room for the factor (inverse, one, two), a right-hand side (F - 2, 3, 1) and the pull
-    (F, 3).
+    ``node`` and ``known`` are the point's arrays (``answers``). The functions below share these: y (F - 2,
+    3), the accelerations times lambda; ``goal`` (F - 2, 3), the end of a Newton step; ``how``, (lambda, low,
+    high); ``work``, the nodes' workspace; ``marks`` (F,), frames that changed their quadratic piece;
+    ``band``, arrays for the factor (inverse, one, two), a right-hand side (F - 2, 3, 1) and the pull (F, 3).
     """
     frames = len(places)
     rows = max(frames - 2, 0)

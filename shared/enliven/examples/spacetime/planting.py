@@ -15,14 +15,14 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.document import LocomotionSettings
 from enliven.examples.performer import turned_about_y
-from enliven.examples.spacetime.locomotion import Placed
+from enliven.examples.spacetime.locomotion import PlacedMotion
 from enliven.motion.contact import hold, runs_of
 
 
 def planted(
     places: Float,
     yaw: Float,
-    placed: Placed,
+    placed: PlacedMotion,
     feet: Sequence[int],
     stands: Bool,
     step: float,

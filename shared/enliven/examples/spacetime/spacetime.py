@@ -26,7 +26,9 @@ from enliven.examples.spacetime.newton import solve_point
 from enliven.kernels import njit
 
 _MOST_STEPS = 60
+"""Newton steps at most; the last one changes no quadratic piece and is exact."""
 _SHORTEST = 1e-6
+"""Share of a Newton step at which the line search ends."""
 
 
 @dataclass(frozen=True, eq=False)

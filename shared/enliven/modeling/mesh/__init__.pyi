@@ -2,7 +2,7 @@ from .boolean_union import Union
 from .cut_loops import area
 from .cut_pieces import Piece
 from .cut_surfaces import CutSurface, StrokeCut
-from .joining import Surface, joined
+from .joining import SkinnedSurface, joined
 from .limb_ends import extremities
 from .mesh_cut import Cut, cut_across_bone, cut_by_stroke
 from .mesh_union import united
@@ -10,7 +10,7 @@ from .meshes import bone_maps, no_maps, numbers_in, parted, posed_vertices, with
 from .mirror_plane import plane_of_symmetry
 from .planar import refined, triangulated
 from .poisson_equation import SYMMETRIC_LU, poisson
-from .remesh import flipped, slid
+from .remesh import flipped, taubin_smoothed
 from .seam import SeamSettings, healed, smoothed
 
 __all__ = [
@@ -19,8 +19,8 @@ __all__ = [
     "CutSurface",
     "Piece",
     "SeamSettings",
+    "SkinnedSurface",
     "StrokeCut",
-    "Surface",
     "Union",
     "area",
     "bone_maps",
@@ -37,8 +37,8 @@ __all__ = [
     "poisson",
     "posed_vertices",
     "refined",
-    "slid",
     "smoothed",
+    "taubin_smoothed",
     "triangulated",
     "united",
     "with_piece",

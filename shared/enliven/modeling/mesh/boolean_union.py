@@ -1,4 +1,4 @@
-"""Two meshes from the library's union: what it kept put back to the bit, what is new traced and skinned."""
+"""The boolean union of two meshes: kept vertices stay to the bit, new ones are traced and skinned."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Union:
 
 
 @dataclass
-class Pair:
+class MeshPair:
     """Both meshes with their skins."""
 
     meshes: tuple[Mesh, Mesh]
@@ -64,17 +64,17 @@ class Pair:
         return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
 
     def traced(self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]) -> Union:
-        """The library's result with what it kept put back in order, to the bit."""
+        """The union from manifold3d's result, with kept vertices and faces in their order, to the bit."""
         sides = [Side(made, solid) for solid in solids]
         if any(len(side.triangles) == 0 for side in sides):
             return self.side_by_side("one lies inside of the other: joined as separate shells")
         if not any(side.lost or side.new for side in sides):
             return self.side_by_side("they do not meet: joined as separate shells")
-        return Fused(self, sides, made).union(notes)
+        return UnionBuilder(self, sides, made).union(notes)
 
 
 class Side:
-    """What the library's result holds of one of the two solids."""
+    """The part of manifold3d's result that comes from one of the two solids."""
 
     def __init__(self, made: manifold3d.Mesh64, solid: Solid) -> None:
         self.solid = solid
@@ -99,17 +99,17 @@ class Side:
         self.new = bool((~self.whole).any())
 
 
-class Fused:
+class UnionBuilder:
     """Puts one mesh together: kept vertices of both in their order, then the new ones."""
 
-    def __init__(self, pair: Pair, sides: list[Side], made: manifold3d.Mesh64) -> None:
+    def __init__(self, pair: MeshPair, sides: list[Side], made: manifold3d.Mesh64) -> None:
         self.pair, self.sides = pair, sides
         self.places = np.ascontiguousarray(np.asarray(made.vert_properties)[:, :3])
         self.meshes = [side.solid.mesh for side in sides]
         self.share = all(len(weld(mesh)[0].vertices) == len(mesh.vertices) for mesh in self.meshes)
 
     def union(self, notes: tuple[str, ...]) -> Union:
-        """The whole of it."""
+        """The union of both meshes, with its traces, skin and colours."""
         kept = [np.unique(side.old[side.old >= 0]) for side in self.sides]
         ends = np.cumsum([len(kept[0]), len(kept[1])])
         number = np.full(len(self.places), -1, np.int64)

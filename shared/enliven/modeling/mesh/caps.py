@@ -1,4 +1,4 @@
-"""Caps: what closes the loops of a cut, with points inside that take everything from the rim."""
+"""Caps: triangulations that close the loops of a cut; their inner points take their values from the rim."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from scipy.sparse.linalg import splu
 from enliven.arrays import Float, Int
 from enliven.modeling.mesh.cut_loops import area
 from enliven.modeling.mesh.planar import refined, triangulated
+from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU
 
-SYMMETRIC_LU = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}, "diag_pivot_thresh": 0.0}
 _GROWTH = 1.25
 """How much longer edges get with every ring towards the middle of a cap."""
 
 
-class Spread:
+class HarmonicInterpolation:
     """Harmonic interpolation from the first ``fixed`` points of a triangulation to the others.
 
     With cotangent weights it is exact for linear functions; Delaunay triangles make the weights positive, so
@@ -27,7 +27,7 @@ class Spread:
     def __init__(self, points: Float, triangles: Int, fixed: int) -> None:
         self.count = len(points) - fixed
         if self.count:
-            web = _web(points, triangles)
+            web = _cotangent_weights(points, triangles)
             own = np.asarray(web.sum(1)).ravel()
             self._rim = csr_matrix(web[fixed:, :fixed])
             self._factor = splu(csc_matrix(diags(own[fixed:]) - web[fixed:, fixed:]), **SYMMETRIC_LU)
@@ -51,7 +51,7 @@ class Cap:
 
     rim: Int
     faces: Int
-    inside: Spread
+    inside: HarmonicInterpolation
 
 
 def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
@@ -70,7 +70,7 @@ def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
     triangles = triangulated(points, numbers)
     if fine:
         points, triangles = refined(points, triangles, _sizes(points, numbers), growth=_GROWTH)
-    return Cap(rim, triangles, Spread(points, triangles, len(rim)))
+    return Cap(rim, triangles, HarmonicInterpolation(points, triangles, len(rim)))
 
 
 def _sizes(points: Float, loops: list[Int]) -> Float:
@@ -94,7 +94,7 @@ def flattened(points: Float) -> Float:
     return np.asarray(middle @ np.stack([across, np.cross(normal, across)]).T)
 
 
-def _web(points: Float, triangles: Int) -> csr_matrix:
+def _cotangent_weights(points: Float, triangles: Int) -> csr_matrix:
     """(P, P) the cotangent weights between points, none below zero."""
     count = len(points)
     a, b, c = (points[triangles[:, k]] for k in range(3))

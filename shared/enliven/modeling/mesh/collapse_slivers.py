@@ -13,7 +13,7 @@ _OLD = 0.5
 """The same for an edge to a vertex that must stay, of the above: the seam is drawn to it."""
 
 
-def tidied(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
+def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
     """The surface with fewer and better triangles at its new vertices.
 
     Args:
@@ -22,8 +22,8 @@ def tidied(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool
         new: (V,) those that may move, and go.
 
     Returns:
-        (V, 3) vertices of which only new ones have moved, (G, 3) faces, those without a new vertex first and
-        as they were, (V,) which vertices are still there, and (V,) which new ones were drawn into.
+        (V, 3) vertices, only new ones moved; (G, 3) faces, those without a new vertex first and unchanged;
+        (V,) true for vertices that are left; and (V,) true for new ones that others were contracted into.
     """
     touching: Bool = np.asarray(new[faces].any(1))
     near = faces[touching]
@@ -52,7 +52,7 @@ def _usual(vertices: Float, faces: Int32, new: Bool) -> float:
 
 
 class _Patch:
-    """A few faces with who is beside whom, for contractions one at a time."""
+    """A few faces with their adjacency, for contractions one at a time."""
 
     def __init__(self, vertices: Float, faces: Int, new: Bool) -> None:
         self.vertices, self.new = vertices, new

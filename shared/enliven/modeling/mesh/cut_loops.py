@@ -30,7 +30,7 @@ class Crossings:
 
 
 def crossings_of(faces: Int, far: Bool) -> Crossings:
-    """The crossed faces of (F, 3) ``faces`` whose vertices are partly ``far`` (V,)."""
+    """The crossed faces of ``faces`` (F, 3): some of their vertices, not all, are ``far`` (V,)."""
     side = far[faces]
     many = side.sum(1)
     crossed = np.flatnonzero((many == 1) | (many == 2))
@@ -91,7 +91,7 @@ def _walk(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) ->
 
 
 def joined(chains: list[tuple[Int, bool]], places: Float, gap: float) -> list[tuple[Int, bool]]:
-    """Open chains whose ends are near made one, and closed where they nearly close.
+    """The chains, with open ones joined where their ends are near, and closed where they nearly close.
 
     Args:
         places: (E, 2) where each edge is crossed, on the surface.

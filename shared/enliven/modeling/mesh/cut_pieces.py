@@ -9,8 +9,8 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.document import SkinWeights
 from enliven.meshes import Mesh
-from enliven.modeling.mesh.caps import Cap, Spread
-from enliven.modeling.mesh.cut_plan import Parting
+from enliven.modeling.mesh.caps import Cap, HarmonicInterpolation
+from enliven.modeling.mesh.cut_plan import CutPlan
 from enliven.modeling.skinning import skin_values as skins
 
 
@@ -31,7 +31,7 @@ class Piece:
     caps: int
 
 
-def piece_of(work: Parting, keeps: Bool, caps: list[Cap], far: bool) -> Piece:
+def piece_of(work: CutPlan, keeps: Bool, caps: list[Cap], far: bool) -> Piece:
     """The faces of one side, with its part of the split ones and its caps.
 
     Args:
@@ -44,7 +44,7 @@ def piece_of(work: Parting, keeps: Bool, caps: list[Cap], far: bool) -> Piece:
 class _Maker:
     """Puts one side together: kept vertices, new ones on crossed edges, then those inside of caps."""
 
-    def __init__(self, work: Parting, keeps: Bool, far: bool) -> None:
+    def __init__(self, work: CutPlan, keeps: Bool, far: bool) -> None:
         self.work, self.far = work, far
         self.mesh = work.mesh
         cut = np.isin(work.found.loops, work.chosen)
@@ -63,7 +63,7 @@ class _Maker:
         base = len(self.kept)
         doubled = len(self.work.rest) < len(self.mesh.vertices)
         cap_faces: list[Int] = []
-        insides: list[tuple[Int, Spread]] = []
+        insides: list[tuple[Int, HarmonicInterpolation]] = []
         count = base + len(sources)
         rim_of = np.full(len(self.work.found.edges), -1, np.int64)
         rim_of[edges[::-1]] = base + np.arange(len(edges))[::-1]
@@ -110,7 +110,7 @@ class _Maker:
         return np.concatenate([tips, quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]), unique, crossed[first]
 
     def _attributes(
-        self, sources: Int, edges: Int, insides: list[tuple[Int, Spread]], doubled: bool
+        self, sources: Int, edges: Int, insides: list[tuple[Int, HarmonicInterpolation]], doubled: bool
     ) -> tuple[Float, UInt8 | None, SkinWeights | None]:
         """Positions, colours and skin of all vertices."""
         work, mesh = self.work, self.mesh

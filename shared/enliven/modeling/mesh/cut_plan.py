@@ -1,4 +1,4 @@
-"""A cut in the making: which loops of a mesh are cut, what lies on which side, and the caps between."""
+"""The plan of a cut: the loops of a mesh that are cut, the side of each vertex, and the caps between."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.settings import setting
 
 _SIDES = ((0, 1), (1, 2), (2, 0))
+"""The corners of a triangle's three sides."""
 _ISLAND = 0.05
 """A part of the surface that weights alone would cut out stays, if it is smaller than this share of all on
 its side."""
@@ -48,8 +49,8 @@ class CutSettings:
 
 
 @dataclass
-class Parting:
-    """A cut in the making: topology on the welded mesh, the result on the mesh as it is."""
+class CutPlan:
+    """The plan of a cut: its topology is the welded mesh's, its result the given mesh's."""
 
     mesh: Mesh
     skin: SkinWeights | None
@@ -105,14 +106,14 @@ class Parting:
         values = self.values[self.first]
         far = values > 0
         same = [self.faces[far[self.faces[:, a]] == far[self.faces[:, b]]][:, [a, b]] for a, b in _SIDES]
-        part = hang_together(np.concatenate(same), len(values))
+        part = connected_parts(np.concatenate(same), len(values))
         size = np.bincount(part)
         of_side = np.array([(~far).sum(), far.sum()])[far.astype(np.int64)]
         small = size[part] < _ISLAND * of_side
         return np.asarray(np.where(small, -1e-9 * np.sign(values), values))
 
     def choose_all(self) -> None:
-        """Every loop there is."""
+        """Choose every loop."""
         self.chosen = np.arange(self.count)
         self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 
@@ -224,7 +225,7 @@ class Parting:
         for a, b in _SIDES:
             same = self.far[split[:, a]] == self.far[split[:, b]]
             links.append(split[same][:, [a, b]])
-        return hang_together(np.concatenate(links), len(self.rest))
+        return connected_parts(np.concatenate(links), len(self.rest))
 
     def _choose_another(self, part: Int, torn: Int) -> None:
         """Add the nearest loop through which the two sides still hang together."""
@@ -240,7 +241,7 @@ class Parting:
             self.notes.append(note)
 
     def _side_of(self, vertices: Int, part: Int, side: Int) -> int:
-        """Where a shell goes that was not cut: with the bones it follows, else with what is nearest."""
+        """The side of an uncut shell: that of the bones it follows, else of the nearest surface."""
         if self.loyal is not None:
             mean = float(self.loyal[np.isin(self.of, vertices)].mean())
             if abs(mean - 0.5) > 1e-3:
@@ -254,7 +255,7 @@ class Parting:
         """A cap for every shell that was cut, its rim as numbers of crossed edges."""
         cut = np.isin(self.found.loops, self.chosen)
         ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-        shell = hang_together(ends, len(self.rest))[self.faces[self.found.faces, 0]]
+        shell = connected_parts(ends, len(self.rest))[self.faces[self.found.faces, 0]]
         made = []
         for one in np.unique(shell[cut]):
             chains = chains_of(self.found.pairs[cut & (shell == one)])
@@ -282,7 +283,7 @@ class Parting:
             self.notes.append("some of it is open there and was left open")
 
 
-def hang_together(links: Int, count: int) -> Int:
+def connected_parts(links: Int, count: int) -> Int:
     """(count,) the number of the part that each hangs together with over (L, 2) links."""
     web = coo_matrix((np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), (count, count))
     return np.asarray(connected_components(web, directed=False)[1], np.int64)

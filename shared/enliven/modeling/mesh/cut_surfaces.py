@@ -1,4 +1,4 @@
-"""What a mesh is cut along: a plane, or a stroke on the screen swept along the view.
+"""Surfaces that cut a mesh: a plane, or a stroke on the screen swept along the view.
 
 A surface is a field over space, below zero on the one side and above on the other, and two coordinates on
 itself, in which the caps are triangulated.
@@ -16,7 +16,7 @@ from enliven.errors import InputError
 
 
 class CutSurface(Protocol):
-    """What :func:`enliven.modeling.mesh.mesh_cut.cut_mesh` needs to know of a surface."""
+    """The protocol of a surface that cuts a mesh."""
 
     def field(self, points: Float) -> Float:
         """(N,) how far each of the points (N, 3) is on the far side; below zero on the near side."""

@@ -1,7 +1,7 @@
-"""Flipping an edge of a triangulation: which triangles it has, and who is beside whom, afterwards.
+"""Edge flips in a triangulation, with its adjacency kept.
 
-``beside[t, k]`` is the triangle across the edge opposite to corner k of triangle t, -1 at a border. Whether a
-flip is legal, and better, is for the caller to know.
+``beside[t, k]`` is the triangle across the edge opposite to corner k of triangle t, -1 at a border. The
+caller decides whether a flip is legal, and better.
 """
 
 from __future__ import annotations

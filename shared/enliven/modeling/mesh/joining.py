@@ -1,9 +1,9 @@
-"""Two surfaces made one as they are seen at a moment, each keeping its rest away from the seam.
+"""Joins two surfaces in their poses at a moment; each keeps its rest away from the seam.
 
-The union is made where the two are at that moment, so what an artist sees is what is joined, whatever the
-two look like at rest. A vertex away from the seam keeps its rest position and weights to the bit. One at the
-seam is taken back to rest by the inverse of its own blended transform: at that moment it is where it was
-joined, and from then on it follows its weights.
+The union is made of the posed surfaces, so an artist joins what is visible, whatever the two look like at
+rest. A vertex away from the seam keeps its rest position and weights to the bit. A vertex at the seam is
+taken back to rest by the inverse of its own blended transform: at that moment it is where it was joined, and
+otherwise it follows its weights.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Heal = Callable[[Mesh, SkinWeights, Bool], tuple[Mesh, SkinWeights]]
 """What makes a surface smooth and its weights good around a seam (V,)."""
 
 
-class Surface(NamedTuple):
+class SkinnedSurface(NamedTuple):
     """A mesh at rest with its skin, and (V, 3) where its vertices are seen."""
 
     mesh: Mesh
@@ -34,7 +34,14 @@ class Surface(NamedTuple):
 
 
 def joined(
-    first: Surface, second: Surface, maps: Float, heal: Heal, *, loose: bool, notes: list[str], where: str
+    first: SkinnedSurface,
+    second: SkinnedSurface,
+    maps: Float,
+    heal: Heal,
+    *,
+    loose: bool,
+    notes: list[str],
+    where: str,
 ) -> tuple[Mesh, SkinWeights]:
     """One mesh at rest, and its skin.
 
@@ -83,7 +90,7 @@ def unposed(seen: Float, skin: SkinWeights, maps: Float) -> Float:
     return np.asarray(np.linalg.solve(blend[:, :, :3], (seen - blend[:, :, 3])[..., None])[..., 0])
 
 
-def _kept_rest(whole: Union, first: Surface, second: Surface) -> Float:
+def _kept_rest(whole: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
     """(V, 3) the rest of the vertices that were one in either mesh; the others as they are seen."""
     rest = whole.mesh.vertices.copy()
     ours, theirs = whole.first >= 0, (whole.second >= 0) & (whole.first < 0)

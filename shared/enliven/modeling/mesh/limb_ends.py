@@ -13,15 +13,17 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph import Net, net_of
+from enliven.deformation.graph import SurfaceNet, net_of
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import Mesh
 from enliven.union_find import root_of
 
 _NODES = 200
-"""The net has some forty points for each."""
+"""Nodes that the net is made for; it has some forty points for each."""
 _SOURCES = 32
+"""Points, far from each other, with paths to all others: a vertex at a limb's end is far from most of
+them."""
 _LEAST = 0.02
 """Part of the longest way along the mesh; ends that stand out less are none."""
 
@@ -95,10 +97,10 @@ def _peaks(offsets, neighbours, height, order):  # type: ignore[no-untyped-def]
     return tips[:size].copy(), over[tips[:size]]
 
 
-def _ways(net: Net) -> csr_matrix:
+def _ways(net: SurfaceNet) -> csr_matrix:
     """(C, C) the net's edges, its shells joined where they are nearest."""
     count = len(net.points)
-    rows, columns, lengths = net.web.edges[:, 0], net.web.edges[:, 1], net.web.lengths
+    rows, columns, lengths = net.graph.edges[:, 0], net.graph.edges[:, 1], net.graph.lengths
     while True:
         graph = csr_matrix((lengths, (rows, columns)), (count, count))
         graph = graph + graph.T

@@ -20,7 +20,7 @@ from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece, piece_of
-from enliven.modeling.mesh.cut_plan import CutSettings, Parting, hang_together
+from enliven.modeling.mesh.cut_plan import CutPlan, CutSettings, connected_parts
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.modeling.mesh.poisson_equation import poisson
 from enliven.modeling.skinning import skin_values as skins
@@ -30,7 +30,7 @@ __all__ = ["Cut", "CutSettings", "Piece", "cut_across_bone", "cut_by_stroke"]
 
 @dataclass(frozen=True)
 class Cut:
-    """Both sides, and what there is to say about how they came about."""
+    """Both sides of a cut, and sentences for the user about how they were made."""
 
     near: Piece
     far: Piece
@@ -69,7 +69,7 @@ def cut_across_bone(
     beyond[bone] = 0.5
     loyal = (beyond[skin.indices] * skin.weights).sum(1)
     own = np.where(skin.indices == bone, skin.weights, 0.0).sum(1, dtype=np.float64)
-    work = Parting(mesh, skin, surface, None, settings, loyal)
+    work = CutPlan(mesh, skin, surface, None, settings, loyal)
     work.choose_around(surface.flat(surface.point[None])[0], own, where)
     cut = _parted(work)
     beyond[bone] = 0.0
@@ -79,7 +79,7 @@ def cut_across_bone(
         return cut
     # A plane through a body's middle, as the bone to a hip asks for, would halve the body.
     along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
-    other = Parting(mesh, skin, surface, None, settings, loyal, ahead - behind + own * along)
+    other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + own * along)
     other.choose_all()
     by_skin = _parted(other) if other.count else cut
     if _belongs(by_skin, ahead, behind) <= _belongs(cut, ahead, behind):
@@ -124,12 +124,12 @@ def cut_by_stroke(
     Raises:
         InputError: where it passes through nothing.
     """
-    work = Parting(mesh, skin, surface, posed, settings or CutSettings(), None)
+    work = CutPlan(mesh, skin, surface, posed, settings or CutSettings(), None)
     work.choose_covered()
     return _parted(work)
 
 
-def _parted(work: Parting) -> Cut:
+def _parted(work: CutPlan) -> Cut:
     """Both pieces, once the chosen loops part the mesh."""
     side = work.sides()
     if not side.any() or side.all():
@@ -162,7 +162,7 @@ def rounded(piece: Piece, share: float) -> Piece:
 
 def outward_of(caps: Mesh) -> Float:
     """(V, 3) for each vertex the mean direction that the cap that it is on looks to."""
-    part = hang_together(caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2).astype(np.int64), len(caps.vertices))
+    part = connected_parts(caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2).astype(np.int64), len(caps.vertices))
     total = np.zeros((int(part.max()) + 1, 3))
     np.add.at(total, part[caps.faces[:, 0]], caps.face_vectors())
     return np.asarray((total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))[part])

@@ -18,8 +18,8 @@ import numpy as np
 
 from enliven.document import SkinWeights
 from enliven.meshes import Mesh, weld
-from enliven.modeling.mesh.boolean_union import Pair, Union, barycentric
-from enliven.modeling.mesh.collapse_slivers import tidied
+from enliven.modeling.mesh.boolean_union import MeshPair, Union, barycentric
+from enliven.modeling.mesh.collapse_slivers import without_slivers
 from enliven.modeling.mesh.seam import creased
 from enliven.modeling.mesh.solids import Solid, solid_of
 from enliven.modeling.skinning import skin_values as skins
@@ -44,7 +44,7 @@ def united(
             with doubled vertices are left as they are.
     """
     moved = SkinWeights((second_skin.indices + np.uint16(offset)).astype(np.uint16), second_skin.weights)
-    pair = Pair((first, second), (first_skin, moved))
+    pair = MeshPair((first, second), (first_skin, moved))
     solids = [solid_of(mesh) for mesh in pair.meshes]
     for solid, mesh in zip(solids, pair.meshes, strict=True):
         if isinstance(solid, str):
@@ -55,16 +55,16 @@ def united(
         return pair.side_by_side(f"the union failed ({both.status()}): joined as separate shells", True)
     notes = tuple(f"{s.mesh.name!r}: {note}" for s in (one, other) for note in s.notes)
     union = pair.traced((one, other), both.to_mesh64(), notes)
-    return _tidy(union) if tidy and union.fused else union
+    return _without_slivers(union) if tidy and union.fused else union
 
 
-def _tidy(union: Union) -> Union:
+def _without_slivers(union: Union) -> Union:
     """The union with the slivers at its new vertices taken out, where the seam creases."""
     new = creased(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
     # Where positions are there twice (flat-shaded meshes), moving one of them would open a crack.
     if not new.any() or len(weld(union.mesh)[0].vertices) < len(union.mesh.vertices):
         return union
-    vertices, faces, kept, drawn = tidied(union.mesh.vertices, union.mesh.faces, new)
+    vertices, faces, kept, drawn = without_slivers(union.mesh.vertices, union.mesh.faces, new)
     number = np.cumsum(kept) - 1
     colours = None if union.mesh.colours is None else union.mesh.colours[kept]
     mesh = Mesh(vertices[kept], number[faces].astype(np.int32), union.mesh.name, colours)

@@ -1,4 +1,4 @@
-"""Meshes that go with an edit of their skeleton: parted by a cut, united and healed by a merge."""
+"""Helpers for the mesh of an edited skeleton: posed vertices, bone numbers, and parts by bones."""
 
 from __future__ import annotations
 

@@ -19,10 +19,16 @@ from enliven.meshes import Mesh
 
 TOLERANCE = 0.012
 """Part of the mesh's size (its box's diagonal) that the image may miss the surface by, in the mean."""
-_FEW, _SOME, _MANY = 250, 1500, 6000
-"""Points for the first look at a candidate, for those that are left, and for the one that is taken."""
+_FEW = 250
+"""Points for the first test of each of some dozens of candidates."""
+_SOME = 1500
+"""Points for the candidates that are left."""
+_MANY = 6000
+"""Points for the planes that are left at last: their gap decides against the tolerance."""
 _DIRECTIONS = 40
+"""Normals to begin with, spread over the upper half of the sphere, some 23 degrees apart."""
 _KEPT = 5
+"""Different planes that the finer tests get."""
 _ALIKE = 0.98
 """Cosine between normals from which on two planes are one."""
 _FACING = 0.3
@@ -50,8 +56,8 @@ class _Found(NamedTuple):
 def plane_of_symmetry(mesh: Mesh) -> Plane | None:
     """The plane of symmetry, or None where the mirror image misses the surface by more than ``TOLERANCE``.
 
-    Where several planes hold (a box, a flat star), it is the upright one whose two sides are the largest: the
-    one between left and right.
+    Where several planes hold (a box, a flat star), it is the upright one with the mesh widest along its
+    normal: the one between left and right.
 
     Raises:
         InputError: for a mesh without area.

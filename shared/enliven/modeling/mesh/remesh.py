@@ -1,4 +1,4 @@
-"""A closed surface in even triangles: long edges halved, edges flipped to Delaunay, vertices slid."""
+"""A closed surface in even triangles: long edges halved, edges flipped to Delaunay, vertices smoothed."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.kernels import njit
 from enliven.modeling.mesh.flips import flip, slot
 
-_PASS, _BACK = 0.5, -0.53
-"""Taubin's two factors ("A signal processing approach to fair surface design", 1995): no shrinking."""
+_PASS = 0.5
+"""Taubin's factor lambda of smoothing ("A signal processing approach to fair surface design", 1995)."""
+_BACK = -0.53
+"""Taubin's factor mu: a step back, a little larger than the smoothing, keeps the surface from shrinking."""
 
 
 def flipped(vertices: Float, faces: Int32) -> Int32:
-    """(F, 3) faces with each edge flipped whose two opposite angles sum to more than a half turn."""
+    """(F, 3) faces with an edge flipped wherever its two opposite angles sum to more than 180 degrees."""
     out = faces.astype(np.int64)
     _flip_all(np.ascontiguousarray(vertices), out, _beside(out, len(vertices)))
     return out.astype(np.int32)
@@ -40,7 +42,7 @@ def _beside(faces, count):  # type: ignore[no-untyped-def]
     return out.reshape(-1, 3)
 
 
-def slid(vertices: Float, faces: Int32, times: int) -> Float:
+def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:
     """(V, 3) vertices between their neighbours: low frequencies stay, noise goes, triangles even out."""
     count = len(vertices)
     out = np.ascontiguousarray(vertices).copy()

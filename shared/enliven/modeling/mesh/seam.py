@@ -66,8 +66,8 @@ def healed(
     """The mesh and its skin with the seam smoothed and weighted anew.
 
     Args:
-        skeleton: whose bones the skin names, in the mesh's frame.
-        seam: (V,) where it is.
+        skeleton: the bones that the skin names, in the mesh's frame.
+        seam: (V,) true for its vertices.
     """
     smooth = smoothed(mesh, seam, settings)
     return smooth, reweighted(smooth, skin, skeleton, seam, settings)
@@ -109,14 +109,14 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     """(V, 3) positions that are smooth where ``free`` (V,), the others as they are.
 
     The mean curvature and the normals run harmonically from what is around into what is free, and the free
-    vertices take the positions whose Laplacians come nearest to them, none moved far (R. Schneider and L.
-    Kobbelt, "Geometric fairing of irregular meshes", 2001, in one linear step): a tube goes on as a tube, a
+    vertices take the positions with the Laplacians nearest to them, none moved far (R. Schneider and L.
+    Kobbelt, "Geometric fairing of irregular meshes", 2001, in one linear step): a tube continues as a tube, a
     plane as a plane.
     """
     welded, of = weld(mesh)
     loose = np.zeros(len(welded.vertices), bool)
     loose[of[free]] = True
-    web, lengths = _web(welded)
+    web, lengths = _neighbour_shares(welded)
     inner = np.flatnonzero(loose)
     # The Laplacians of free vertices and of their neighbours depend on what is free.
     rows = np.unique(np.concatenate([inner, web[inner].indices]))
@@ -142,7 +142,7 @@ def fair(mesh: Mesh, free: Bool) -> Float:
 
 
 def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
-    """(V, K) values with the unknown ones as smooth between the known as can be."""
+    """(V, K) values; the unknown ones interpolate the known ones harmonically."""
     out = values.copy()
     inner, known = np.flatnonzero(unknown), np.flatnonzero(~unknown)
     if len(inner) == 0 or len(known) == 0:
@@ -159,7 +159,7 @@ def _radius(points: Float) -> float:
     return float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
 
 
-def _web(welded: Mesh) -> tuple[csr_matrix, Float]:
+def _neighbour_shares(welded: Mesh) -> tuple[csr_matrix, Float]:
     """(V, V) for each vertex the shares of its neighbours, nearer ones more, rows sum to one; (V,) their mean
     distance in metres."""
     faces = welded.faces

@@ -1,4 +1,4 @@
-"""Meshes as manifold3d wants them: closed and oriented, mended where that is honest, every vertex traced."""
+"""Meshes as closed oriented solids for manifold3d, with every vertex traced; small holes are filled."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Int
 from enliven.meshes import Mesh, weld
-from enliven.modeling.mesh.caps import Spread, cap_of, flattened
+from enliven.modeling.mesh.caps import HarmonicInterpolation, cap_of, flattened
 from enliven.modeling.mesh.cut_loops import chains_of
 
 _OPEN = 0.25
@@ -31,7 +31,7 @@ class Solid:
 
     manifold: manifold3d.Manifold
     mesh: Mesh
-    closing: tuple[tuple[Int, Spread], ...]
+    closing: tuple[tuple[Int, HarmonicInterpolation], ...]
     faces: Int
     id: int
     notes: tuple[str, ...]
@@ -82,10 +82,10 @@ def _usable(welded: Mesh) -> Bool:
     return np.asarray(whole & once)
 
 
-def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, tuple[tuple[Int, Spread], ...], int | str]:
+def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, tuple[tuple[Int, HarmonicInterpolation], ...], int | str]:
     """The mesh with its holes filled, what the new points are made of, and how many holes there were; or why
     they are not filled."""
-    spreads: list[tuple[Int, Spread]] = []
+    spreads: list[tuple[Int, HarmonicInterpolation]] = []
     faces = of[mesh.faces]
     starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
     count = len(of)

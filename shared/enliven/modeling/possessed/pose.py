@@ -53,7 +53,7 @@ def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:
 
 
 def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
-    """What the wire and the viewer want to know."""
+    """The pose of a graph shape for the wire and the viewer."""
     linear, positions = graph_pose(project, shape, time)
     return Pose(shape.id, round(time * 1e9), linear.astype(np.float32), positions.astype(np.float32))
 

@@ -1,7 +1,7 @@
 """Surgery on possessed meshes: the deformation graph is cut and merged with its motion.
 
-A cut or merge changes which nodes there are and what carries them; the streams that were recorded never
-change. So nothing is lost: a chair that was possessed is cut in two, and both halves still walk.
+A cut or merge changes the set of nodes and their carriers, never the recorded streams. So nothing is lost: a
+possessed chair is cut in two, and both halves still walk.
 """
 
 from __future__ import annotations
@@ -13,7 +13,15 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import GraphPart, GraphShape, Project, Ride, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.modeling.mesh import CutSurface, Piece, SeamSettings, Surface, cut_by_stroke, joined, smoothed
+from enliven.modeling.mesh import (
+    CutSurface,
+    Piece,
+    SeamSettings,
+    SkinnedSurface,
+    cut_by_stroke,
+    joined,
+    smoothed,
+)
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.rotation import conjugate, from_matrix, multiply, normalized, rotate, to_matrix
 
@@ -30,7 +38,7 @@ def cut_graph(
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
-        notes: takes what there is to say of how the mesh was closed.
+        notes: takes sentences about how the mesh was closed.
 
     Returns:
         The project and the ids: the near side keeps ``shape_id``, the far side gets a new one.
@@ -69,11 +77,10 @@ def merge_graphs(
         node: of the host, to ride on; None takes the one that is nearest to the graft at ``time``.
         loose: where no union of the meshes can be made, put both shells into one mesh.
         seam: how the seam is smoothed.
-        notes: takes what there is to say of how the meshes were united.
+        notes: takes sentences about how the meshes were united.
 
     Raises:
-        InputError: for a shape merged with itself, a node that is not there, or meshes of which no union can
-            be made.
+        InputError: for a shape merged with itself, a node that is not there, or meshes without a union.
     """
     if host_id == graft_id:
         where = f"graph shape {host_id!r}"
@@ -94,8 +101,8 @@ def merge_graphs(
     )
     numbers = SkinWeights((graft.skin.indices + first).astype(np.uint16), graft.skin.weights)
     mesh, skin = joined(
-        Surface(host.mesh, host.skin, graph_vertices(host, *ours)),
-        Surface(moved.mesh, numbers, graph_vertices(graft, *theirs)),
+        SkinnedSurface(host.mesh, host.skin, graph_vertices(host, *ours)),
+        SkinnedSurface(moved.mesh, numbers, graph_vertices(graft, *theirs)),
         maps,
         lambda mesh, skin, where: (smoothed(mesh, where, seam), skin),
         loose=loose,

@@ -1,8 +1,8 @@
-"""Puppets baked to possessed meshes, which can be cut and merged with others (:mod:`graph_surgery`).
+"""Puppets baked to possessed meshes, which can be cut and merged (:mod:`enliven.modeling.possessed.surgery`).
 
     project, graph_id, error = bake_puppet(project, "cactus")
 
-What is kept is what the puppet does, within the stated error; what it was shown is not. Undo brings it back.
+The puppet's motion is kept within the stated error; its examples are not. Undo brings them back.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def baked(
     ids: tuple[str, str] | None = None,
     settings: BakeSettings | None = None,
 ) -> tuple[GraphShape, PoseStream, BakeError]:
-    """What a puppet does from ``start`` to ``end`` seconds, as nodes that a mesh follows.
+    """The motion of a puppet from ``start`` to ``end`` seconds, as nodes that a mesh follows.
 
     Args:
         end: None takes the end of the last of its layers.

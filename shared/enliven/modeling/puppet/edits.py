@@ -1,4 +1,4 @@
-"""Puppets made and shown what to do: pure edits, Project -> Project.
+"""Puppets made and given examples: pure edits, Project -> Project.
 
     project = make_puppet(project, mesh, "cactus")
     project = add_point(project, "cactus", 4711, "left arm", joint="LeftHand")

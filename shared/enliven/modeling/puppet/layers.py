@@ -1,4 +1,4 @@
-"""Layers of a puppet: the takes that it plays, and what is asked of them."""
+"""Layers of a puppet: the takes that it plays, with their time, weight and constraints."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _layer(puppet: Puppet, number: int) -> PuppetLayer:
 
 
 def _checked(project: Project, puppet: Puppet, layer: PuppetLayer) -> PuppetLayer:
-    """A layer that the puppet can play, as far as it can be told already."""
+    """The layer, checked as far as an unfinished puppet allows."""
     where = f"puppet {puppet.id!r}"
     if layer.take not in project.takes:
         mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."

@@ -33,10 +33,14 @@ from enliven.modeling.puppet.parts import (
 from enliven.rotation import nearest_rotation
 
 _SEAM = SeamSettings()
-_NEAR, _FEWEST = 0.08, 12
-"""The surface around a place: within this share of the puppet's size, and at least so many vertices."""
-_MOST, _TOLERANCE = 16, 0.01
-"""New control points at most, and how far off a key pose (share of the size) may be without."""
+_NEAR = 0.08
+"""Share of the puppet's size within which surface counts as around a place: about a limb's girth."""
+_FEWEST = 12
+"""Vertices around a place at least, on a mesh too coarse for ``_NEAR``: a rigid fit needs several."""
+_MOST = 16
+"""New control points at most: each is one more for the user to see and to drag."""
+_TOLERANCE = 0.01
+"""Share of the size that a key pose may be off before it gets one more control point."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class _Rigid:
 
     @property
     def back(self) -> _Rigid:
-        """What undoes it."""
+        """The inverse motion."""
         return _Rigid(self.turn.T, -self.turn.T @ self.move)
 
 
@@ -78,11 +82,10 @@ def merge_puppets(
         time: seconds of the project's time.
         loose: where no union of the meshes can be made, put both shells into one mesh.
         seam: how the seam is smoothed.
-        notes: takes what there is to say.
+        notes: takes sentences about how the meshes were united.
 
     Raises:
-        InputError: for a puppet merged with itself, one that is not there, or meshes of which no union can be
-            made.
+        InputError: for a puppet merged with itself, one that is not there, or meshes without a union.
     """
     if host_id == graft_id:
         where = f"puppet {host_id!r}"
@@ -141,7 +144,7 @@ class _Side:
         return _rigid(self.puppet.mesh.vertices[self._near], self.seen[self._near])
 
     def carried(self, key: int) -> _Rigid:
-        """What the surface around the place where they meet does from the time to a key pose."""
+        """The rigid motion of the surface around the meeting place, from the time to a key pose."""
         return _rigid(self.local[self._near], self.was[key][self._near])
 
     def _places(self, key: tuple[str, int]) -> Float:
@@ -207,9 +210,9 @@ class _Merge:
         return self._with([*points, *more.values()]).with_changes(layers=self._layers(ours, theirs))
 
     def _moved(self, puppet: Puppet, of: Int, taken: set[str], notes: list[str]) -> dict[str, ControlPoint]:
-        """The control points by their old name and after these the new ones, on the united mesh.
+        """The control points on the united mesh, by their old names; new ones come last.
 
-        One whose vertex went with the union sits on the nearest that is left.
+        A point moves to the nearest vertex that is left where the union removed its own.
         """
         left = np.flatnonzero(of >= 0)
         number = np.full(len(puppet.mesh.vertices), -1)
@@ -286,7 +289,7 @@ class _Merge:
 
 
 def _in_step(host: Puppet, graft: Puppet) -> bool:
-    """Whether what the graft does is said by the same frames as what the host does, so that it can ride."""
+    """Whether graft and host play the same frames of the same takes, so that the graft can ride."""
     played = [
         {(one.take, one.offset, one.speed, one.loop) for one in puppet.layers if not one.muted}
         for puppet in (host, graft)
@@ -308,7 +311,7 @@ def _united(
 
 
 def _none(puppet: Puppet) -> SkinWeights:
-    """A skin that says nothing."""
+    """A skin without any weights."""
     count = len(puppet.mesh.vertices)
     weights = np.zeros((count, 4), np.float32)
     weights[:, 0] = 1.0

@@ -1,4 +1,4 @@
-"""What surgery needs of a puppet: its surface in key poses and at a moment, key poses that it lacks."""
+"""Helpers of puppet surgery: the surface in key poses and at a moment, and missing key poses."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from enliven.examples import (
     seen_by,
     state_of,
 )
-from enliven.examples.baking import Net
+from enliven.examples.baking import EdgeGraph
 from enliven.meshes import Mesh, weld
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
 
 
 def surface_of_puppet(puppet: Puppet) -> PuppetSurface:
-    """What solves the puppet's surface."""
+    """The solver of the puppet's surface."""
     held, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
     return PuppetSurface(puppet.mesh, held, weights, puppet.surface)
 
@@ -63,9 +63,9 @@ def stood_as(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
 
 
 def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
-    """The puppet with what it does at a time as a key pose more, so that it does that again in its parts.
+    """The puppet with its pose at a time as one more key pose, so that its parts take that pose again.
 
-    As it is where several takes make the moment, or the key pose would be one that it has.
+    It is unchanged where several takes make the pose, or where it has that key pose.
     """
     layer = _leading(puppet)
     if layer is None or missing(project, puppet):
@@ -76,7 +76,7 @@ def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 
 
 def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
-    """The puppet with what a layer makes of a frame of its take as a key pose more, where it can be one."""
+    """The puppet with a layer's pose at a frame of its take as one more key pose, where it can be one."""
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     known = [
         frame_at(project.takes[pose.take], pose.time) for pose in puppet.poses if pose.take == layer.take
@@ -167,10 +167,10 @@ def _worst(vertices: Float, off: Float, tolerance: float, count: int) -> list[in
     return chosen
 
 
-def telling(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """The paired control points whose joints tell at least two of the key poses apart; all, where none does.
+def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
+    """The paired control points with joints in different places in two key poses or more; all, where none is.
 
-    A joint that is the performer's root is always at one place in the body's frame.
+    The performer's root is always at one place in the body frame, so its control point is left out.
     """
     paired = tuple(point for point in puppet.points if point.joint)
     sources = _sources(project, puppet)
@@ -182,17 +182,21 @@ def telling(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
     return tuple(point for point in paired if clear[names.index(point.name)]) or paired
 
 
-def told_apart(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
-    """The puppet without key poses that its own joints do not tell from an earlier one, and how many went."""
+def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
+    """The puppet without key poses with the same joints as an earlier one, and the number removed."""
     poses: list[KeyPose] = []
     for pose in puppet.poses:
         tried = puppet.with_changes(poses=(*poses, pose))
-        if len(poses) < 1 or not all(point.joint for point in puppet.points) or _tell(project, tried):
+        if (
+            len(poses) < 1
+            or not all(point.joint for point in puppet.points)
+            or _examples_differ(project, tried)
+        ):
             poses.append(pose)
     return puppet.with_changes(poses=tuple(poses)), len(puppet.poses) - len(poses)
 
 
-def _tell(project: Project, puppet: Puppet) -> bool:
+def _examples_differ(project: Project, puppet: Puppet) -> bool:
     try:
         examples_of(project, puppet)
     except InputError:
@@ -216,7 +220,7 @@ def nearest_paired(
     if not paired or not vertices:
         return [None] * len(vertices)
     welded, of = weld(mesh)
-    away = Net(welded).away([int(of[point.vertex]) for point in paired])
+    away = EdgeGraph(welded).away([int(of[point.vertex]) for point in paired])
     return [paired[int(np.argmin(away[:, of[vertex]]))] for vertex in vertices]
 
 
@@ -252,7 +256,7 @@ _STILL = 0.02
 
 
 def _leading(puppet: Puppet) -> PuppetLayer | None:
-    """The layer that says by itself where all control points are, or None."""
+    """The layer that alone places all control points, or None."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
     if not layers:
         return None

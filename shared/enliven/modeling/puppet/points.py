@@ -29,7 +29,7 @@ def add_point(
         name: unique on the puppet; empty to be given one.
         joint: of the performer, that it follows; empty for none yet.
         foot: whether the puppet can stand on it.
-        places: (n, 3) where it is in each key pose, for who has solved them already; None to solve them here.
+        places: (n, 3) metres, its solved place in each key pose; None solves them here.
 
     Raises:
         InputError: for a vertex that is not there, is held already or is in no face, or a name that is taken.
@@ -129,7 +129,7 @@ def surface_places(puppet: Puppet, vertex: int) -> Float:
 
 
 def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
-    """That what is to be changed is there to be changed."""
+    """Refuse names that are no attribute of the dataclass ``kind``."""
     known = [field.name for field in fields(kind)]
     for name in changes:
         if name not in known:

@@ -1,4 +1,4 @@
-"""Key poses of a puppet: what the performer's pose at a time means on the mesh."""
+"""Key poses of a puppet: a pose of the performer, and the control points' places on the mesh for it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
     """
     puppet = project.puppet(puppet_id)
     pose = _checked(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
-    return _told_apart(project, puppet.with_changes(poses=(*puppet.poses, pose)))
+    return _checked_to_differ(project, puppet.with_changes(poses=(*puppet.poses, pose)))
 
 
 def change_key_pose(project: Project, puppet_id: str, number: int, **changes: Any) -> Project:
@@ -42,7 +42,7 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
     old = _pose(puppet, number)
     check_names(changes, KeyPose, f"key pose {number}")
     pose = _checked(project, puppet, replace(old, **changes), number)
-    return _told_apart(project, _with_pose(puppet, number, pose))
+    return _checked_to_differ(project, _with_pose(puppet, number, pose))
 
 
 def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
@@ -57,7 +57,7 @@ def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
 
 
 def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
-    """A project with a key pose's places mirrored in the plane of symmetry: what the left did the right does.
+    """A project with a key pose's places mirrored in the plane of symmetry, left and right exchanged.
 
     The plane is the puppet's; where it has none, the mesh's.
 
@@ -78,7 +78,7 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
 
 
 def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Project:
-    """A project in which what is posed for the left is meant for the right too, or no longer.
+    """A project in which key poses of one side count for the other side too, or no longer.
 
     Control points that have no mirror image are named by :func:`enliven.examples.puppet_motion.missing`.
 
@@ -94,8 +94,8 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
     return project.with_puppets(puppet.with_changes(symmetry=plane))
 
 
-def _told_apart(project: Project, puppet: Puppet) -> Project:
-    """The project with the puppet, whose examples must differ as soon as they can be compared."""
+def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
+    """The project with the puppet; its examples must differ as soon as they can be compared."""
     made = project.with_puppets(puppet)
     if not missing(made, puppet):
         examples_of(made, puppet)

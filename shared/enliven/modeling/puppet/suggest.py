@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.document import Clip, Plane, Project, Skeleton, unused
 from enliven.errors import InputError
 from enliven.examples import guess_joints, partners_of, performed, reflected, suggest_poses
-from enliven.mapping import Limb, anatomy_of
+from enliven.mapping import SkeletonLimb, anatomy_of
 from enliven.meshes import Mesh
 from enliven.modeling.mesh import extremities, plane_of_symmetry
 from enliven.modeling.puppet.edits import make_puppet
@@ -29,7 +29,7 @@ _OFF = 0.1
 def suggested_puppet(
     project: Project, mesh: Mesh, take: str, puppet_id: str, points: int = 6, poses: int | None = None
 ) -> Project:
-    """A project with a puppet that lacks nothing but that its key poses are posed: they are all at rest.
+    """A project with a puppet that is complete but for its key poses, which are all at rest.
 
     Control points are at the extremities, and their mirror images where the mesh is symmetric; joints are
     guessed by side and height; key poses are those of the take that are farthest from one another.
@@ -40,7 +40,7 @@ def suggested_puppet(
         poses: how many key poses; None for as many as are enough.
 
     Raises:
-        InputError: for fewer than one point or two key poses, and for a take in which nobody moves.
+        InputError: for fewer than one point or two key poses, and for a take without any motion.
     """
     if points < 1 or (poses is not None and poses < 2):
         what = f"{points} control points and {poses} key poses are too few"
@@ -54,7 +54,7 @@ def suggested_puppet(
     partners = None if plane is None else _partners(rest, plane)
     joints = guess_joints(clip.skeleton, rest)
     if partners is not None:
-        joints = evened(clip.skeleton, joints, rest, partners)
+        joints = symmetric_joints(clip.skeleton, joints, rest, partners)
     for vertex, joint, foot in zip(vertices, joints, _feet(clip, joints, rest, mesh), strict=True):
         taken = {point.name: point for point in project.puppets[puppet_id].points}
         project = add_point(project, puppet_id, vertex, unused(joint, taken), joint, foot)
@@ -73,7 +73,7 @@ def _left_right(mesh: Mesh) -> Plane | None:
 
 
 def _with_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
-    """The vertices, and the mirror images of those that are nobody's mirror image nor their own."""
+    """The vertices, and the mirror images of those without a partner that are not on the plane."""
     used = np.unique(mesh.faces)
     rest = mesh.vertices[vertices]
     images = reflected(rest, np.array(plane.point), np.array(plane.normal))
@@ -99,15 +99,15 @@ def _partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
     return partners if any(other != own for own, other in enumerate(partners)) else None
 
 
-def evened(
+def symmetric_joints(
     skeleton: Skeleton, joints: Sequence[str], rest: Float, partners: Sequence[int]
 ) -> tuple[str, ...]:
-    """Joints so that mirror images follow the joints of both sides, and what is on the plane the middle.
+    """Joints made symmetric: mirror images follow the joints of both sides, points on the plane middle ones.
 
     Args:
         joints: (P,) as they were guessed one by one.
         rest: (P, 3) metres, the control points.
-        partners: (P,) who is whose mirror image.
+        partners: (P,) the mirror image of each, as a number.
     """
     anatomy, out = anatomy_of(skeleton), list(joints)
     sides = {
@@ -129,7 +129,7 @@ def evened(
     return tuple(out)
 
 
-def _own(limb: Limb) -> tuple[int, ...]:
+def _own(limb: SkeletonLimb) -> tuple[int, ...]:
     """The joints of a limb without the fork that it leaves."""
     return limb.chain[max(limb.start, 1) :]
 

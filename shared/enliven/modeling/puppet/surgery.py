@@ -17,6 +17,7 @@ from enliven.examples import in_world
 from enliven.modeling.mesh import CutSurface, Piece, cut_by_stroke
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import (
+    distinguishing_points,
     nearest_paired,
     points_needed,
     shown,
@@ -24,10 +25,9 @@ from enliven.modeling.puppet.parts import (
     state_at,
     stood_as,
     surface_of_puppet,
-    telling,
-    told_apart,
     unfolded,
     with_moment,
+    without_ambiguous_poses,
     without_points,
 )
 from enliven.settings import setting
@@ -37,7 +37,7 @@ __all__ = ["PuppetCutSettings", "cut_puppet", "merge_puppets"]
 
 @dataclass(frozen=True)
 class PuppetCutSettings:
-    """How closely the halves of a puppet are what they were."""
+    """How closely the halves of a puppet keep the shape and motion of the whole."""
 
     tolerance: float = setting(
         0.02,
@@ -107,7 +107,11 @@ class _Half:
         settings: PuppetCutSettings,
     ) -> None:
         self._whole, self._piece = whole, piece
-        self._project, self._settings, self._telling = project, settings, telling(project, self._whole)
+        self._project, self._settings, self._telling = (
+            project,
+            settings,
+            distinguishing_points(project, self._whole),
+        )
         self._old = piece.kept >= 0
         self._number = np.full(len(whole.mesh.vertices), -1)
         self._number[piece.kept[self._old]] = np.flatnonzero(self._old)
@@ -141,7 +145,7 @@ class _Half:
             if leader:
                 follow[point.name] = leader.name
         self._tell(name, len(added), worst, size, notes)
-        made, gone = told_apart(self._project, self._with(half, name, points))
+        made, gone = without_ambiguous_poses(self._project, self._with(half, name, points))
         if gone:
             notes.append(f"{name!r} has {gone} key poses less, which its own joints do not tell apart.")
         return made.with_changes(layers=self._layers(follow, {point.name for point in points}))

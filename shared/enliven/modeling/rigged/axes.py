@@ -1,4 +1,4 @@
-"""Turned and mirrored axes of rest: what a rest pose, a rotation, a span and a layer become in them."""
+"""Turned and mirrored axes of rest, and the change of rest poses, rotations, spans and layers to them."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Axes:
         return multiply(multiply(self.turn, q), conjugate(self.turn))
 
     def layer(self, layer: Layer) -> Layer:
-        """The layer whose turns are L (those of ``layer``) L^-1 at every time, and its displacements L d."""
+        """The layer with the turns L q L^-1, for ``layer``'s turns q, and the displacements L d."""
         basis = layer.basis * _MIRRORED if self.mirrored else layer.basis
         basis = normalized(multiply(self.turn, basis))
         return replace(layer, basis=basis, mirrored=layer.mirrored != self.mirrored)
@@ -81,7 +81,7 @@ class Axes:
 def layers_in(project: Project, shape: Shape, axes: Axes) -> tuple[Project, dict[str, str]]:
     """The project with the layers of a shape in new axes, and the new id of each.
 
-    A layer that no other shape uses keeps its id; the others are copied, and stay for those who use them.
+    A layer that no other shape uses keeps its id; the others are copied, and stay for the other shapes.
     """
     used = layers_of(shape)
     if axes.same or not used:

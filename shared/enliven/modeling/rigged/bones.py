@@ -49,7 +49,7 @@ def skeleton_of_bones(bones: Sequence[Bone]) -> Skeleton:
 
 
 def rebuilt(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
-    """The shape with other bones, and with what else is named changed; a pin goes with its joints."""
+    """The shape with other bones and other changed attributes; a pin goes with its joints."""
     modeling = np.array([bone.modeling for bone in bones])
     spans = tuple(bone.spans for bone in bones)
     names = {bone.name for bone in bones}

@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.modeling.rigged.axes import Axes, layers_in
 from enliven.modeling.rigged.bones import bones_of, rebuilt
 from enliven.modeling.rigged.pasting import checked_shift, with_takes_of
-from enliven.modeling.rigged.posed import as_far
+from enliven.modeling.rigged.posed import with_travel_kept
 from enliven.motion.layers import layers_of, without_idle_layers
 from enliven.rotation import IDENTITY, normalized
 
@@ -97,7 +97,7 @@ def mirror_shape(project: Project, shape_id: str, normal: AnyArray) -> Project:
         mesh = replace(mesh, vertices=vertices, faces=mesh.faces[:, ::-1])
     travel = ids.get(shape.travel, None) if shape.travel else None
     mirrored = rebuilt(shape, bones, mesh=mesh, travel=travel)
-    return project.with_shapes(as_far(project, shape, mirrored))
+    return project.with_shapes(with_travel_kept(project, shape, mirrored))
 
 
 def scale_shape(project: Project, shape_id: str, factor: float) -> Project:

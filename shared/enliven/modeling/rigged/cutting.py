@@ -1,4 +1,4 @@
-"""A shape cut in two at a moment: nothing turns or moves then, and both go on moving (AniMesh, section 6)."""
+"""Cuts a shape in two at a moment: nothing moves then, and both keep moving (AniMesh, section 6)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.errors import InputError
 from enliven.modeling.mesh import Cut, cut_across_bone, numbers_in, with_piece
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.nodes import divided, insert_node, new_name
-from enliven.modeling.rigged.posed import as_far, held_at, own_turn, posed
+from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_kept
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
 _END = 1e-9
@@ -26,7 +26,7 @@ def cut_bone(
     name: str | None = None,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, str]]:
-    """A shape becomes two: one with its root, and one of what hangs below the cut.
+    """A shape becomes two: one with its root, and one with the joints below the cut.
 
     The bone is split as by a node, so each part of it gets its part of the motion. The difference to what the
     whole bone had turned at ``time`` goes into the modeling rotations (AniMesh, section 6, Figure 7): m_new =
@@ -46,7 +46,7 @@ def cut_bone(
             the shape cut there, so that a merge in the rest pose makes it whole.
         name: of the joint at the cut, the same in both shapes; None makes one up. At an end it is the
             joint's own.
-        notes: takes what there is to say of how the mesh was closed.
+        notes: takes sentences about how the mesh was closed.
 
     Returns:
         The project and the ids of the two: the upper keeps ``shape_id``, the lower gets a new one. Takes and
@@ -93,7 +93,7 @@ def parted_at(
     _refuse_bare(shape, upper, lower)
     lower[0] = Bone(lower[0].name, "", lower[0].rest, turns[above], STILL)
     place = place - lower[0].rest
-    first = as_far(project, shape, rebuilt(shape, upper))
+    first = with_travel_kept(project, shape, rebuilt(shape, upper))
     if shape.pins:
         first = held_at(project, first, shape, turns, time)
     second = rebuilt(shape, lower, id=lower_id, place=place, travel=None, travel_scale=None)
@@ -118,7 +118,7 @@ Halves = tuple[list[Bone], list[Bone]]
 
 
 def _at_begin(shape: Shape, j: int) -> Halves:
-    """The bones without bone j and what hangs on it, and those."""
+    """The bones without bone j and its descendants, and these."""
     bones = bones_of(shape)
     off = set(shape.skeleton.below(j))
     lower = [bone for i, bone in enumerate(bones) if i in off]
@@ -126,7 +126,7 @@ def _at_begin(shape: Shape, j: int) -> Halves:
 
 
 def _at_end(shape: Shape, j: int) -> Halves:
-    """The bones down to joint j, and what hangs on it."""
+    """The bones down to joint j, and its descendants."""
     bones = bones_of(shape)
     off = set(shape.skeleton.below(j)) - {j}
     lower = [bone for i, bone in enumerate(bones) if i in off]

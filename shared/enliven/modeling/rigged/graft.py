@@ -44,7 +44,7 @@ def grafted(
 
 
 def _after(root: Bone, bone: Bone) -> Bone:
-    """A bone that leaves a root, with the root's turn before its own: D_b = m_0 a_0 m_b a_b in one bone."""
+    """A bone of a root's child that includes the root's turn: D_b = m_0 a_0 m_b a_b in one bone."""
     if not moves(root.spans):
         fixed = multiply(root.modeling, before(root.spans))
         return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))

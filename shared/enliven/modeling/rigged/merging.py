@@ -10,12 +10,20 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import Pin, Project, Shape, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import SeamSettings, Surface, bone_maps, healed, joined, no_maps, posed_vertices
+from enliven.modeling.mesh import (
+    SeamSettings,
+    SkinnedSurface,
+    bone_maps,
+    healed,
+    joined,
+    no_maps,
+    posed_vertices,
+)
 from enliven.modeling.rigged.axes import Axes, layers_in, moved_mesh
 from enliven.modeling.rigged.bones import bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.graft import grafted, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
-from enliven.modeling.rigged.posed import as_far, posed
+from enliven.modeling.rigged.posed import posed, with_travel_kept
 from enliven.modeling.skinning import renumbered
 from enliven.motion.layers import without_idle_layers
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
@@ -37,7 +45,7 @@ def merge(
     seam: SeamSettings = _SEAM,
     notes: list[str] | None = None,
 ) -> tuple[Project, dict[str, str]]:
-    """The root of a shape put onto a node of another; the two are one shape from then on.
+    """A project with a shape's root joined to a node of another; the two are one shape.
 
     The shape comes to the node without turning: at ``time`` every bone of both keeps its world turn, and the
     joints of the graft keep their places where its root was at the node (elsewhere it is moved there). From
@@ -63,7 +71,7 @@ def merge(
             node leaves the bone in line at every time, so that the host moves as before.
         loose: where no union can be made (a mesh is no solid), put both shells into one mesh.
         seam: how the seam is healed.
-        notes: takes what there is to say of how the meshes were united.
+        notes: takes sentences about how the meshes were united.
 
     Returns:
         The project, without the grafted shape, and the new name of each of its joints but the root, which
@@ -92,7 +100,7 @@ def merge(
     bones, names = grafted(host, j, graft, world, axes, layers)
     pins = (*host.pins, *_pins(graft, names))
     merged = rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None, pins=pins)
-    merged = as_far(edited, host, merged)
+    merged = with_travel_kept(edited, host, merged)
     surfaces = _surface(host, ours, spots, time), _surface(graft, theirs, places + spots[j] - places[0], time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
     moved = _put(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
@@ -104,29 +112,29 @@ def merge(
     return without_idle_layers(done, edited, graft_id), names
 
 
-def _surface(shape: Shape, turns: Float, joints: Float, time: float | None) -> Surface | None:
+def _surface(shape: Shape, turns: Float, joints: Float, time: float | None) -> SkinnedSurface | None:
     """The shape's mesh and where it is seen: at a time as posed, in the rest pose as it is."""
     if shape.mesh is None or shape.skin is None:
         return None
     seen = shape.mesh.vertices if time is None else posed_vertices(shape, turns, joints)
-    return Surface(shape.mesh, shape.skin, seen)
+    return SkinnedSurface(shape.mesh, shape.skin, seen)
 
 
 def _put(
-    surface: Surface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
-) -> Surface | None:
+    surface: SkinnedSurface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
+) -> SkinnedSurface | None:
     """The graft's surface with its rest at the node in the host's axes, and its bones' new numbers."""
     if surface is None:
         return None
     mesh = moved_mesh(surface.mesh, graft.skeleton.positions[0], axes, node)
     seen = mesh.vertices if time is None else surface.seen
-    return Surface(mesh, renumbered(surface.skin, numbers), seen)
+    return SkinnedSurface(mesh, renumbered(surface.skin, numbers), seen)
 
 
 def _one_surface(
     merged: Shape,
-    host: Surface | None,
-    graft: Surface | None,
+    host: SkinnedSurface | None,
+    graft: SkinnedSurface | None,
     then: tuple[Float, Float] | None,
     loose: bool,
     seam: SeamSettings,
@@ -151,7 +159,7 @@ def _pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
 
 
 def _exact(turn: Float) -> Float:
-    """The rotation; exactly the identity where it is that but for rounding: layers then stay as they are."""
+    """The rotation; exactly the identity where it differs by rounding only: layers then stay unchanged."""
     turn = normalized(turn)
     return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn
 

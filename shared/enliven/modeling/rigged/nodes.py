@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.document import STILL, Project, Shape, SkinWeights, unused
 from enliven.errors import InputError
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, numbers_of, rebuilt
-from enliven.modeling.rigged.posed import as_far
+from enliven.modeling.rigged.posed import with_travel_kept
 from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, split_spans
 from enliven.modeling.skinning import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
 from enliven.rotation import IDENTITY, multiply
@@ -114,7 +114,7 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
         if bone.name != gone.name
     ]
     kept = rebuilt(shape, bones, skin=_skin_without(shape, j, bones))
-    return project.with_shapes(as_far(project, shape, kept))
+    return project.with_shapes(with_travel_kept(project, shape, kept))
 
 
 def _joined(upper: Bone, lower: Bone, shape: Shape) -> Bone:

@@ -1,4 +1,4 @@
-"""What copying and moving have in common, whatever is copied or moved: takes that come along, and numbers."""
+"""Helpers of all copies and moves: the takes that come along, and checks of offsets, turns and delays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A shape at one moment, as every edit sees it."""
+"""The pose of a shape at one moment, for the edits."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def as_modeled(shape: Shape) -> tuple[Float, Float]:
     return turns, positions
 
 
-def as_far(project: Project, old: Shape, new: Shape) -> Shape:
-    """The edited shape, travelling as far as before: what an edit does to its height shortens no stride."""
+def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
+    """The edited shape with the travel scale of before: its strides stay, though its height has changed."""
     if new.travel is None:
         return new
     clip = project.takes[project.layers[new.travel].take]
@@ -51,9 +51,9 @@ def as_far(project: Project, old: Shape, new: Shape) -> Shape:
 
 
 def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: float | None) -> Shape:
-    """A part of a shape with the world turns of the whole at ``time`` where a pin that held it is gone.
+    """A part of a shape that lost a pin, with the world turns of the whole at ``time``.
 
-    What the pin had turned goes into the modeling rotations.
+    The turns that the pin made go into the modeling rotations.
 
     Args:
         turns: (N, 4) the world turns of the whole.
@@ -72,7 +72,7 @@ def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: flo
 
 
 def own_turn(turns: Float, shape: Shape, j: int) -> Float:
-    """(4,) the animation rotation a_j in the pose whose world turns are ``turns``: (D_parent m_j)^-1 D_j."""
+    """(4,) the animation rotation a_j = (D_parent m_j)^-1 D_j in a pose with the world turns ``turns``."""
     parent = int(shape.skeleton.parents[j])
     modeled = shape.modeling[j] if parent < 0 else multiply(turns[parent], shape.modeling[j])
     return multiply(conjugate(modeled), turns[j])

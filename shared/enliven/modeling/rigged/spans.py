@@ -1,4 +1,4 @@
-"""Spans of bones split, joined and turned: what keeps every take through every edit."""
+"""Spans of bones, split, joined and turned by the edits so that every take is kept."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
         between: (4,) the modeling rotation of the lower bone: it turns after the upper bone's spans.
 
     Returns:
-        Spans whose product is (product of ``upper``) ``between`` (product of ``lower``), at every time. Two
+        Spans with the product (product of ``upper``) ``between`` (product of ``lower``) at every time. Two
         spans that were parts of one are one again.
     """
     first = lower[0]
@@ -70,7 +70,7 @@ def moves(spans: Spans) -> bool:
 
 
 def as_before(turn: Float) -> tuple[float, float, float, float]:
-    """A rotation as a span keeps it; one that is the identity but for rounding is the identity."""
+    """A rotation in a span's form; exactly the identity where it differs by rounding only."""
     w, x, y, z = canonical(normalized(turn)).tolist()
     if abs(x) + abs(y) + abs(z) < _SLIVER:
         return AT_ONCE

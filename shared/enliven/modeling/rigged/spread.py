@@ -26,9 +26,9 @@ _MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
 def spread_motion(
     project: Project, shape_id: str, group: EqualLimbs, joint: int, *, delay: float = 0.0
 ) -> Project:
-    """A project in which the limbs of a group move as the one that ``joint`` is of; theirs is taken off.
+    """A project in which all limbs of a group move as the limb of ``joint``; their own motion is removed.
 
-    What the bones were posed to by hand stays as it is.
+    Modeling rotations stay.
 
     Args:
         group: of :func:`enliven.matching.symmetry.equal_limbs`, of the shape's skeleton.
@@ -67,7 +67,7 @@ def spread_motion(
 
 
 def reflected(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Layer:
-    """The layer whose turns are linear Q linear^-1, for a rotation or a reflection.
+    """The layer with the turns linear Q linear^-1, for a rotation or a reflection.
 
     A reflection is the one in the plane x = 0, S, with a rotation after it: L = R S. What the layer turned,
     Q = B q B^-1, becomes R (S B S) (S q S) (S B S)^-1 R^-1, and S q S is what ``mirrored`` says.

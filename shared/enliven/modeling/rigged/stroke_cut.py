@@ -45,7 +45,7 @@ def cut_stroke(
     Args:
         stroke: a ``StrokeCut`` (drawn on a picture) or a ``PlaneCut``, in world metres.
         time: seconds of the project's time, of the picture that was drawn on; None for the rest pose.
-        notes: takes what there is to say of how the mesh was closed.
+        notes: takes sentences about how the mesh was closed.
 
     Returns:
         The project and the ids: first that of the shape with the root, which stays, then one for each part.
@@ -104,7 +104,7 @@ def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossi
 
 
 def _check(shape: Shape, crossings: Sequence[Crossing]) -> None:
-    """Refuses a stroke that does not say what is to come off."""
+    """Refuse a stroke that leaves open which part comes off."""
     where, names = f"shape {shape.id!r}", shape.skeleton.names
     if not crossings:
         mend = "Draw it right across what is to be cut, over a bone."

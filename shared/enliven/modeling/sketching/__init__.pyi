@@ -1,3 +1,3 @@
-from .sketch import Plane, shape_from_stroke
+from .sketch import SketchPlane, shape_from_stroke
 
-__all__ = ["Plane", "shape_from_stroke"]
+__all__ = ["SketchPlane", "shape_from_stroke"]

@@ -9,9 +9,12 @@ import numpy as np
 from enliven.arrays import Float, Int
 
 TIP = 0.4
-"""How far before the tip an axis ends, in radii."""
-_SPUR, _STUB = 2.4, 1.3
-"""A branch shorter than so many of its radii is no limb: in the outer corner of a bend, and elsewhere."""
+"""Radii before the tip at which an axis ends."""
+_SPUR = 2.4
+"""Radii below which a branch into the outer corner of a bend is no limb: the corner alone makes one so
+long."""
+_STUB = 1.3
+"""Radii below which a branch elsewhere is no limb: it hardly leaves the shape that it branches from."""
 _SHARP = 0.9
 """A bend is sharp where the two directions from it add up to more than this: 127 degrees or less."""
 _CLOSE = 0.9

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int, Int32
 from enliven.meshes import split_long_edges
-from enliven.modeling.mesh import SYMMETRIC_LU, flipped, poisson, refined, slid
+from enliven.modeling.mesh import SYMMETRIC_LU, flipped, poisson, refined, taubin_smoothed
 from enliven.modeling.skinning import cotangents
 
 _LONG = 1.5
@@ -33,7 +33,7 @@ def inflated(
         axis: (A, 2) metres, points of the axis.
         radii: (A,) metres, the circles there.
         depth: 1 for circles, less for something flatter.
-        smooth: how often vertices are slid between their neighbours.
+        smooth: how often vertices are smoothed (Taubin).
     """
     step = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).mean())
     flat, cells = refined(outline, triangles, np.full(len(outline), step))
@@ -51,7 +51,7 @@ def inflated(
         vertices[count:, 2] = side * np.sqrt(between)
     for _ in range(2):
         faces = flipped(vertices, faces)
-        vertices = slid(vertices, faces, (smooth + 1) // 2)
+        vertices = taubin_smoothed(vertices, faces, (smooth + 1) // 2)
     return vertices, flipped(vertices, faces)
 
 

@@ -4,7 +4,7 @@
 
 P. Borosan et al., "RigMesh: automatic rigging for part-based shape modeling and deformation", 2012: the
 outline is triangulated, the chordal axis of the triangles becomes bones, the outline is inflated around it,
-and skin weights are computed. ``part_from_outline`` gives the parts for whoever wants to look inside.
+and skin weights are computed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class SketchSettings:
 
 
 @dataclass(frozen=True)
-class Plane:
+class SketchPlane:
     """Where a stroke is drawn: ``origin + x right + y up``, in metres, the viewer before it."""
 
     origin: Float
@@ -60,12 +60,12 @@ class Plane:
         return np.stack([right, up, np.cross(right, up)])
 
 
-FRONT = Plane(np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+FRONT = SketchPlane(np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
 """The plane z = 0, seen from +z."""
 
 
 def shape_from_stroke(
-    stroke: Float, plane: Plane = FRONT, settings: SketchSettings | None = None, id: str = "part"
+    stroke: Float, plane: SketchPlane = FRONT, settings: SketchSettings | None = None, id: str = "part"
 ) -> Shape:
     """A shape at rest from a closed stroke.
 
@@ -112,7 +112,7 @@ def _along(axis: Axis) -> tuple[Float, Float]:
 
 
 def _skeleton(
-    places: Float, radii: Float, links: list[tuple[int, int]], plane: Plane, axes: Float
+    places: Float, radii: Float, links: list[tuple[int, int]], plane: SketchPlane, axes: Float
 ) -> Skeleton:
     """The bones in space, hung on the thickest joint; joints are named by branch and number."""
     positions = np.asarray(plane.origin) + places @ axes[:2]

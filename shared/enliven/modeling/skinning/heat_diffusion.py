@@ -81,7 +81,7 @@ def heat_weights(
     welded, of = weld(mesh)
     chosen, distance = nearest_seen(welded.vertices, outward(welded), welded.faces, segments, settings.tie)
     laplacian, mass = cotangents(welded.vertices, welded.faces)
-    _warm_the_blind(welded, laplacian, segments, chosen, distance)
+    _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
     extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
     # A vertex on a bone would be infinitely hot.
     near = np.maximum(distance, 1e-4 * extent)
@@ -130,7 +130,7 @@ def outward(welded: Mesh) -> Float:
     return -normals if inside_out else normals
 
 
-def _warm_the_blind(
+def _take_nearest_where_hidden(
     welded: Mesh, laplacian: csc_matrix, segments: Float, chosen: Int32, distance: Float
 ) -> None:
     """Vertices of parts that see no bone take the nearest, hidden or not."""

@@ -56,7 +56,7 @@ def stacked(skins: Sequence[SkinWeights]) -> SkinWeights:
 def renumbered(skin: SkinWeights, numbers: Int) -> SkinWeights:
     """The skin with bone j called ``numbers[j]``; bones that get one number add up.
 
-    Vertices whose bones all keep apart keep their weights to the bit.
+    A vertex keeps its weights to the bit where no two of its bones get one number.
     """
     indices = np.maximum(numbers, 0)[skin.indices].astype(np.uint16)
     weights = skin.weights.copy()

@@ -18,7 +18,7 @@ MOST = 6
 
 @njit(cache=True, nogil=True)
 def grid_of(vertices, faces, low, cell, size):  # type: ignore[no-untyped-def]
-    """CSR of the faces whose boxes touch each cell: offsets (X Y Z + 1,) and faces."""
+    """CSR of the faces with bounding boxes that touch each cell: offsets (X Y Z + 1,) and faces."""
     total = size[0] * size[1] * size[2]
     offsets = np.zeros(total + 1, np.int64)
     spans = np.empty((faces.shape[0], 6), np.int64)

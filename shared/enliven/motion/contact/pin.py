@@ -4,7 +4,7 @@
     unpin(project, shape_id, joints=None) -> Project
     held_pins(shape) -> list[HeldPin]                        # what the player works with
 
-A limb of more than two bones is two rigid halves. What hangs on the foot keeps its turn in the world, so a
+A limb of more than two bones is two rigid halves. The foot and its descendants keep their world turns, so a
 sole that was flat stays flat. Where a stretched limb would not reach, the root comes down as far as it may,
 evenly over time (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture editing", 2002); a place
 that is out of reach even so is met as nearly as can be.
@@ -31,7 +31,7 @@ _FRONT = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class HeldPin:
-    """A pin, ready: chain[middle] bends, chain[-1] stays.
+    """A pin with its joints found: chain[middle] bends, chain[-1] stays.
 
     Attributes:
         chain: (K,) int32 joints from the limb's start to the foot.
@@ -92,7 +92,7 @@ def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = 
 
 
 def held_pins(shape: Shape) -> list[HeldPin]:
-    """The pins of a shape whose limbs are there."""
+    """The pins of a shape that still has their limbs."""
     skeleton, made = shape.skeleton, []
     for pin in shape.pins:
         if pin.joint not in skeleton.names or pin.start not in skeleton.names:

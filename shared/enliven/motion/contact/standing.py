@@ -30,7 +30,7 @@ _STRETCH = 0.998
 
 @dataclass(frozen=True)
 class Window:
-    """The seconds of the project in which a shape's motion is all there is.
+    """The seconds of the project that contain all of a shape's motion.
 
     Attributes:
         start: where the first layer begins.
@@ -95,7 +95,7 @@ class Standing:
 def standing_of(
     pins: Sequence[HeldPin], window: Window, free: Callable[[Float], tuple[Float, Float]]
 ) -> Standing:
-    """What the pinned feet do, found by playing the whole window once.
+    """The contacts of the pinned feet, found by playing the whole window once.
 
     Args:
         free: gives turns and joints (T, N, 3) at times (T,), with no foot pinned.

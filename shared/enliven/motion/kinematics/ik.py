@@ -1,7 +1,7 @@
 """Compiled inverse kinematics of a limb of two bones, in closed form.
 
-It turns what is there as little as it can, so that what follows a motion stays a motion. A goal out of reach
-is met as nearly as the limb allows: stretched towards it, or folded.
+It changes the present turns as little as possible, so that a smooth motion stays smooth. For a goal out of
+reach the limb is stretched towards it, or folded.
 """
 
 from __future__ import annotations
@@ -56,9 +56,10 @@ def bend_axis(u, plane, sine, more, side):  # type: ignore[no-untyped-def]
     """Kernel: the unit axis, at right angles to ``u`` (middle to start), about which a limb is bent.
 
     Args:
-        plane: triple along the axis of the bend that it has, whose ``sine`` is known.
+        plane: triple along the axis of its present bend.
+        sine: the sine of its present bend.
         more: radians that it is to be bent more.
-        side: triple, where it bulges at rest.
+        side: triple, towards its bulge at rest.
     """
     wish = cross(u, (-side[0], -side[1], -side[2]))
     size = length(wish)

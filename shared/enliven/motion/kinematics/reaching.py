@@ -1,7 +1,7 @@
 """Compiled inverse kinematics of a chain of any bones: FABRIK (Aristidou & Lasenby 2011), made exact.
 
 FABRIK's rounds spread the bend over the chain; then its two halves, each rigid, are two bones that meet the
-goal in closed form. A goal out of reach is met as nearly as can be.
+goal in closed form. For a goal out of reach the chain ends as near to it as it can.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from enliven.errors import InputError
 from enliven.rotation import canonical, conjugate, from_matrix, multiply
 
 VIEW = np.array([0.0, 0.0, -1.0])
-"""(3,) where a camera looks that stands before somebody who faces +Z."""
+"""(3,) the direction of a camera that faces a person who faces +Z."""
 UP = np.array([0.0, 1.0, 0.0])
 """(3,) its up."""
 UPRIGHT = math.sin(math.radians(15.0))
@@ -33,10 +33,11 @@ UPRIGHT = math.sin(math.radians(15.0))
 HALF_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 """(4,) half a turn about z, which is the flip of y."""
 _PARALLEL = 1e-4
+"""Sine between a bone and the viewing direction below which the bone is end-on and gives no side."""
 
 
 def basis_of(first: AnyArray, view: AnyArray = VIEW, up: AnyArray = UP) -> Float:
-    """(4,) unit quaternion whose rotation has x, y and z of the polyline as columns.
+    """(4,) unit quaternion of the rotation with the axes x, y and z of the polyline as columns.
 
     Args:
         first: (3,) along the first bone at rest, any length.

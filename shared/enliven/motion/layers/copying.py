@@ -1,4 +1,4 @@
-"""Copy motion alone, from one polyline to another of any lengths: every layer, every span, by arc length.
+"""Copies motion from one polyline to another of any length: every layer, every span, by arc length.
 
     copy_motion(project, from_shape, from_chain, to_shape, to_chain, *, view=VIEW, up=UP, basis=None,
                 flip=False, delay=0.0, replaced=False)

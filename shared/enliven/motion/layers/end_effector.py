@@ -27,15 +27,16 @@ from enliven.motion.layers.polyline import Polyline, place_of
 from enliven.rotation import rotate
 
 _SLIVER = 1e-9
+"""Metres, or part of an arc, below which lengths are zero and places equal: rounding makes smaller ones."""
 
 
 @dataclass(frozen=True, eq=False)
 class LedChain:
-    """A chain of a shape whose end is led.
+    """A chain of a shape with its end led by the end of the take's limb.
 
     Attributes:
         joints: (K,) int32 from the one that stays to the one that is led.
-        side: (3,) to where it bulges at rest.
+        side: (3,) towards its bulge at rest.
         links: (S, 3) metres, the take's polyline at rest, bone by bone, in the target's axes.
         knots: (2,) int32 and parts: (2,) where on that polyline the chain begins and ends.
         scale: target length by source length.
@@ -82,7 +83,7 @@ def _led(
 
 
 def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
-    """The chains of joints whose bones have refs of a layer, each with the first start and the last end."""
+    """The chains of joints with bones that refer to a layer, each with the first start and the last end."""
     intervals: dict[int, tuple[float, float]] = {}
     for bone, spans in enumerate(shape.spans):
         refs = [ref for span in spans for ref in span.refs if ref.layer == layer]

@@ -1,4 +1,4 @@
-"""A shape at a time: its layers sampled, multiplied along the tree, and put where they are.
+"""The pose of a shape at a time: its layers sampled, multiplied along the tree, and placed.
 
     pose_of(project, shape_id, seconds) -> ShapePose       # once
     player = Player(project, shape_id)                     # prepared: evaluate often
@@ -64,7 +64,7 @@ def pose_from(shape: Shape, at: ShapePose, seconds: float) -> Pose:
 
 
 class Player:
-    """A shape of a project, ready to be evaluated at any time.
+    """Evaluates a shape of a project at any time.
 
     It holds what the project was when it was made: after an edit, make another.
     """
@@ -88,7 +88,7 @@ class Player:
         return ShapePose(upright(turns[0]), joints[0])
 
     def pose(self, seconds: float) -> Pose:
-        """What the wire and the viewer want to know; transforms as in :func:`pose_from`."""
+        """The pose for the wire and the viewer, with the transforms of :func:`pose_from`."""
         return pose_from(self.shape, self.at(seconds), seconds)
 
     def sample(self, times: AnyArray) -> tuple[Float, Float]:

@@ -32,7 +32,7 @@ _NO_LENGTH = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Polyline:
-    """A chain of a take's skeleton, ready to be sampled.
+    """A chain of a take's skeleton with its arc lengths, to be sampled at any frame.
 
     Attributes:
         clip: the take.

@@ -1,8 +1,8 @@
-"""Give a shape the motion of a take, chain by chain (AniMesh, section 5.2). Edits: Project -> Project.
+"""Edits that give a shape the motion of a take, chain by chain (AniMesh, section 5.2): Project -> Project.
 
     bind_chain(project, shape_id, target, take_id, source, *, view=VIEW, up=UP, source_view=None,
                source_up=None, basis=None, flip=False, offset=0, speed=1, loop=False, weight=1,
-               mirrored=False, layer_id=None)                  # adds a layer to what is there
+               mirrored=False, layer_id=None)                  # adds a layer to the present ones
     clear_chain(project, shape_id, chain, layer_id=None)       # takes one layer, or all, off the bones
     set_layer(project, layer_id, muted=..., weight=..., offset=..., speed=..., loop=..., basis=...)
     copy_motion(project, from_shape, from_chain, to_shape, to_chain, ...)  # of enliven.motion.layers.copying
@@ -134,7 +134,7 @@ def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: flo
 
 
 def extended(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
-    """The joints from ``joint`` on along the longest way down to a leaf, it first (Figure 5, right)."""
+    """The joints from ``joint``, itself first, along the longest branch down to a leaf (Figure 5, right)."""
     reach = [0.0] * len(skeleton)
     for child in range(len(skeleton) - 1, 0, -1):
         parent = int(skeleton.parents[child])

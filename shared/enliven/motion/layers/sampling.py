@@ -1,4 +1,4 @@
-"""All the layers of a shape sampled at once: what the player of ``evaluate`` works with.
+"""All the layers of a shape sampled at once, for the player of ``evaluate``.
 
     sampler = Sampler(project, shape)
     sampler.knots(times) -> (T, K, 4)        # the turns at the joints of every layer's chain, target's basis
@@ -22,7 +22,7 @@ from enliven.motion.layers.timing import Clocks
 
 
 class Sampler:
-    """The layers of a shape that are heard, laid out for compiled loops.
+    """The active layers of a shape, laid out for compiled loops.
 
     Attributes:
         layers: those that turn a bone, neither muted nor of weight 0, those of one take side by side.
@@ -31,7 +31,7 @@ class Sampler:
     """
 
     def __init__(self, project: Project, shape: Shape) -> None:
-        heard = [project.layers[key] for key in heard_layers(project, shape)]
+        heard = [project.layers[key] for key in active_layers(project, shape)]
         self.layers: list[Layer] = sorted(heard, key=lambda layer: layer.take)
         self.lines = [Polyline.of(project.takes[layer.take], layer.chain) for layer in self.layers]
         ends = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
@@ -129,7 +129,7 @@ class _Take:
             knot_turns(self.fed, self._bones, self._first, self._bases, at, *how)
 
 
-def heard_layers(project: Project, shape: Shape) -> list[str]:
+def active_layers(project: Project, shape: Shape) -> list[str]:
     """The layers that turn a bone of the shape, each once, without those that are muted or have no weight."""
     named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
     return [key for key in named if not project.layers[key].muted and project.layers[key].weight > 0.0]

@@ -1,4 +1,4 @@
-"""When: the frame of its take that a layer plays at a time of the project.
+"""The frame of its take that a layer plays at a time of the project.
 
     frames_of(layer, clip, seconds) -> (T,)
     Clocks.of(layers, clips).frames(seconds) -> (T, L)

@@ -43,7 +43,7 @@ def travel_scale(shape: Shape, clip: Clip) -> float:
 
 
 class Travel:
-    """The way of a shape's root, ready to be asked for any time."""
+    """The path of a shape's root over time."""
 
     def __init__(self, project: Project, shape: Shape) -> None:
         self._still = np.array(shape.skeleton.positions[0] + shape.place)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.modeling.mesh.caps import Spread, cap_of
+from enliven.modeling.mesh.caps import HarmonicInterpolation, cap_of
 from enliven.modeling.mesh.cut_loops import area
 from enliven.modeling.mesh.planar import refined, triangulated
 
@@ -82,7 +82,7 @@ def test_what_is_inside_a_cap_is_between_what_is_around_and_linear(radii, plane)
     points = flower(radii)
     triangles = triangulated(points, [np.arange(len(points))])
     made, cells = refined(points, triangles, np.full(len(points), 0.3))
-    spread = Spread(made, cells, len(points))
+    spread = HarmonicInterpolation(made, cells, len(points))
     inside = spread(np.eye(len(points)))
     assert len(inside) == spread.count == len(made) - len(points)
     assert inside.min(initial=0) >= -1e-9

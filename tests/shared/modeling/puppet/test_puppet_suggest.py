@@ -8,7 +8,7 @@ from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.examples.coverage import unposed
 from enliven.examples.puppet_motion import missing, state_of
-from enliven.modeling.puppet.suggest import evened, suggested_puppet
+from enliven.modeling.puppet.suggest import suggested_puppet, symmetric_joints
 from enliven.samples.cactus import make_cactus
 
 REST = np.array([[0.5, 1, 0], [-0.5, 1, 0], [0, 1.5, 0], [0.2, 0, 0], [-0.2, 0, 0]])
@@ -21,9 +21,9 @@ def suggested(mesh, **how):
 
 def test_mirror_images_follow_the_joints_of_both_sides():
     guessed = ("LeftHand", "Spine", "RightHand", "RightFoot", "Head")
-    made = evened(walker().skeleton, guessed, REST, PARTNERS)
+    made = symmetric_joints(walker().skeleton, guessed, REST, PARTNERS)
     assert made == ("LeftHand", "RightHand", "Head", "RightFoot", "LeftFoot")
-    assert evened(walker().skeleton, made, REST, PARTNERS) == made
+    assert symmetric_joints(walker().skeleton, made, REST, PARTNERS) == made
 
 
 def test_what_is_suggested_lacks_nothing_but_to_be_posed():

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from enliven.document import Clip, Project
 from enliven.matching import Matcher, source_of_skeleton
-from enliven.matching import View as MatchView
+from enliven.matching import ScreenView as MatchView
 from enliven.motion.layers import bind_chain
 from enliven_viewer.studio.sources.source_view import posed_take
 from enliven_viewer.studio.viewport import Lens, PosedShape

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project, unused
-from enliven.modeling.sketching import Plane, shape_from_stroke
+from enliven.modeling.sketching import SketchPlane, shape_from_stroke
 from enliven_viewer.live import GOOD
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
@@ -89,10 +89,10 @@ class SketchTool(Tool):
         (ax, ay), (bx, by) = self._stroke[0], self._stroke[-1]
         return bool(np.hypot(ax - bx, ay - by) < _CLOSED)
 
-    def _in_plane(self, stroke: list[Point]) -> tuple[Plane, Float]:
+    def _in_plane(self, stroke: list[Point]) -> tuple[SketchPlane, Float]:
         """The plane parallel to the picture through the camera's target, and the stroke in it, metres."""
         lens = self.editor.lens
         through = self.editor.camera.target
         right, up = lens.view.camera_from_world[0, :3], lens.up
         places = np.array([lens.on_plane(at, through) for at in stroke])
-        return Plane(through, right, up), (places - through) @ np.stack([right, up], 1)
+        return SketchPlane(through, right, up), (places - through) @ np.stack([right, up], 1)
