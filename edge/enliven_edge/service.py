@@ -19,7 +19,7 @@ from enliven.person import Body
 from enliven.wire import Look, Possess
 from enliven_edge.controls import Controls, Lamps, lamps_of
 from enliven_edge.fusion.live import FusedFrame, FusedSensors
-from enliven_edge.network import Outlet, Pace
+from enliven_edge.network import FrameRate, Outlet
 from enliven_edge.sensors import Sensor, SensorFault, condition_of
 from enliven_edge.stage import Opening, Stage
 from enliven_edge.tracking import Tracker
@@ -66,7 +66,7 @@ class Edge:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
         self.health, self.physics = health or HealthMonitor(), physics
         self.controls = controls or Controls([])
-        self.pace = Pace()
+        self.pace = FrameRate()
         self.frames = 0
         self._heard = time.monotonic()
         self._opening, self._stop_after = Opening(stage, possess_at, parts), stop_after
@@ -108,7 +108,7 @@ class Edge:
             read_ns = frame.read_ns
         if not self.health.admit(frame, getattr(self.sensor, "fps", None)):
             self._end_at_fault()
-            self.outlet.ail(self._ails())
+            self.outlet.set_health(self._health_states())
             return
         if self._is_over(frame):
             self.stop()
@@ -120,7 +120,7 @@ class Edge:
         self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns, props, self.stage.boards())
         self.pace.took(read_ns, time.time_ns())
         self.frames += 1
-        self.outlet.ail(self._ails())
+        self.outlet.set_health(self._health_states())
         self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies), self.sensor.name)
         first = frame.time_ns if self._first_ns is None else self._first_ns
         self._opening.take_hold((frame.time_ns - first) * 1e-9)
@@ -181,19 +181,19 @@ class Edge:
     def _wait(self) -> None:
         """No frame is due: says so where that lasts."""
         self.health.silent(time.monotonic() - self._heard)
-        self.outlet.ail(self._ails())
+        self.outlet.set_health(self._health_states())
 
-    def _ails(self) -> list[HealthState]:
+    def _health_states(self) -> list[HealthState]:
         """What is wrong, with each of several sensors as well."""
         if isinstance(self.sensor, FusedSensors):
-            return worst_first([*self.health.states, *self.sensor.ails])
+            return worst_first([*self.health.states, *self.sensor.health_states])
         return self.health.states
 
     def _listen(self) -> None:
         """Carries out what viewers and controls asked for; what cannot be done is refused with its reason."""
-        self.controls.obey(self.stage, self._possess, self._lock)
+        self.controls.apply_commands(self.stage, self._possess, self._lock)
         self.controls.show(self._lamps())
-        self.outlet.hear(
+        self.outlet.poll_requests(
             possess=lambda asked: self._attempt(lambda: self._possess(asked)),
             release=lambda character, body: self._attempt(lambda: self.stage.release(character, body)),
             smooth=lambda body, amount: self._attempt(lambda: self._output.smooth(body, amount)),

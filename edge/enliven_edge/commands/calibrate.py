@@ -22,7 +22,7 @@ from enliven.settings import load_settings
 from enliven_edge.sensors import sensor_options
 
 if TYPE_CHECKING:
-    from enliven_edge.fusion.calibration import Calibration, Collector, Pair
+    from enliven_edge.fusion.calibration import Calibration, Collector, SensorPair
     from enliven_edge.settings import EdgeSettings
 
 log = logging.getLogger(__name__)
@@ -93,7 +93,7 @@ def calibrate(
 def _collectors(sensors, scenes, chosen, seconds) -> list[Collector]:  # type: ignore[no-untyped-def]
     """One for each sensor, with its own tracker."""
     from enliven_edge.fusion.calibration import Collector
-    from enliven_edge.fusion.live import untouched
+    from enliven_edge.fusion.live import settings_before_fusion
     from enliven_edge.tracking import Tracker
 
     made = []
@@ -101,7 +101,7 @@ def _collectors(sensors, scenes, chosen, seconds) -> list[Collector]:  # type: i
         tracker = chosen.tracker
         if scenes[name] is not None:
             tracker = dataclasses.replace(tracker, scene=scenes[name])
-        made.append(Collector(name, sensor, Tracker(untouched(tracker)), seconds))
+        made.append(Collector(name, sensor, Tracker(settings_before_fusion(tracker)), seconds))
     return made
 
 
@@ -150,7 +150,7 @@ def _interrupted() -> Iterator[threading.Event]:
         signal.signal(signal.SIGINT, before)
 
 
-def _sentence(pair: Pair) -> str:
+def _sentence(pair: SensorPair) -> str:
     """What two sensors told of each other."""
     q = pair.quality
     if pair.fit is None:

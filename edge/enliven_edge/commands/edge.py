@@ -264,7 +264,7 @@ def _fused(
     sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettings, once: bool
 ) -> FusedSensors:
     """Several sensors as one."""
-    from enliven_edge.fusion.live import FusedSensors, untouched, warm_up_fusion
+    from enliven_edge.fusion.live import FusedSensors, settings_before_fusion, warm_up_fusion
     from enliven_edge.fusion.placement import load_space
     from enliven_edge.tracking import Tracker
     from enliven_edge.tracking.health import HealthMonitor
@@ -273,7 +273,7 @@ def _fused(
     trackers, health = {}, {}
     for source, (name, sensor) in zip(sources, sensors.items(), strict=True):
         scene = source.scene or chosen.tracker.scene
-        trackers[name] = Tracker(untouched(dataclasses.replace(chosen.tracker, scene=scene)))
+        trackers[name] = Tracker(settings_before_fusion(dataclasses.replace(chosen.tracker, scene=scene)))
         fps = getattr(sensor, "fps", None)
         health[name] = HealthMonitor(chosen.health, fps=fps, far=scene.far, name=name)
     warm_up_fusion()

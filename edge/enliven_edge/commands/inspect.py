@@ -79,13 +79,13 @@ def _film(
     import numpy as np
     from PIL import Image
 
-    from enliven_edge.inspection import Film, Inspector, contact_sheet
+    from enliven_edge.inspection import DepthFilm, Inspector, contact_sheet
     from enliven_edge.tracking import Tracker
 
     inspector = Inspector(Tracker(), width, rates[0])
     kept: list[UInt8] = []
     picked = set(np.linspace(0, count - 1, min(12, count)).round().astype(int))
-    with Film(output, rates[1]) as film:
+    with DepthFilm(output, rates[1]) as film:
         numbered = zip(range(count), _pictures(source, log, inspector), strict=False)
         for n, picture in track(numbered, "Filming", total=count, transient=True):
             film.add(picture)

@@ -49,7 +49,7 @@ class Control(Protocol):
 
 
 class Device(ABC):
-    """What a :class:`Reader` reads, from its thread alone."""
+    """What a :class:`ControlReader` reads, from its thread alone."""
 
     @abstractmethod
     def open(self) -> None:
@@ -103,7 +103,7 @@ class Debouncer:
         return before is None or now - before >= self._seconds
 
 
-class Reader:
+class ControlReader:
     """Reads a device in a daemon thread until :meth:`close`, through unplugging and plugging in.
 
     Args:

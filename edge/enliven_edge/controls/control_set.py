@@ -9,7 +9,7 @@ from types import TracebackType
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import Possess
-from enliven_edge.controls.base import Control, Device, Reader
+from enliven_edge.controls.base import Control, ControlReader, Device
 from enliven_edge.controls.commands import WORDS, Word, actions, checked_map
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
@@ -24,7 +24,9 @@ class Controls:
     def __init__(self, controls: Sequence[Control]) -> None:
         self._controls = list(controls)
 
-    def obey(self, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]) -> None:
+    def apply_commands(
+        self, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]
+    ) -> None:
         """Carries out what was said since the last call; what cannot be done is said in the log.
 
         Args:
@@ -82,7 +84,10 @@ def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None =
     """
     ready = [(name, one, device_of(name, one, folder)) for name, one in settings.items()]
     return Controls(
-        [Reader(name, device, words_of(name, one), one.debounce, one.retry) for name, one, device in ready]
+        [
+            ControlReader(name, device, words_of(name, one), one.debounce, one.retry)
+            for name, one, device in ready
+        ]
     )
 
 

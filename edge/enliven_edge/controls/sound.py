@@ -16,7 +16,7 @@ RATE = 16000
 """Samples a second, of 16 bits, one channel: what the model was trained on."""
 
 
-class Recording:
+class SoundRecording:
     """A WAV that is heard as if it were spoken now, for rehearsals.
 
     Args:

@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven_edge.controls.base import Device
 from enliven_edge.controls.extras import need
 from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.controls.sound import RATE, Microphone, Recording
+from enliven_edge.controls.sound import RATE, Microphone, SoundRecording
 
 log = logging.getLogger(__name__)
 
@@ -129,9 +129,9 @@ class Voice(Device):
         self, settings: ControlSettings, phrases: Sequence[str], where: str, folder: Path | None = None
     ) -> None:
         self._recogniser = Recogniser(phrases, where)
-        self._source: Recording | Microphone
+        self._source: SoundRecording | Microphone
         if settings.wav:
-            self._source = Recording((folder or Path()) / settings.wav)
+            self._source = SoundRecording((folder or Path()) / settings.wav)
         else:
             self._source = Microphone(settings.microphone, where)
 

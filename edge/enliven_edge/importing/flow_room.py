@@ -19,7 +19,7 @@ from enliven_edge.importing.skeletons import (
     KINECT2_ORDER,
     TRACKED,
     WORLD_FROM_KINECT_SPACE,
-    Moment,
+    SkeletonMoment,
     frames_in_world,
 )
 
@@ -73,7 +73,7 @@ class FlowRoomReader:
         ids: dict[str, int] = {}
         moments = []
         for frame, points, time_ns in zip(frames, pixels, options.times_ns(30.0), strict=False):
-            moment = Moment(time_ns)
+            moment = SkeletonMoment(time_ns)
             for skeleton, (uvz, good) in zip(frame, points, strict=True):
                 number = ids.setdefault(skeleton.trackingId, len(ids))
                 moment.bodies.append(

@@ -15,7 +15,7 @@ from enliven_edge.importing.skeletons import (
     CONFIDENCE_OF_STATE,
     KINECT2_ORDER,
     WORLD_FROM_KINECT_SPACE,
-    Moment,
+    SkeletonMoment,
     frames_in_world,
     observed,
 )
@@ -44,7 +44,7 @@ class LabanotationReader:
             raise InputError("a tracking state is not 0, 1 or 2, or a time is missing", where=str(path))
         confidence = CONFIDENCE_OF_STATE[states.astype(int)]
         moments = [
-            Moment(int(ticks) * _TICK_NS, [Body(0, *observed(xyz, seen))])
+            SkeletonMoment(int(ticks) * _TICK_NS, [Body(0, *observed(xyz, seen))])
             for ticks, xyz, seen in zip(values[:, 0], joints[..., :3], confidence, strict=True)
         ]
         return frames_in_world(moments, options.device or "kinect2", WORLD_FROM_KINECT_SPACE, str(path))

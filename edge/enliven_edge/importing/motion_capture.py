@@ -15,7 +15,7 @@ from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
 from enliven.takes import Roles, find_roles, half_way, limb_rotations
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
-from enliven_edge.importing.skeletons import TRACKED, Moment, frames_in_world
+from enliven_edge.importing.skeletons import TRACKED, SkeletonMoment, frames_in_world
 from enliven_edge.importing.tables import are_numbers, first_lines
 
 _BONE_LIMBS = (
@@ -56,7 +56,7 @@ class MotionCaptureReader:
         seconds = 1.0 / options.fps if options.fps else capture.seconds
         sure = np.full(J, TRACKED)
         moments = [
-            Moment(round(n * seconds * 1e9), [Body(0, xyz, sure, turn)])
+            SkeletonMoment(round(n * seconds * 1e9), [Body(0, xyz, sure, turn)])
             for n, (xyz, turn) in enumerate(zip(joints, turns, strict=True))
         ]
         return frames_in_world(moments, options.device or "mocap", np.eye(3), str(path))

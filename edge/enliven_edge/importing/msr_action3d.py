@@ -12,7 +12,12 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body, Joint
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one, text_of
-from enliven_edge.importing.skeletons import WORLD_FROM_KINECT_SPACE, Moment, frames_in_world, observed
+from enliven_edge.importing.skeletons import (
+    WORLD_FROM_KINECT_SPACE,
+    SkeletonMoment,
+    frames_in_world,
+    observed,
+)
 from enliven_edge.importing.tables import are_numbers, first_lines
 
 ORDER = (
@@ -63,7 +68,7 @@ class MsrAction3dReader:
         joints[:, ORDER] = in_metres(rows[..., :3])
         confidence[:, ORDER] = rows[..., 3]
         moments = [
-            Moment(time_ns, [Body(0, *observed(xyz, seen))])
+            SkeletonMoment(time_ns, [Body(0, *observed(xyz, seen))])
             for time_ns, xyz, seen in zip(options.times_ns(_FPS), joints, confidence, strict=False)
         ]
         return frames_in_world(moments, options.device or "kinect1", WORLD_FROM_KINECT_SPACE, str(path))

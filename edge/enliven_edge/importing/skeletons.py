@@ -61,7 +61,7 @@ _ANKLES = (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT)
 
 
 @dataclass(frozen=True)
-class Moment:
+class SkeletonMoment:
     """The bodies of one time, still in the sensor's space."""
 
     time_ns: int
@@ -69,7 +69,7 @@ class Moment:
 
 
 def frames_in_world(
-    moments: Sequence[Moment], sensor: str, world_from_sensor: Float, where: str
+    moments: Sequence[SkeletonMoment], sensor: str, world_from_sensor: Float, where: str
 ) -> Iterator[BodyFrame]:
     """The body frames of a take, turned into the world and put on the floor, each person with their stature.
 
@@ -102,8 +102,8 @@ def observed(joints: Float, confidence: Float) -> tuple[Float, Float]:
     return np.where(good[:, None], joints, np.nan), np.where(good, np.clip(confidence, 0.0, 1.0), 0.0)
 
 
-def _turned(moment: Moment, turn: Float) -> Moment:
-    return Moment(moment.time_ns, [replace(b, joints=b.joints @ turn.T) for b in moment.bodies])
+def _turned(moment: SkeletonMoment, turn: Float) -> SkeletonMoment:
+    return SkeletonMoment(moment.time_ns, [replace(b, joints=b.joints @ turn.T) for b in moment.bodies])
 
 
 def _statures(bodies: Sequence[Body]) -> dict[int, float]:

@@ -12,7 +12,7 @@ from enliven.errors import ResourceError
 from enliven.film_encoders import choose_encoder
 
 
-class Film:
+class DepthFilm:
     """A film that grows picture by picture; ``with`` completes it.
 
     Args:
@@ -60,7 +60,7 @@ class Film:
                 self._file.mux(packet)
         self._file.close()
 
-    def __enter__(self) -> Film:
+    def __enter__(self) -> DepthFilm:
         return self
 
     def __exit__(

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from typing import Any
 
-from enliven.wire import Session, head
+from enliven.wire import ZmtpSession, head
 
 _HALVED_EVERY = 10.0
 """Seconds after which half of what a connection has cost is forgiven."""
@@ -30,7 +30,7 @@ class Connection:
         state: what the user of the server keeps about it.
     """
 
-    def __init__(self, own: socket.socket, address: str, session: Session) -> None:
+    def __init__(self, own: socket.socket, address: str, session: ZmtpSession) -> None:
         self.address, self.session = address, session
         self.opened = self.heard = self.moved = time.monotonic()
         self.introduced = self.buffered = False

@@ -73,7 +73,7 @@ class _Viewer:
     heard: float = -_GONE_AFTER
 
 
-class Control:
+class ControlSocket:
     """Answers what comes in at a server.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 _REMEMBERED = 150
 
 
-class Pace:
+class FrameRate:
     """Statistics over the last 150 frames."""
 
     def __init__(self) -> None:

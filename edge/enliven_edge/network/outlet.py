@@ -28,7 +28,7 @@ from enliven.wire import (
 )
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.control_socket import Command
-from enliven_edge.network.frame_rate import Pace
+from enliven_edge.network.frame_rate import FrameRate
 from enliven_edge.network.publisher import Publisher
 from enliven_edge.recording import Take
 from enliven_edge.settings import WireSettings
@@ -126,7 +126,7 @@ class Outlet:
         for board in boards:
             self._send("matches", board_to_message(board), at)
 
-    def report(self, pace: Pace, phase: str, performers: int, sensor: str = "") -> None:
+    def report(self, pace: FrameRate, phase: str, performers: int, sensor: str = "") -> None:
         """How the edge is doing; goes out with the heartbeat, at once where the phase is new.
 
         Args:
@@ -144,9 +144,9 @@ class Outlet:
                 latency_p99_ms=pace.latency_ms(99),
             )
 
-    def ail(self, states: list[HealthState]) -> None:
+    def set_health(self, states: list[HealthState]) -> None:
         """What is wrong, and with the take; goes out at once where it is new, or over."""
-        take = self._take.ails if self._take is not None else []
+        take = self._take.health_states if self._take is not None else []
         health = health_to_messages(worst_first([*states, *take]))
         told = self._publisher.status.health
         if health == told:
@@ -155,7 +155,7 @@ class Outlet:
         if [(h.kind, h.performer) for h in health] != [(h.kind, h.performer) for h in told]:
             self._publisher.beat()
 
-    def hear(
+    def poll_requests(
         self,
         possess: Callable[[Possess], str],
         release: Callable[[str, int | None], str],
@@ -194,12 +194,12 @@ class Outlet:
             self._commands.add(command)
         self._commands.work(do)
 
-    def end(self, pace: Pace) -> None:
+    def end(self, pace: FrameRate) -> None:
         """Says that the stream has ended, several times: a heartbeat may be lost on the way."""
         self.report(pace, "ended", 0)
         for _ in range(_FAREWELLS):
             self._publisher.beat()
-            self.hear(*[lambda *_: "the stream has ended"] * 6)
+            self.poll_requests(*[lambda *_: "the stream has ended"] * 6)
             time.sleep(0.05)
 
     def close(self) -> None:

@@ -36,7 +36,7 @@ from enliven.wire import (
     pack_stream,
     payload,
 )
-from enliven_edge.network.control_socket import Command, Control
+from enliven_edge.network.control_socket import Command, ControlSocket
 from enliven_edge.network.listening import check_open
 from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.server import ZmtpServer
@@ -99,7 +99,7 @@ class Publisher:
             stack.pop_all()
         shown = "127.0.0.1" if host in ("0.0.0.0", "*", "") else "::1" if host == "::" else host
         self.endpoint = Endpoint(shown, self._streams.port, self._server.port)
-        self._control = Control(self._server, self._answer, rate, budget_ms * 1e-3)
+        self._control = ControlSocket(self._server, self._answer, rate, budget_ms * 1e-3)
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
         self._packed: dict[str, bytes] = {}
         self._sequences: dict[str, int] = {}

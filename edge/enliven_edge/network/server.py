@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any, Literal
 
-from enliven.wire import Misspoken, Session
+from enliven.wire import Misspoken, ZmtpSession
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.descriptors import connections_allowed
 from enliven_edge.network.listening import listen, make_watchful
@@ -239,7 +239,7 @@ class ZmtpServer:
                 own.close()
                 return
             self.drop(leaving)
-        connection = Connection(own, address, Session(self._kind, self._most_bytes))
+        connection = Connection(own, address, ZmtpSession(self._kind, self._most_bytes))
         try:
             make_watchful(own)
             self._selector.register(connection, selectors.EVENT_READ)

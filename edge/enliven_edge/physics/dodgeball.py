@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import BALL
 from enliven_edge.physics.contacts import FLOOR
-from enliven_edge.physics.ground import FIXED, Ground
+from enliven_edge.physics.ground import FIXED, WorldGround
 from enliven_edge.physics.settings import DodgeballSettings
 from enliven_edge.physics.world import PropSpecs, World
 
@@ -42,11 +42,11 @@ class Dodgeball:
             np.full(count, settings.bounce),
         )
         self.hits: Counter[str] = Counter()
-        self._ground: Ground = FIXED
+        self._ground: WorldGround = FIXED
         self._target = [""] * count
         self._next, self._turn, self._wait = 0, 0, 0.0
 
-    def begin(self, world: World, ground: Ground) -> None:
+    def begin(self, world: World, ground: WorldGround) -> None:
         """The balls in a row on the floor, beside where they are thrown from; the score is kept."""
         settings = self.settings
         self._ground = ground

@@ -15,7 +15,7 @@ _STILL = 0.12
 
 
 @dataclass(frozen=True)
-class Ground:
+class WorldGround:
     """Where a performer stands and looks: +X to their left, +Z ahead.
 
     Attributes:
@@ -38,11 +38,11 @@ class Ground:
         return np.asarray(turned + self.at)
 
 
-FIXED = Ground(np.zeros(3), 0.0)
+FIXED = WorldGround(np.zeros(3), 0.0)
 """The world's own x and z."""
 
 
-class Standing:
+class StandingDetector:
     """Finds where somebody stands still: who walks in does not want the world at the door.
 
     Args:
@@ -51,11 +51,11 @@ class Standing:
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
-        self._since: dict[int, tuple[Ground, int]] = {}
+        self._since: dict[int, tuple[WorldGround, int]] = {}
 
-    def find(self, bodies: list[Body], time_ns: int) -> Ground | None:
+    def find(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
         """The place of the first of everybody in view who has stood still for long enough, or None."""
-        seen: dict[int, tuple[Ground, int]] = {}
+        seen: dict[int, tuple[WorldGround, int]] = {}
         for body in bodies:
             ground = ground_under(body)
             if ground is None:
@@ -70,9 +70,9 @@ class Standing:
         return None
 
 
-def ground_under(body: Body) -> Ground | None:
+def ground_under(body: Body) -> WorldGround | None:
     """Where a performer stands; None while their hips are unknown."""
     hip = body.joints[Joint.HIP_CENTER]
     if not np.isfinite(hip).all() or body.confidence[Joint.HIP_CENTER] <= 0:
         return None
-    return Ground(np.array([float(hip[0]), 0.0, float(hip[2])]), facing(body))
+    return WorldGround(np.array([float(hip[0]), 0.0, float(hip[2])]), facing(body))

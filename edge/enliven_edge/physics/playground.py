@@ -13,7 +13,7 @@ from enliven.document import Character, Pose, Props
 from enliven.errors import InputError
 from enliven.person import Body
 from enliven_edge.physics.dodgeball import Dodgeball
-from enliven_edge.physics.ground import FIXED, Ground, Standing
+from enliven_edge.physics.ground import FIXED, StandingDetector, WorldGround
 from enliven_edge.physics.performers import body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.towers import Towers
@@ -28,7 +28,7 @@ class Game(Protocol):
 
     props: PropSpecs
 
-    def begin(self, world: World, ground: Ground) -> None:
+    def begin(self, world: World, ground: WorldGround) -> None:
         """Every prop where it is at first."""
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
@@ -63,8 +63,8 @@ class Playground:
         self.resets = 0
         self._proxies: dict[str, tuple[Character, SphereProxies]] = {}
         self._slots: dict[str, slice] = {}
-        self._ground: Ground | None = None
-        self._standing = Standing(settings.stand)
+        self._ground: WorldGround | None = None
+        self._standing = StandingDetector(settings.stand)
         self._time_ns: int | None = None
         self._note = ""
         for character in characters or []:
@@ -98,7 +98,7 @@ class Playground:
         self._time_ns = time_ns
         if seconds < 0.0:
             # A replay that begins again.
-            seconds, self._ground, self._standing = 0.0, None, Standing(self.settings.stand)
+            seconds, self._ground, self._standing = 0.0, None, StandingDetector(self.settings.stand)
         before = self._slots
         spheres, radii, names, owners = self._spheres(poses, bodies, holders)
         self.world.move(spheres, radii)
@@ -119,7 +119,7 @@ class Playground:
         self._note = self.game.play(self.world, spheres, names, owners, seconds)
         return self._props(time_ns)
 
-    def _place(self, bodies: list[Body], time_ns: int) -> Ground | None:
+    def _place(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
         """Where the world is laid out, as soon as that is known."""
         if self.settings.place == "fixed":
             return FIXED

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import BOX
 from enliven.errors import InputError
-from enliven_edge.physics.ground import Ground
+from enliven_edge.physics.ground import WorldGround
 from enliven_edge.physics.settings import BoxesSettings
 from enliven_edge.physics.world import PropSpecs, World
 
@@ -69,7 +69,7 @@ class Towers:
         self._stand, self._turns = self._places, np.tile([1.0, 0.0, 0.0, 0.0], (len(self._places), 1))
         self._quiet = 0.0
 
-    def begin(self, world: World, ground: Ground) -> None:
+    def begin(self, world: World, ground: WorldGround) -> None:
         """Every box in its place."""
         self._stand = ground.to_world(self._places)
         self._turns = np.tile(ground.turn, (len(self._stand), 1))

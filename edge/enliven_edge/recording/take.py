@@ -42,12 +42,12 @@ class Take:
         self._now_ns = 0
         self._told_ns: int | None = None
         self._gaps = 0
-        self._ails: dict[HealthKind, HealthState] = {}
+        self._health_states: dict[HealthKind, HealthState] = {}
 
     @property
-    def ails(self) -> list[HealthState]:
+    def health_states(self) -> list[HealthState]:
         """What is wrong with the take."""
-        return list(self._ails.values())
+        return list(self._health_states.values())
 
     def introduce(self, name: str, character: CharacterMessage) -> None:
         """A new character, or a new revision of one, from the moment that was written last."""
@@ -55,7 +55,7 @@ class Take:
         self._put("character", character, self._now_ns)
 
     def write(self, topic: str, message: Any, time_ns: int) -> None:
-        """Appends a message with its JSON schema; what cannot be written is told by :attr:`ails`."""
+        """Appends a message with its JSON schema; what cannot be written is told by :attr:`health_states`."""
         self._put(topic, message, time_ns)
         self._now_ns = max(self._now_ns, time_ns)
         if self._told_ns is None:
@@ -103,11 +103,11 @@ class Take:
         """What is wrong from now on; logged once."""
         complaint = COMPLAINTS[kind]
         what = complaint.what.format(why=error.what, **facts)
-        before = self._ails.get(kind)
+        before = self._health_states.get(kind)
         since = self._now_ns if before is None else before.since_ns
-        self._ails[kind] = HealthState(kind, complaint.severity, since, what, complaint.mend)
+        self._health_states[kind] = HealthState(kind, complaint.severity, since, what, complaint.mend)
         if before is None:
-            log.warning("%s", self._ails[kind])
+            log.warning("%s", self._health_states[kind])
 
 
 @functools.cache

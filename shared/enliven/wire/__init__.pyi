@@ -53,7 +53,7 @@ from .requests import (
 from .sockets import CONTROL_PORT, POSE_PORT, Endpoint, make_socket, parse_endpoint
 from .streams import BodiesMessage, CuesMessage, MatchesMessage, PoseMessage, PropsMessage, StatusMessage
 from .topics import BY_TYPE, MAX_STREAM_BYTES, POSE, REPLY, REQUEST, STATUS, STREAMS
-from .zmtp import Misspoken, Session, framed, head
+from .zmtp import Misspoken, ZmtpSession, framed, head
 
 __all__ = [
     "BY_TYPE",
@@ -96,10 +96,10 @@ __all__ = [
     "Reply",
     "Request",
     "Revision",
-    "Session",
     "Smooth",
     "StatusMessage",
     "Welcome",
+    "ZmtpSession",
     "board_to_message",
     "bodies_to_message",
     "character_to_message",

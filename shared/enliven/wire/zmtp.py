@@ -35,7 +35,7 @@ def head(length: int, flags: int = 0) -> bytes:
     return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG, length)
 
 
-class Session:
+class ZmtpSession:
     """One connection, as it is spoken; feed it, then take until nothing is left.
 
     Args:

@@ -14,7 +14,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven_edge.fusion.calibration.matching import Match, guesses, matched
+from enliven_edge.fusion.calibration.matching import BodyMatch, guesses, matched
 from enliven_edge.fusion.calibration.pose_graph import Network, network
 from enliven_edge.fusion.calibration.quality import Quality, Verdict, judged, nothing
 from enliven_edge.fusion.calibration.refinement import Fit, differ, refine
@@ -30,7 +30,7 @@ _AS_GOOD = 1.25
 
 
 @dataclass(frozen=True)
-class Pair:
+class SensorPair:
     """What two sensors told of each other; ``fit`` is None where they never saw the same person."""
 
     a: str
@@ -59,7 +59,7 @@ class Calibration:
     sensors: tuple[str, ...]
     world_from_sensor: dict[str, Float]
     clock_offset_ns: dict[str, int]
-    pairs: tuple[Pair, ...]
+    pairs: tuple[SensorPair, ...]
     loop_cm: float
     loop_deg: float
 
@@ -68,7 +68,7 @@ class Calibration:
         """Whether every sensor is tied to the first one through pairs that are good."""
         return not self.loose(lambda pair: pair.good)
 
-    def loose(self, usable: Callable[[Pair], bool]) -> tuple[str, ...]:
+    def loose(self, usable: Callable[[SensorPair], bool]) -> tuple[str, ...]:
         """The sensors that no chain of usable pairs ties to the first one."""
         tied = {self.sensors[0]}
         for _ in self.sensors:
@@ -126,7 +126,7 @@ def calibrate(
     )
 
 
-def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) -> Pair:
+def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) -> SensorPair:
     """Where sensor b stands for sensor a, by the best of all first guesses."""
     known = (b.first_ns - a.first_ns) * 1e-9
     ranked: list[tuple[float, Fit]] = []
@@ -135,18 +135,18 @@ def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) 
         if quick is not None:
             ranked.append((_score(a, b, quick, guess.matches, settings), quick))
     ranked.sort(key=lambda entry: entry[0])
-    finals: list[tuple[float, Fit, tuple[Match, ...]]] = []
+    finals: list[tuple[float, Fit, tuple[BodyMatch, ...]]] = []
     for _, quick in _distinct(ranked):
         final = _finished(a, b, quick, settings)
         if final is not None:
             finals.append((_score(a, b, *final, settings), *final))
     if not finals:
         blind = next((s.sensor for s in (a, b) if not s.tracks), None)
-        return Pair(a.sensor, b.sensor, None, nothing(a.sensor, b.sensor, blind))
+        return SensorPair(a.sensor, b.sensor, None, nothing(a.sensor, b.sensor, blind))
     finals.sort(key=lambda entry: entry[0])
     score, fit, matches = finals[0]
     rivals = [other for cost, other, _ in finals[1:] if cost < _AS_GOOD * score + 1e-4 and differ(fit, other)]
-    return Pair(a.sensor, b.sensor, fit, judged(fit, matches, rivals, b.sensor, settings))
+    return SensorPair(a.sensor, b.sensor, fit, judged(fit, matches, rivals, b.sensor, settings))
 
 
 def _distinct(ranked: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
@@ -162,10 +162,10 @@ def _distinct(ranked: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
 
 def _finished(
     a: BodyStream, b: BodyStream, quick: Fit, settings: CalibrationSettings
-) -> tuple[Fit, tuple[Match, ...]] | None:
+) -> tuple[Fit, tuple[BodyMatch, ...]] | None:
     """A guess with everybody matched, twice: the better the placement, the better the matches."""
     fit = quick
-    matches: tuple[Match, ...] = ()
+    matches: tuple[BodyMatch, ...] = ()
     for _ in range(2):
         matches = matched(a, b, fit.a_from_b, fit.lag, settings)
         better = refine(matches, fit.a_from_b, fit.lag, settings)
@@ -176,7 +176,7 @@ def _finished(
 
 
 def _score(
-    a: BodyStream, b: BodyStream, fit: Fit, matches: tuple[Match, ...], settings: CalibrationSettings
+    a: BodyStream, b: BodyStream, fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
 ) -> float:
     """Metres of disagreement a body, counting those that should have been seen by both and were not.
 
@@ -203,7 +203,7 @@ def _present(stream: BodyStream, times: Float) -> Float:
     return count
 
 
-def _span(match: Match, b: BodyStream, lag: float) -> float:
+def _span(match: BodyMatch, b: BodyStream, lag: float) -> float:
     """Seconds at which a match's moments are seen by both."""
     times = match.times[_present(BodyStream(b.sensor, 0, (match.b,)), match.times - lag) > 0]
     return 0.1 * len(np.unique(np.floor(times / 0.1)))

@@ -25,7 +25,7 @@ _SAME = 0.35
 
 
 @dataclass(frozen=True)
-class Match:
+class BodyMatch:
     """One body of each sensor that are the same person at some moments.
 
     Attributes:
@@ -44,7 +44,7 @@ class Guess:
 
     a_from_b: Float
     lag: float
-    matches: tuple[Match, ...]
+    matches: tuple[BodyMatch, ...]
 
 
 def guesses(
@@ -64,7 +64,7 @@ def guesses(
                 good = weights.sum(1) > 0
                 if good.sum() < 3:
                     continue
-                match = (Match(track_a, track_b, track_a.times),)
+                match = (BodyMatch(track_a, track_b, track_a.times),)
                 for start in _starts(p[good], q[good], weights[good], upright):
                     yield Guess(start, lag, match)
 
@@ -104,7 +104,7 @@ def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
 
 def matched(
     a: BodyStream, b: BodyStream, a_from_b: Float, lag: float, settings: CalibrationSettings
-) -> tuple[Match, ...]:
+) -> tuple[BodyMatch, ...]:
     """Who is who at every moment of ``a``, now that the sensors are roughly placed (Hungarian, gated)."""
     times = np.unique(np.concatenate([t.times for t in a.tracks]))
     near: list[list[Float]] = []
@@ -117,7 +117,7 @@ def matched(
         near.append(row)
     taken = _assigned(np.array(near))
     return tuple(
-        Match(track_a, track_b, times[taken[i, j]])
+        BodyMatch(track_a, track_b, times[taken[i, j]])
         for i, track_a in enumerate(a.tracks)
         for j, track_b in enumerate(b.tracks)
         if taken[i, j].sum() >= 3

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.person import Joint
-from enliven_edge.fusion.calibration.matching import Match
+from enliven_edge.fusion.calibration.matching import BodyMatch
 from enliven_edge.fusion.calibration.refinement import Fit, refine
 from enliven_edge.fusion.placement import angle_between, inverse, moved
 from enliven_edge.fusion.settings import CalibrationSettings
@@ -60,7 +60,7 @@ class Quality:
 
 
 def judged(
-    fit: Fit, matches: tuple[Match, ...], rivals: list[Fit], name: str, settings: CalibrationSettings
+    fit: Fit, matches: tuple[BodyMatch, ...], rivals: list[Fit], name: str, settings: CalibrationSettings
 ) -> Quality:
     """The quality of a fit of sensor b to sensor a.
 
@@ -113,7 +113,9 @@ def nothing(a: str, b: str, blind: str | None) -> Quality:
     return Quality(Verdict.NO_MATCH, nan, nan, nan, nan, 0.0, 0.0, 0.0, 0, 0.0, advice)
 
 
-def _doubt(fit: Fit, matches: tuple[Match, ...], settings: CalibrationSettings) -> tuple[float, float, float]:
+def _doubt(
+    fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
+) -> tuple[float, float, float]:
     """Centimetres, degrees and milliseconds of one standard deviation.
 
     The largest of three answers: what the equations say, how much the result changes where an eighth of the
@@ -134,7 +136,7 @@ def _doubt(fit: Fit, matches: tuple[Match, ...], settings: CalibrationSettings) 
 
 
 def _jackknife(
-    fit: Fit, matches: tuple[Match, ...], blocks: list[Int], settings: CalibrationSettings
+    fit: Fit, matches: tuple[BodyMatch, ...], blocks: list[Int], settings: CalibrationSettings
 ) -> Float:
     """(3,) metres, radians and seconds of one standard deviation, by leaving out one block after another.
 
@@ -146,7 +148,7 @@ def _jackknife(
     for block in range(_BLOCKS):
         if not any((b == block).any() for b in blocks):
             continue
-        kept = tuple(Match(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True))
+        kept = tuple(BodyMatch(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True))
         other = refine(kept, fit.a_from_b, fit.lag, settings, steps=4, frames=300)
         if other is not None:
             shift = np.linalg.norm(moved(other.a_from_b, at) - fit.centre)
@@ -157,7 +159,7 @@ def _jackknife(
     return np.asarray(np.sqrt(share * (np.array(changes) ** 2).sum(0)))
 
 
-def _facing(match: Match, settings: CalibrationSettings) -> Int:
+def _facing(match: BodyMatch, settings: CalibrationSettings) -> Int:
     """(N,) which of eight directions the person faces, as the first sensor says."""
     joints, _, _ = match.a.at(match.times, settings.longest_gap)
     across = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven_edge.fusion.calibration.matching import Match
+from enliven_edge.fusion.calibration.matching import BodyMatch
 from enliven_edge.fusion.live import OTHER_SIDE
 from enliven_edge.fusion.placement import UP, angle_between, cross_matrix, inverse, moved, rigid, turn, turned
 from enliven_edge.fusion.settings import CalibrationSettings
@@ -68,7 +68,7 @@ class Fit:
 
 
 def refine(
-    matches: tuple[Match, ...],
+    matches: tuple[BodyMatch, ...],
     a_from_b: Float,
     lag: float,
     settings: CalibrationSettings,
@@ -78,7 +78,7 @@ def refine(
 ) -> Fit | None:
     """Steps from a first guess; None where the two never see the same body at one time."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
-    thinned = [Match(m.a, m.b, m.times[::stride]) for m in matches]
+    thinned = [BodyMatch(m.a, m.b, m.times[::stride]) for m in matches]
     held = [match.a.at(match.times, settings.longest_gap) for match in thinned]
     fit = None
     for _ in range(steps):
@@ -106,7 +106,7 @@ class _Look:
 
 
 def _looked(
-    matches: list[Match],
+    matches: list[BodyMatch],
     held: list[tuple[Float, Float, Float]],
     a_from_b: Float,
     lag: float,

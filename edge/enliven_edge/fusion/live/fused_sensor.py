@@ -15,8 +15,8 @@ from enliven.health import HealthKind, HealthState, Severity, worst_first
 from enliven_edge.fusion.live.arrival import ArrivalClocks
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.health import SensorState, SensorWarning
-from enliven_edge.fusion.live.merge import Rhythm, eyes
-from enliven_edge.fusion.live.watcher import Seen, Watcher
+from enliven_edge.fusion.live.merge import OutputSchedule, eyes
+from enliven_edge.fusion.live.watcher import SensorBodies, Watcher
 from enliven_edge.fusion.placement import Space
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_edge.sensors import Sensor
@@ -85,7 +85,7 @@ class FusedSensors:
             Watcher(name, sensor, trackers[name], space.sensors[name], health[name], self._changed, once)
             for name, sensor in sensors.items()
         ]
-        self._rhythm = Rhythm()
+        self._rhythm = OutputSchedule()
         self._clocks = ArrivalClocks()
         self._gone: set[str] = set()
         self._last: dict[str, SensorWarning] = {}
@@ -98,14 +98,14 @@ class FusedSensors:
         return {view.name: view.state for view in self.fuser.views}
 
     @property
-    def ails(self) -> list[HealthState]:
+    def health_states(self) -> list[HealthState]:
         """What is wrong with any of the sensors, and with where they stand, the gravest first."""
-        ails = [state for watcher in self._watchers for state in watcher.ails]
+        health_states = [state for watcher in self._watchers for state in watcher.health_states]
         for warning in self._last.values():
             if warning.state in _GRAVITY:
                 kind, gravity, mend = _GRAVITY[warning.state]
-                ails.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", mend))
-        return worst_first(ails)
+                health_states.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", mend))
+        return worst_first(health_states)
 
     def read(self, timeout: float | None = None) -> FusedFrame | None:
         """The next set of bodies; None after the last sensor's end.
@@ -141,7 +141,7 @@ class FusedSensors:
     ) -> None:
         self.close()
 
-    def _take(self, deadline: float | None) -> Seen | None:
+    def _take(self, deadline: float | None) -> SensorBodies | None:
         """The next that any sensor saw, or None when all have ended."""
         with self._changed:
             while True:
@@ -178,12 +178,12 @@ class FusedSensors:
                         watcher.failure, where=self.name, mend="Mend it, or leave --once out."
                     )
 
-    def _fused(self, seen: Seen) -> FusedFrame | None:
+    def _fused(self, seen: SensorBodies) -> FusedFrame | None:
         """Takes in what a sensor saw; the bodies, where it is time for some."""
         if not next(w.recorded for w in self._watchers if w.name == seen.sensor):
             self._clocks.note(seen.sensor, seen.time_ns, seen.read_ns)
         time_ns = self._common(seen)
-        self.fuser.hear(seen.sensor, seen.bodies, time_ns, frozen=seen.frozen)
+        self.fuser.update(seen.sensor, seen.bodies, time_ns, frozen=seen.frozen)
         self._now_ns = max(self._now_ns, time_ns)
         due = self._rhythm.due(seen.sensor, time_ns)
         bodies = self.fuser.bodies(time_ns) if due else []
@@ -192,7 +192,7 @@ class FusedSensors:
         self._tell()
         return FusedFrame(bodies, time_ns, self.name, seen.read_ns) if due else None
 
-    def _common(self, seen: Seen) -> int:
+    def _common(self, seen: SensorBodies) -> int:
         return seen.time_ns + self._clocks.shift(seen.sensor)
 
     def _tell(self, why: str = "") -> None:

@@ -42,11 +42,11 @@ class Fuser:
         self._next = 1
         self._now_ns: int | None = None
 
-    def hear(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
+    def update(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
         """What a sensor sees at a time of the common clock; False for what came too late to count."""
         view = self.views[self._numbers[sensor]]
         before = view.state
-        heard = view.hear(bodies, time_ns, self.settings.silence, frozen=frozen)
+        heard = view.update(bodies, time_ns, self.settings.silence, frozen=frozen)
         self._say(view, before, time_ns)
         return heard
 

@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.matching import least_cost
 from enliven.person import Body
 from enliven_edge.fusion.live.blending import bones_within, trunk_distances
-from enliven_edge.fusion.live.sensor_view import SensorView, Sighting
+from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
 from enliven_edge.fusion.live.sides import MIDDLES
 
 _FAR = 1e3
@@ -29,10 +29,10 @@ class Group:
         joints: by the sensor's number, (20, 3) carried on to now.
     """
 
-    sightings: dict[int, Sighting] = field(default_factory=dict)
+    sightings: dict[int, BodySighting] = field(default_factory=dict)
     joints: dict[int, Float] = field(default_factory=dict)
 
-    def add(self, sensor: int, sighting: Sighting, joints: Float) -> None:
+    def add(self, sensor: int, sighting: BodySighting, joints: Float) -> None:
         """One more sensor sees this person."""
         self.sightings[sensor], self.joints[sensor] = sighting, joints
 
@@ -97,7 +97,7 @@ def grouped(
 
 
 def _partners(
-    groups: list[Group], seen: list[tuple[Sighting, Float]], gate: float, loyalty: float
+    groups: list[Group], seen: list[tuple[BodySighting, Float]], gate: float, loyalty: float
 ) -> dict[int, Group]:
     """The group that each body of one sensor belongs to, where one is near enough."""
     apart = distances(

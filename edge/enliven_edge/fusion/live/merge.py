@@ -22,7 +22,7 @@ _FASTER = 0.8
 """Part of its step below which another sensor's step makes that one keep time."""
 
 
-class Rhythm:
+class OutputSchedule:
     """When bodies go out: with the frames of one sensor, the fastest, as long as it has some."""
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class Rhythm:
         return late or self._steps.get(sensor, np.inf) < _FASTER * step
 
 
-def untouched(settings: TrackerSettings) -> TrackerSettings:
+def settings_before_fusion(settings: TrackerSettings) -> TrackerSettings:
     """The settings of a tracker whose bodies are fused yet: smoothing, mirror and foresight come after."""
     smoothing = dataclasses.replace(settings.smoothing, amount=0.0, amounts=())
     output = dataclasses.replace(settings.output, mirror=False, predict=0.0)
@@ -82,12 +82,12 @@ def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser
         streams: by sensor of the space.
         fuser: of the same sensors; asked for its warnings by the caller.
     """
-    rhythm = Rhythm()
+    rhythm = OutputSchedule()
     for time_ns, name, frame in heapq.merge(
         *(_timed(name, frames, space) for name, frames in streams.items()), key=lambda entry: entry[0]
     ):
         place = space.sensors[name]
-        fuser.hear(name, in_world(frame.bodies, place.level), time_ns)
+        fuser.update(name, in_world(frame.bodies, place.level), time_ns)
         if rhythm.due(name, time_ns):
             yield BodyFrame(fuser.bodies(time_ns), time_ns, "fused")
 

@@ -20,7 +20,7 @@ _BACK_AGAIN = 0.5
 
 
 @dataclass
-class Sighting:
+class BodySighting:
     """One body of one sensor.
 
     Attributes:
@@ -56,14 +56,14 @@ class SensorView:
     def __init__(self, name: str, eye: Float) -> None:
         self.name, self.eye = name, eye
         self.state = SensorState.WAITING
-        self.sightings: dict[int, Sighting] = {}
+        self.sightings: dict[int, BodySighting] = {}
         self.last_ns: int | None = None
         self.astray = np.zeros(3)
         self._same_since_ns = 0
         self._before: list[Body] = []
         self._bound: dict[int, tuple[int, int]] = {}
 
-    def hear(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
+    def update(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
         """Takes in what the sensor says now; False for what comes late and says nothing new.
 
         Args:
@@ -85,7 +85,7 @@ class SensorView:
         self.sightings = {body.id: self._sighted(body, time_ns) for body in bodies}
         return True
 
-    def bind(self, sighting: Sighting, person: int, believed: float) -> None:
+    def bind(self, sighting: BodySighting, person: int, believed: float) -> None:
         """Remembers who a body is, for the case that the sensor loses and finds it again.
 
         Args:
@@ -109,18 +109,18 @@ class SensorView:
             )
         )
 
-    def _sighted(self, body: Body, time_ns: int) -> Sighting:
+    def _sighted(self, body: Body, time_ns: int) -> BodySighting:
         before = self.sightings.get(body.id)
         if before is None:
-            return Sighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
+            return BodySighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
         seconds = before.age(time_ns)
         # Who was not seen was only supposed to be somewhere: the way from there is no motion.
         if seconds > _BACK_AGAIN or not before.body.confidence.any():
-            return Sighting(body, time_ns, np.zeros((20, 3)), before.person)
+            return BodySighting(body, time_ns, np.zeros((20, 3)), before.person)
         speed = (body.joints - before.body.joints) / seconds
         if np.linalg.norm(speed[:4].mean(0)) > _FASTEST:
-            return Sighting(body, time_ns, np.zeros((20, 3)))
+            return BodySighting(body, time_ns, np.zeros((20, 3)))
         change = speed - before.velocity
         size = np.minimum(np.sqrt((change**2).sum(1, keepdims=True)) / _START, 1.0)
         velocity = before.velocity + (_CALM + (_LIVELY - _CALM) * size) * change
-        return Sighting(body, time_ns, velocity, before.person)
+        return BodySighting(body, time_ns, velocity, before.person)

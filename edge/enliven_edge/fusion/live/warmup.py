@@ -20,7 +20,7 @@ def warm_up_fusion() -> None:
     turns = np.tile(IDENTITY, (20, 1))
     for n in range(3):
         for sensor in ("a", "b"):
-            fuser.hear(sensor, [Body(1, somebody() + 1e-3 * n, np.ones(20), turns)], n * 33_333_333)
+            fuser.update(sensor, [Body(1, somebody() + 1e-3 * n, np.ones(20), turns)], n * 33_333_333)
         fuser.bodies(n * 33_333_333)
 
 

@@ -24,7 +24,7 @@ _WAITING = 2
 
 
 @dataclass(frozen=True)
-class Seen:
+class SensorBodies:
     """What one sensor saw at one moment.
 
     Attributes:
@@ -52,7 +52,7 @@ class Watcher(SensorThread):
         once: end at the sensor's first fault, in place of going on with its next good frame.
 
     Attributes:
-        ails: what is wrong with the sensor now, the gravest first.
+        health_states: what is wrong with the sensor now, the gravest first.
         seen: what waits to be fused, the oldest first; guarded by ``changed``.
     """
 
@@ -68,8 +68,8 @@ class Watcher(SensorThread):
     ) -> None:
         super().__init__(name, sensor)
         self.place = place
-        self.seen: deque[Seen] = deque()
-        self.ails: list[HealthState] = []
+        self.seen: deque[SensorBodies] = deque()
+        self.health_states: list[HealthState] = []
         self._tracker, self._health, self._changed = tracker, health, changed
         self._once = once
 
@@ -93,13 +93,13 @@ class Watcher(SensorThread):
                 frame = self.sensor.read(PATIENCE)
             except TimeoutError:
                 self._health.silent(time.monotonic() - heard)
-                self.ails = self._health.states
+                self.health_states = self._health.states
                 continue
             except (SensorFault, InputError) as error:
                 self._health.failed(error)
                 self._health.silent(time.monotonic() - heard)
                 self._end_at_fault()
-                self.ails = self._health.states
+                self.health_states = self._health.states
                 continue
             if frame is None:
                 return
@@ -110,15 +110,15 @@ class Watcher(SensorThread):
                 bodies = self._bodies(frame)
                 frozen = any(state.kind == HealthKind.FROZEN for state in self._health.states)
                 time_ns = frame.time_ns + self.place.clock_offset_ns
-                self._hand_on(Seen(self.name, bodies, time_ns, read_ns, frozen))
-            self.ails = self._health.states
+                self._hand_on(SensorBodies(self.name, bodies, time_ns, read_ns, frozen))
+            self.health_states = self._health.states
 
     def _end_at_fault(self) -> None:
         """Ends where the sensor had a fault and that was asked for."""
         if self._once and self._health.fault:
             raise ResourceError(self._health.fault, where=f"sensor {self.name}")
 
-    def _hand_on(self, seen: Seen) -> None:
+    def _hand_on(self, seen: SensorBodies) -> None:
         """Waits for room, so that a recording is not read faster than it is used."""
         with self._changed:
             while len(self.seen) >= _WAITING and not self._stopped.is_set():

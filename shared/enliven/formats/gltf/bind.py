@@ -13,7 +13,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.motion import rest_locals, world_matrices
-from enliven.formats.gltf.parts import Part, shown_nodes
+from enliven.formats.gltf.parts import GltfPart, shown_nodes
 
 _GROWN = 1e-3
 """How much a joint must differ in size from when it was bound."""
@@ -30,7 +30,7 @@ class Bind:
         inverse: for each skin that is used, the inverse bind matrix of each of its joints.
     """
 
-    def __init__(self, file: GltfFile, parts: list[Part]) -> None:
+    def __init__(self, file: GltfFile, parts: list[GltfPart]) -> None:
         self._file = file
         self.rest = world_matrices(file, rest_locals(file))[0]
         self.world = self.rest.copy()
@@ -47,7 +47,7 @@ class Bind:
         self._follow(known)
         self._resize(known)
 
-    def vertices(self, part: Part) -> Float:
+    def vertices(self, part: GltfPart) -> Float:
         """(V, 3) metres: a part in the bind pose, by its own skinning."""
         if part.skin < 0:
             matrix = self.world[part.carrier]

@@ -15,7 +15,7 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
 @dataclass
-class Part:
+class GltfPart:
     """One primitive of a mesh, as the file has it.
 
     Attributes:
@@ -37,9 +37,9 @@ class Part:
     carrier: int
 
 
-def parts_of(file: GltfFile, notes: list[str]) -> list[Part]:
+def parts_of(file: GltfFile, notes: list[str]) -> list[GltfPart]:
     """All the triangles that the scene shows; what is left out is told in ``notes``."""
-    colours, parts = Colours(file), list[Part]()
+    colours, parts = Colours(file), list[GltfPart]()
     for number in shown_nodes(file):
         node = file.document.nodes[number]
         if node.mesh is None:
@@ -74,7 +74,7 @@ def shown_nodes(file: GltfFile) -> list[int]:
     return found
 
 
-def _part(file: GltfFile, colours: Colours, primitive: Any, mode: int, carrier: int, node: Any) -> Part:
+def _part(file: GltfFile, colours: Colours, primitive: Any, mode: int, carrier: int, node: Any) -> GltfPart:
     vertices = np.asarray(file.accessor(primitive.attributes.POSITION), np.float64)
     if vertices.shape[1] != 3 or not np.isfinite(vertices).all():
         raise file.wrong(f"a vertex of {file.name(carrier)!r} is no finite point")
@@ -99,7 +99,7 @@ def _part(file: GltfFile, colours: Colours, primitive: Any, mode: int, carrier: 
             )
         joints = named[np.minimum(joints, len(named) - 1)]
     four, shares = strongest(joints, weights)
-    return Part(vertices, faces.astype(np.int32), four, shares, colours.of(primitive), skin, carrier)
+    return GltfPart(vertices, faces.astype(np.int32), four, shares, colours.of(primitive), skin, carrier)
 
 
 def _influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:

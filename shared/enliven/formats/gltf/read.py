@@ -21,8 +21,8 @@ from enliven.formats.gltf.bind import Bind
 from enliven.formats.gltf.bodies import bodies_of
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.motion import MOST_PLACES, animated_locals, frame_times, world_matrices
-from enliven.formats.gltf.parts import Part, parts_of, shown_nodes
-from enliven.formats.rig import Body, Rig, Tree, on_floor, resized, strays, tree_of, welded
+from enliven.formats.gltf.parts import GltfPart, parts_of, shown_nodes
+from enliven.formats.rig import LinkBody, Rig, Tree, on_floor, resized, strays, tree_of, welded
 from enliven.meshes import Mesh
 
 _TOLD = 1e-3
@@ -84,7 +84,7 @@ def _read(file: GltfFile, name: str) -> Rig:
     return _rigged(file, name, parts, rest, mesh, bind, notes)
 
 
-def _mesh(name: str, parts: list[Part], rest: list[Float], bind: Bind) -> Mesh:
+def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind) -> Mesh:
     """All the parts as one mesh; a mirrored part gets its faces turned round."""
     first = np.cumsum([0, *(len(v) for v in rest)])
     faces = []
@@ -111,7 +111,7 @@ def _unrigged(name: str, mesh: Mesh, notes: list[str]) -> Rig:
 def _rigged(
     file: GltfFile,
     name: str,
-    parts: list[Part],
+    parts: list[GltfPart],
     rest: list[Float],
     mesh: Mesh,
     bind: Bind,
@@ -150,7 +150,7 @@ def _played(file: GltfFile) -> tuple[list[_Animation], Float]:
     return animations, np.concatenate(worlds) if worlds else np.zeros((0, count, 4, 4))
 
 
-def _chosen(file: GltfFile, parts: list[Part]) -> list[int]:
+def _chosen(file: GltfFile, parts: list[GltfPart]) -> list[int]:
     """The nodes that may be joints, parents before children: those of the used skins, those that carry a
     mesh stiffly, and those between them that are animated."""
     named = {int(n) for p in parts if p.skin >= 0 for n in file.document.skins[p.skin].joints}
@@ -168,7 +168,7 @@ def _chosen(file: GltfFile, parts: list[Part]) -> list[int]:
     return [n for n in shown_nodes(file) if n in named or (n in between and n in animated)]
 
 
-def _skin(parts: list[Part], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
+def _skin(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
     """Four bones a vertex, for the joints that it follows in the file."""
     nodes: Int = np.concatenate([part.nodes for part in parts])
     weights = np.concatenate([part.weights for part in parts])
@@ -178,7 +178,7 @@ def _skin(parts: list[Part], tree: Tree, body_of: dict[int, int]) -> SkinWeights
     return SkinWeights(bone[nodes], weights.astype(np.float32))
 
 
-def _clip(animation: _Animation, tree: Tree, bodies: list[Body], taken: set[str]) -> Clip:
+def _clip(animation: _Animation, tree: Tree, bodies: list[LinkBody], taken: set[str]) -> Clip:
     number, name = 1, animation.name
     while name in taken:
         number += 1
@@ -188,7 +188,7 @@ def _clip(animation: _Animation, tree: Tree, bodies: list[Body], taken: set[str]
     return Clip(name, tree.skeleton, turns, bodies[tree.root].places[animation.frames], animation.step)
 
 
-def _told(bodies: list[Body], tree: Tree, skewed: Float, size: float) -> list[str]:
+def _told(bodies: list[LinkBody], tree: Tree, skewed: Float, size: float) -> list[str]:
     """What the animations do that bones cannot, with its size."""
     told = []
     away = [(name, far) for name, far in strays(bodies, tree) if far > _TOLD * size]

@@ -27,7 +27,7 @@ _LOOKED_AT = 150
 
 
 @dataclass
-class Body:
+class LinkBody:
     """A joint of a rig, with all that is rigid with it.
 
     Attributes:
@@ -71,7 +71,7 @@ class Links:
         return next(j for j, parent in self.parents.items() if parent < 0)
 
 
-def links_of(bodies: list[Body], size: float) -> Links:
+def links_of(bodies: list[LinkBody], size: float) -> Links:
     """What hangs on what; of all the loose parts that one is the root which leaves the least to be noted.
 
     Joints that neither move a vertex nor carry one that does are dropped; where they were, their parents
@@ -112,7 +112,7 @@ def downward(parents: dict[int, int]) -> list[int]:
     return order
 
 
-def _residuals(bodies: list[Body]) -> Float:
+def _residuals(bodies: list[LinkBody]) -> Float:
     """(J, J) metres (root mean square) that body j leaves the place on body p that it has at rest."""
     count, frames = len(bodies), len(bodies[0].places)
     looked = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _LOOKED_AT)).astype(int))
@@ -127,7 +127,7 @@ def _residuals(bodies: list[Body]) -> Float:
     return off
 
 
-def _weights(bodies: list[Body], parents: list[int]) -> list[float]:
+def _weights(bodies: list[LinkBody], parents: list[int]) -> list[float]:
     """For each body how much it and all below it move."""
     weight = [body.mass for body in bodies]
     for j in range(len(bodies) - 1, -1, -1):
@@ -136,7 +136,7 @@ def _weights(bodies: list[Body], parents: list[int]) -> list[float]:
     return weight
 
 
-def _hung(bodies: list[Body], before: list[int], loose: list[bool], off: Float, root: int) -> Links:
+def _hung(bodies: list[LinkBody], before: list[int], loose: list[bool], off: Float, root: int) -> Links:
     """Everything that moves vertices hung on ``root``, or on what hangs on it."""
     above = _above(before, root)
     parents = [-1 if loose[j] or j == root or p in above else p for j, p in enumerate(before)]
@@ -164,14 +164,14 @@ def _above(before: list[int], j: int) -> list[int]:
     return chain
 
 
-def _home(bodies: list[Body], child: int, usual: int, inside: set[int], off: Float) -> int:
+def _home(bodies: list[LinkBody], child: int, usual: int, inside: set[int], off: Float) -> int:
     """The body that what was cut off hangs on: its old parent, unless another is followed far better."""
     costs = {c: off[child, c] + _NEARNESS * _distance(bodies, child, c) for c in inside}
     best = min(costs, key=lambda c: (costs[c], c))
     return usual if usual in inside and off[child, usual] < _BETTER * off[child, best] else best
 
 
-def _distance(bodies: list[Body], child: int, parent: int) -> float:
+def _distance(bodies: list[LinkBody], child: int, parent: int) -> float:
     points = [bodies[parent].rest, *(place for _, place in bodies[parent].leaves)]
     return min(float(np.linalg.norm(bodies[child].rest - p)) for p in points)
 
@@ -182,7 +182,7 @@ def _top(parents: list[int], j: int) -> int:
     return j
 
 
-def _carries(bodies: list[Body], parents: list[int], inside: set[int]) -> set[int]:
+def _carries(bodies: list[LinkBody], parents: list[int], inside: set[int]) -> set[int]:
     """The bodies that move vertices, and those above them."""
     found: set[int] = set()
     for j in inside:
@@ -193,7 +193,7 @@ def _carries(bodies: list[Body], parents: list[int], inside: set[int]) -> set[in
     return found
 
 
-def _unsaid(bodies: list[Body], links: Links, off: Float) -> float:
+def _unsaid(bodies: list[LinkBody], links: Links, off: Float) -> float:
     """Metres by which what is moved leaves its place, on the average over the surface."""
     away = {j: 0.0 if p < 0 else float(off[j, p]) for j, p in links.parents.items()}
     for j in downward(links.parents):
@@ -203,7 +203,7 @@ def _unsaid(bodies: list[Body], links: Links, off: Float) -> float:
     return sum(bodies[j].mass * far for j, far in away.items()) / max(sum(b.mass for b in bodies), 1e-12)
 
 
-def _trim(bodies: list[Body], links: Links) -> None:
+def _trim(bodies: list[LinkBody], links: Links) -> None:
     """Drop roots that move no vertex and carry one joint: a controller at the feet is no bone."""
     while True:
         root = links.root

@@ -24,7 +24,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Skeleton
-from enliven.formats.rig.rig_links import Body, downward, links_of
+from enliven.formats.rig.rig_links import LinkBody, downward, links_of
 from enliven.rotation import rotate
 
 _SAME_PLACE = 2e-5
@@ -51,7 +51,7 @@ class Tree:
     notes: list[str]
 
 
-def tree_of(bodies: list[Body], size: float) -> Tree:
+def tree_of(bodies: list[LinkBody], size: float) -> Tree:
     """The skeleton of a rig.
 
     Args:
@@ -65,7 +65,7 @@ def tree_of(bodies: list[Body], size: float) -> Tree:
     return tree
 
 
-def strays(bodies: list[Body], tree: Tree) -> list[tuple[str, float]]:
+def strays(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
     """What bones cannot say: each joint that leaves its place on its parent, and by how many metres."""
     skeleton, found = tree.skeleton, []
     at = np.empty((len(bodies[0].places), len(skeleton), 3))
@@ -82,7 +82,7 @@ def strays(bodies: list[Body], tree: Tree) -> list[tuple[str, float]]:
     return found
 
 
-def _joined(bodies: list[Body], parents: dict[int, int], size: float) -> dict[int, int]:
+def _joined(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
     """For each body, the first of those that are at its place and beside or above it in the tree."""
     first: dict[int, int] = {}
     for j in downward(parents):
@@ -96,12 +96,12 @@ def _joined(bodies: list[Body], parents: dict[int, int], size: float) -> dict[in
     return first
 
 
-def _apart(bodies: list[Body], a: int, b: int) -> float:
+def _apart(bodies: list[LinkBody], a: int, b: int) -> float:
     return float(np.linalg.norm(bodies[a].rest - bodies[b].rest))
 
 
 def _built(
-    bodies: list[Body], parents: dict[int, int], first: dict[int, int], size: float, notes: list[str]
+    bodies: list[LinkBody], parents: dict[int, int], first: dict[int, int], size: float, notes: list[str]
 ) -> Tree:
     """The skeleton: one joint for each place, one bone for each link, and the tips."""
     names: dict[int, str] = {}
@@ -178,7 +178,7 @@ class _Joints:
         return skeleton, [self.drivers[old] for old in order], {j: new[k] for j, k in bone.items()}
 
 
-def _tip(bodies: list[Body], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
+def _tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
     """What the end of the bone of a joint without children is called, and where it is."""
     body = bodies[j]
     for name, place in body.leaves:
