@@ -1,4 +1,4 @@
-"""What may be wrong with a sensor or a performance, as typed states: what, since when, what to do."""
+"""What may be wrong with a sensor or a performance, as typed states: kind, time of onset, remedy."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ _KINDS = {
 
 
 def refuse_other_kinds(settings: ControlSettings, where: str) -> None:
-    """A key that the control would not heed is a mistake.
+    """Raises InputError for a key that this kind of control would ignore.
 
     Raises:
         InputError: for a key of another kind that is not left at its default.

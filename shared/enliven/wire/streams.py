@@ -1,4 +1,4 @@
-"""What goes from the edge to every viewer: poses, bodies, cues, props, matches, the heartbeat."""
+"""The messages from the edge to every viewer: poses, bodies, cues, props, matches, the heartbeat."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from enliven.wire.fields import (
 
 
 class PoseMessage(Struct, array_like=True, frozen=True):
-    """Where one character's transforms are (topic "pose").
+    """The transforms of one character (topic "pose").
 
     Attributes:
         character: its id.
@@ -73,7 +73,7 @@ class PackedBody(Struct, array_like=True, frozen=True):
 
 
 class BodiesMessage(Struct, array_like=True, frozen=True):
-    """Everybody in view at one moment of the sensor's clock (topic "bodies")."""
+    """All people in view at one moment of the sensor's clock (topic "bodies")."""
 
     time_ns: Nanoseconds
     captured_ns: Nanoseconds
@@ -81,7 +81,7 @@ class BodiesMessage(Struct, array_like=True, frozen=True):
 
 
 class CuesMessage(Struct, array_like=True, frozen=True):
-    """What to highlight on a character (topic "cues").
+    """The nodes to highlight on a character (topic "cues").
 
     Attributes:
         character: its id.
@@ -115,7 +115,7 @@ class CuesMessage(Struct, array_like=True, frozen=True):
 
 
 class PropsMessage(Struct, array_like=True, frozen=True):
-    """Everything loose at one moment, whole: who joins late needs no history (topic "props").
+    """All loose things at one moment, so that a late viewer needs no history (topic "props").
 
     Attributes:
         time_ns: the sensor's clock, the time of the poses that it goes with.
@@ -168,7 +168,7 @@ class PackedMatch(Struct, array_like=True, frozen=True):
 
 
 class MatchesMessage(Struct, array_like=True, frozen=True):
-    """What a performer's pose could mean on a character (topic "matches").
+    """The possible meanings of a performer's pose on a character (topic "matches").
 
     Attributes:
         character: its id.
@@ -196,7 +196,7 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
 
 
 class HealthMessage(Struct, array_like=True, frozen=True):
-    """Something that is wrong at the edge.
+    """One thing that is wrong at the edge.
 
     Attributes:
         kind: a word of :class:`enliven.health.HealthKind`, or one that a later program knows.

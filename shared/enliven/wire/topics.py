@@ -1,4 +1,4 @@
-"""The one table of what goes over the wire; sockets, recorder and tests derive from it."""
+"""The one table of all messages on the wire; sockets, recorder and tests derive from it."""
 
 from __future__ import annotations
 

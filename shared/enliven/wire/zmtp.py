@@ -1,6 +1,6 @@
-"""ZMTP 3.1 without keys, the side that listens: bytes in, messages and answers out; no sockets in here.
+"""The listening side of ZMTP 3.1 without keys: bytes in, messages and answers out; it opens no socket.
 
-Viewers speak it by libzmq. What listens does not: one connection that mixes PINGs into a flood and is reset
+Viewers speak ZMTP by libzmq. The listener does not: one connection that mixes PINGs into a flood and is reset
 makes libzmq 4.3.5 abort its program (``!_io_error`` in stream_engine_base.cpp), with heartbeats or without.
 """
 
@@ -10,15 +10,20 @@ import struct
 from typing import Literal
 
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
-"""What both sides say first, 64 bytes: signature, version 3.1, no keys."""
+"""The first 64 bytes of both sides: signature, version 3.1, no keys."""
 
-_MORE, _LONG, _COMMAND = 1, 2, 4
+_MORE = 1
+"""Flag of a frame that another frame of the same message follows."""
+_LONG = 2
+"""Flag of a frame with a length of 8 bytes in place of 1."""
+_COMMAND = 4
+"""Flag of a frame that is a command of the protocol and no message."""
 _MOST_PARTS = 8
 """Parts of one message; a viewer sends one, libzmq's REQ sockets two."""
 _MOST_CONTEXT = 16
 """Bytes of a PING that are sent back, as the protocol says."""
 _TTL_BYTES = 2
-"""Of a PING, before its context."""
+"""Bytes of a PING's time to live, which stand before its context."""
 
 
 class Misspoken(Exception):
@@ -31,12 +36,12 @@ def framed(data: bytes, flags: int = 0) -> bytes:
 
 
 def head(length: int, flags: int = 0) -> bytes:
-    """What goes before ``length`` bytes of data, so that long data need not be copied."""
+    """Returns the bytes before ``length`` bytes of data, so that long data need not be copied."""
     return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG, length)
 
 
 class ZmtpSession:
-    """One connection, as it is spoken; feed it, then take until nothing is left.
+    """The protocol state of one connection; feed it, then take until nothing is left.
 
     Args:
         kind: of the socket that listens; "ROUTER" hears DEALER and REQ, "PUB" hears SUB.
@@ -55,7 +60,7 @@ class ZmtpSession:
         self._parts: list[bytes] = []
 
     def feed(self, data: bytes) -> None:
-        """Bytes that have come."""
+        """Adds bytes that were received."""
         del self._bytes[: self._at]
         self._at = 0
         self._bytes += data
@@ -87,7 +92,7 @@ class ZmtpSession:
         return parts
 
     def _greeting(self) -> list[bytes] | None:
-        """Looks at the other side's first 64 bytes, as far as they have come, and answers in kind."""
+        """Checks the other side's first 64 bytes, as far as they have come, and answers them."""
         said = self._bytes[: len(GREETING)]
         if (said and said[0] != 0xFF) or (len(said) > 10 and (not said[9] & 1 or said[10] < 3)):
             raise Misspoken("this is not ZMTP 3")
@@ -119,7 +124,7 @@ class ZmtpSession:
         return flags, bytes(self._bytes[start : self._at])
 
     def _command(self, data: bytes) -> list[bytes]:
-        """An introduction, a PING or a subscription; what is not known is passed over."""
+        """Handles an introduction, a PING or a subscription; an unknown command is ignored."""
         name, rest = data[1 : 1 + data[0]] if data else b"", data[1 + data[0] :] if data else b""
         if name == b"READY" and not self.ready:
             self.ready = True

@@ -1,4 +1,4 @@
-"""The skinned surfaces of a glTF file: every primitive with which nodes its vertices follow."""
+"""The skinned surfaces of a glTF file: each primitive with the nodes that its vertices follow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ from enliven.arrays import Float, Int, Int32, UInt8
 from enliven.formats.gltf.colours import Colours
 from enliven.formats.gltf.file import GltfFile
 
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_TRIANGLES = 4
+"""glTF's mode of a list of separate triangles (section 3.7.2.1); points and lines are left out."""
+_STRIP = 5
+"""glTF's mode of a triangle strip."""
+_FAN = 6
+"""glTF's mode of a triangle fan."""
 
 
 @dataclass
@@ -38,7 +43,8 @@ class GltfPart:
 
 
 def parts_of(file: GltfFile, notes: list[str]) -> list[GltfPart]:
-    """All the triangles that the scene shows; what is left out is told in ``notes``."""
+    """Returns all primitives with triangles that the scene shows; ``notes`` takes a sentence about each left
+    out."""
     colours, parts = Colours(file), list[GltfPart]()
     for number in shown_nodes(file):
         node = file.document.nodes[number]

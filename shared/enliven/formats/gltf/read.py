@@ -26,7 +26,7 @@ from enliven.formats.rig import LinkBody, Rig, Tree, on_floor, resized, strays, 
 from enliven.meshes import Mesh
 
 _TOLD = 1e-3
-"""Share of the model's size above which something that was left out is worth a note."""
+"""Share of the model's size above which a motion that was left out gets a note: less is not visible."""
 
 _MOST_JOINTS = 4096
 """As many as a pose on the wire has (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
@@ -34,7 +34,7 @@ _MOST_JOINTS = 4096
 
 @dataclass
 class _Animation:
-    """One animation: what it is called, its frames among those of all, and the seconds between them."""
+    """One animation: its name, its frames among those of all, and the seconds between them."""
 
     name: str
     frames: slice
@@ -44,7 +44,7 @@ class _Animation:
 def read_gltf(
     path: Path | str, *, name: str = "", height: float | None = None, floor: bool = False, weld: bool = False
 ) -> Rig:
-    """Read a model.
+    """Reads a model from a glTF or GLB file.
 
     A model without a rig gets one bone, from the middle of its foot to the middle of its top.
 
@@ -71,7 +71,7 @@ def read_gltf(
 
 
 def _read(file: GltfFile, name: str) -> Rig:
-    """The model as the file has it."""
+    """Reads the model without scaling or moving it."""
     notes = list[str]()
     parts = parts_of(file, notes)
     if not parts:
@@ -85,7 +85,7 @@ def _read(file: GltfFile, name: str) -> Rig:
 
 
 def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind) -> Mesh:
-    """All the parts as one mesh; a mirrored part gets its faces turned round."""
+    """Joins all parts into one mesh; a mirrored part gets its faces turned round."""
     first = np.cumsum([0, *(len(v) for v in rest)])
     faces = []
     for part, start in zip(parts, first[:-1], strict=True):
@@ -151,8 +151,8 @@ def _played(file: GltfFile) -> tuple[list[_Animation], Float]:
 
 
 def _chosen(file: GltfFile, parts: list[GltfPart]) -> list[int]:
-    """The nodes that may be joints, parents before children: those of the used skins, those that carry a
-    mesh stiffly, and those between them that are animated."""
+    """Returns the nodes that may be joints, parents before children: those of the used skins, those that
+    carry a mesh stiffly, and animated nodes between them."""
     named = {int(n) for p in parts if p.skin >= 0 for n in file.document.skins[p.skin].joints}
     named |= {part.carrier for part in parts if part.skin < 0}
     animated = {c.target.node for a in file.document.animations or [] for c in a.channels}
@@ -169,7 +169,7 @@ def _chosen(file: GltfFile, parts: list[GltfPart]) -> list[int]:
 
 
 def _skin(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
-    """Four bones a vertex, for the joints that it follows in the file."""
+    """Returns four bones a vertex, for the joints that it follows in the file."""
     nodes: Int = np.concatenate([part.nodes for part in parts])
     weights = np.concatenate([part.weights for part in parts])
     bone = np.zeros(max(body_of) + 1, np.uint16)
@@ -189,7 +189,7 @@ def _clip(animation: _Animation, tree: Tree, bodies: list[LinkBody], taken: set[
 
 
 def _told(bodies: list[LinkBody], tree: Tree, skewed: Float, size: float) -> list[str]:
-    """What the animations do that bones cannot, with its size."""
+    """Returns notes on the parts of the animations that bones cannot represent, with their sizes."""
     told = []
     away = [(name, far) for name, far in strays(bodies, tree) if far > _TOLD * size]
     if away:

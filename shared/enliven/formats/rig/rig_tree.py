@@ -28,7 +28,7 @@ from enliven.formats.rig.rig_links import LinkBody, downward, links_of
 from enliven.rotation import rotate
 
 _SAME_PLACE = 2e-5
-"""Share of the size within which two joints are at one place."""
+"""Share of the size within which two joints are at one place: less is rounding."""
 _STRAIGHT = np.cos(np.radians(25.0))
 
 
@@ -52,7 +52,7 @@ class Tree:
 
 
 def tree_of(bodies: list[LinkBody], size: float) -> Tree:
-    """The skeleton of a rig.
+    """Returns the skeleton of a rig.
 
     Args:
         bodies: parents before children, one at least moves vertices.
@@ -66,7 +66,8 @@ def tree_of(bodies: list[LinkBody], size: float) -> Tree:
 
 
 def strays(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
-    """What bones cannot say: each joint that leaves its place on its parent, and by how many metres."""
+    """Returns each joint that leaves its place on its parent, and by how many metres: bones cannot follow
+    it."""
     skeleton, found = tree.skeleton, []
     at = np.empty((len(bodies[0].places), len(skeleton), 3))
     at[:, 0] = bodies[tree.root].places
@@ -83,7 +84,7 @@ def strays(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
 
 
 def _joined(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
-    """For each body, the first of those that are at its place and beside or above it in the tree."""
+    """Returns for each body the first body at its place that is beside or above it in the tree."""
     first: dict[int, int] = {}
     for j in downward(parents):
         if parents[j] < 0:
@@ -179,7 +180,7 @@ class _Joints:
 
 
 def _tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
-    """What the end of the bone of a joint without children is called, and where it is."""
+    """Returns the name and the place of the end of the bone of a joint without children."""
     body = bodies[j]
     for name, place in body.leaves:
         if np.linalg.norm(place - body.rest) > 1e-3 * size:
