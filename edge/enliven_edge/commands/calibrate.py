@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _EVERY = 4.0
-"""Seconds between two evaluations of what live sensors have seen: each takes about a second."""
+"""Seconds between two evaluations of what live sensors have seen: a calibration takes time that the trackers
+need."""
 
 
 def calibrate(

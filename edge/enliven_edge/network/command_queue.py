@@ -38,7 +38,7 @@ class CommandQueue:
 
     def __init__(self, budget: float) -> None:
         self._shares = [budget * (1 - _RESERVED), budget * _RESERVED]
-        self._purses = [_SAVED * share for share in self._shares]
+        self._budgets = [_SAVED * share for share in self._shares]
         self._waiting: dict[Connection, deque[Command]] = {}
 
     def add(self, command: Command) -> None:
@@ -55,30 +55,30 @@ class CommandQueue:
 
     def work(self, do: Callable[[Command], None]) -> None:
         """Carries out what there is time for."""
-        self._purses = [
-            min(purse + share, _SAVED * share)
-            for purse, share in zip(self._purses, self._shares, strict=True)
+        self._budgets = [
+            min(budget + share, _SAVED * share)
+            for budget, share in zip(self._budgets, self._shares, strict=True)
         ]
         while (found := self._next()) is not None:
-            peer, purse = found
+            peer, budget = found
             start = time.perf_counter()
             do(self._waiting[peer].popleft())
             took = time.perf_counter() - start
             peer.charge(took)
-            self._purses[purse] -= took
+            self._budgets[budget] -= took
             if not self._waiting[peer]:
                 del self._waiting[peer]
 
     def _next(self) -> tuple[Connection, int] | None:
-        """Whose command is next and which purse pays for it; None: nothing waits that can be paid for."""
-        if self._purses[0] > 0:
-            purse, peers = 0, list(self._waiting)
-        elif self._purses[1] > 0:
-            purse, peers = 1, [peer for peer in self._waiting if self._asks_little(peer)]
+        """Whose command is next and which budget pays for it; None: nothing waits that can be paid for."""
+        if self._budgets[0] > 0:
+            budget, peers = 0, list(self._waiting)
+        elif self._budgets[1] > 0:
+            budget, peers = 1, [peer for peer in self._waiting if self._asks_little(peer)]
         else:
             return None
         peer = min(peers, key=lambda p: (not p.is_open, p.cost), default=None)
-        return None if peer is None else (peer, purse)
+        return None if peer is None else (peer, budget)
 
     def _asks_little(self, peer: Connection) -> bool:
         """Whether a viewer may be paid for out of what is reserved."""

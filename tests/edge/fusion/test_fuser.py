@@ -15,7 +15,7 @@ from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.grouping import plausible
 from enliven_edge.fusion.live.health import SensorState
 from enliven_edge.fusion.live.sides import exchanged
-from enliven_edge.fusion.live.warmup import somebody, warm_up_fusion
+from enliven_edge.fusion.live.warmup import standing_person, warm_up_fusion
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_synthesis.motion.wander import Way
 
@@ -94,7 +94,7 @@ def test_order_of_sensors_and_their_ids_do_not_matter(order, numbers, seed):
 
 
 def test_bodies_of_different_moments_are_brought_to_one():
-    """Two sensors whose frames never coincide; somebody passes at 2 m/s."""
+    """Two sensors whose frames never coincide; a person passes at 2 m/s."""
     fuser = Fuser({n: EYES[n] for n in "ab"})
     worst = 0.0
     for n in range(60):
@@ -420,7 +420,7 @@ def test_many_people_before_two_sensors_keep_apart():
 
 
 def test_after_the_warm_up_nothing_is_left_to_compile():
-    assert plausible(body(somebody()))
+    assert plausible(body(standing_person()))
     warm_up_fusion()
     kernels = (blending.blend, blending.doubt_outliers, blending.fuse_confidence, blending.side_costs)
     before = [len(kernel.signatures) for kernel in kernels]

@@ -1,4 +1,4 @@
-"""What one sensor last said of everybody, carried on to the moment that is asked for."""
+"""The last bodies of one sensor, predicted to the moment that is asked for."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from enliven.arrays import Float
 from enliven.person import Body
 from enliven_edge.fusion.live.health import SensorState
 
-_CALM, _LIVELY, _START = 0.2, 0.7, 1.5
-"""Part of a new difference that a velocity takes over: little of noise, much of a start or a stop:
-a change by 1.5 m/s and more."""
+_CALM = 0.2
+"""Share of a small velocity change that is taken over at a frame: small changes are mostly noise."""
+_LIVELY = 0.7
+"""Share of a large velocity change that is taken over at a frame: a start or a stop."""
+_START = 1.5
+"""Metres a second of change that count as a start or a stop in full."""
 _FASTEST = 8.0
-"""Metres a second of a trunk beyond which it is another one, whatever the sensor calls it."""
+"""Metres a second of a trunk: a faster one is another person, whatever identity the sensor gives it."""
 _BACK_AGAIN = 0.5
-"""Seconds after which a velocity is measured anew."""
+"""Seconds after which a velocity starts anew at zero."""
 
 
 @dataclass
@@ -40,13 +43,13 @@ class BodySighting:
         return (time_ns - self.time_ns) * 1e-9
 
     def joints(self, time_ns: int, longest: float) -> Float:
-        """(20, 3) where the joints are by now; never carried on for longer than ``longest`` seconds."""
+        """Returns (20, 3) the predicted joints; never predicted for longer than ``longest`` seconds."""
         seconds = min(max(self.age(time_ns), -longest), longest)
         return self.body.joints + seconds * self.velocity if seconds else self.body.joints
 
 
 class SensorView:
-    """One sensor's sightings.
+    """The sightings of one sensor.
 
     Args:
         name: its identity.
@@ -64,7 +67,7 @@ class SensorView:
         self._bound: dict[int, tuple[int, int]] = {}
 
     def update(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
-        """Takes in what the sensor says now; False for what comes late and says nothing new.
+        """Takes in a sensor's bodies; returns False where they are late and bring nothing new.
 
         Args:
             silence: seconds of unchanging bodies after which the sensor counts as frozen.
@@ -86,7 +89,7 @@ class SensorView:
         return True
 
     def bind(self, sighting: BodySighting, person: int, believed: float) -> None:
-        """Remembers who a body is, for the case that the sensor loses and finds it again.
+        """Remembers the person of a body, for the case that the sensor loses and finds it again.
 
         Args:
             believed: seconds after which it is forgotten.
@@ -98,7 +101,7 @@ class SensorView:
             self._bound = {body: b for body, b in self._bound.items() if b[1] >= oldest}
 
     def _repeats(self, bodies: list[Body]) -> bool:
-        """Whether somebody is there, and nobody has moved by a bit."""
+        """Returns whether there are people and all their joints equal the last ones bit for bit."""
         before, self._before = self._before, bodies
         return (
             bool(bodies)

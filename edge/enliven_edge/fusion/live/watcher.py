@@ -1,4 +1,4 @@
-"""One of several sensors in a thread of its own: read, track, hand on."""
+"""One sensor of several in a thread of its own: reads, tracks and queues its bodies."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _WAITING = 2
 
 @dataclass(frozen=True)
 class SensorBodies:
-    """What one sensor saw at one moment.
+    """The bodies of one sensor at one moment.
 
     Attributes:
         bodies: in the world.
@@ -74,7 +74,7 @@ class Watcher(SensorThread):
         self._once = once
 
     def stop(self) -> None:
-        """Ends the thread and lets the sensor go."""
+        """Ends the thread and releases the sensor."""
         self._stopped.set()
         with self._changed:
             self._changed.notify_all()
@@ -114,12 +114,12 @@ class Watcher(SensorThread):
             self.health_states = self._health.states
 
     def _end_at_fault(self) -> None:
-        """Ends where the sensor had a fault and that was asked for."""
+        """Raises ResourceError after a fault where ``once`` was asked for."""
         if self._once and self._health.fault:
             raise ResourceError(self._health.fault, where=f"sensor {self.name}")
 
     def _hand_on(self, seen: SensorBodies) -> None:
-        """Waits for room, so that a recording is not read faster than it is used."""
+        """Queues bodies after waiting for room, so that a recording is not read faster than it is used."""
         with self._changed:
             while len(self.seen) >= _WAITING and not self._stopped.is_set():
                 self._changed.wait(PATIENCE)
@@ -127,7 +127,7 @@ class Watcher(SensorThread):
             self._changed.notify_all()
 
     def _bodies(self, frame: Frame) -> list[Body]:
-        """Who is there, in the world."""
+        """Returns the people of a frame, in the world."""
         if isinstance(frame, BodyFrame):
             self._health.judge(frame, frame.bodies)
             return in_world(frame.bodies, self.place.level)
