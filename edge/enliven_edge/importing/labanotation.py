@@ -22,7 +22,9 @@ from enliven_edge.importing.skeletons import (
 from enliven_edge.importing.tables import are_numbers, first_lines, numbers_of, rows_of
 
 _COLUMNS = 101
+"""Numbers of a row: the time, then x, y, z and the tracking state of 25 joints."""
 _TICK_NS = 100
+"""Nanoseconds of a tick, the Kinect SDK 2's unit of time."""
 
 
 class LabanotationReader:

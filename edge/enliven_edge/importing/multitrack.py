@@ -24,7 +24,7 @@ from enliven_edge.importing.skeletons import (
 from enliven_edge.importing.tables import first_lines, numbers_of, rows_of
 
 _TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
-"""Nanoseconds of one count of the computer's clock, common to all Kinects, and of each Kinect's own."""
+"""Nanoseconds of one count: of the computer's clock, common to all Kinects, and of each Kinect's own."""
 _KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
 
 
@@ -69,7 +69,7 @@ class MultiTrackReader:
 
 
 def _moments(values: Float, ours: Bool, tick: float) -> list[SkeletonMoment]:
-    """Rows of time, person and 20 x 3 joints by time; others' rows give the time alone.
+    """Groups rows of time, person and 20 x 3 joints by time; another Kinect's rows give the time alone.
 
     Args:
         tick: nanoseconds of one count of the time.
@@ -87,7 +87,7 @@ def _moments(values: Float, ours: Bool, tick: float) -> list[SkeletonMoment]:
 
 
 def _chosen(devices: Counter[str], wanted: str | None, path: Path) -> str:
-    """The Kinect to read; among equals the first in the file."""
+    """Returns the Kinect to read; among equals the first in the file."""
     if not devices:
         raise InputError("it holds a header and no rows", where=str(path))
     if wanted is None:

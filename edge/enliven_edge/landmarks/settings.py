@@ -1,4 +1,4 @@
-"""Whether and how colour is looked at."""
+"""Settings of the colour landmarks."""
 
 from __future__ import annotations
 
