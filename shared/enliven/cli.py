@@ -17,7 +17,7 @@ import typer
 from enliven import __version__
 from enliven.commands import LazyCommands
 from enliven.errors import EnlivenError
-from enliven.logs import keep_going_unheard, start_logging
+from enliven.logs import ignore_broken_stderr, start_logging
 
 _INTERRUPTED = 130
 """Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), as shells count it."""
@@ -49,7 +49,7 @@ def main() -> None:
     """Runs the command line and ends the process with its exit code."""
     gc.set_threshold(_COLLECT_EVERY, *gc.get_threshold()[1:])
     arguments = sys.argv[1:]
-    keep_going_unheard()
+    ignore_broken_stderr()
     start_logging(as_json="--log-json" in arguments)
     code = run([a for a in arguments if a != "--log-json"])
     # Python would look through every object for unreachable ones as it ends: 0.25 s for what ends anyway.

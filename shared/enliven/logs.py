@@ -55,7 +55,7 @@ class _Lossy(io.FileIO):
             return memoryview(data).nbytes
 
 
-def keep_going_unheard() -> None:
+def ignore_broken_stderr() -> None:
     """Lets nothing that is said on standard error end the process or change its exit code."""
     try:
         stream = io.BufferedWriter(_Lossy(sys.stderr.fileno(), "w", closefd=False))

@@ -1,6 +1,6 @@
 """Typed settings: every user-facing number has a default, a unit, a range and one sentence.
 
-A group of settings is a frozen dataclass whose fields are made by :func:`setting`; groups nest. TOML files
+A group of settings is a frozen dataclass with fields made by :func:`setting`; groups nest. TOML files
 override the defaults, and an unknown key is an error that names the nearest known one.
 """
 

@@ -20,7 +20,7 @@ from enliven.settings import load_settings
 if TYPE_CHECKING:
     from enliven.document import Character
     from enliven_edge.fusion.live import FusedSensors
-    from enliven_edge.landmarks import ColourEye
+    from enliven_edge.landmarks import ColourPoseEstimator
     from enliven_edge.physics import PhysicsSettings, Playground
     from enliven_edge.sensors import Sensor
     from enliven_edge.settings import EdgeSettings
@@ -188,13 +188,15 @@ def serve(
         log.info("%d frames, %.1f ms at the median", service.frames, service.pace.latency_ms(50))
 
 
-def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourEye | None:
+def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourPoseEstimator | None:
     """Returns the source of colour landmarks, where the settings ask for one."""
     if not chosen.colour.use:
         return None
-    from enliven_edge.landmarks import ColourEye, MediaPipeSource
+    from enliven_edge.landmarks import ColourPoseEstimator, MediaPipeSource
 
-    return ColourEye(stack.enter_context(MediaPipeSource(chosen.colour.mediapipe)), chosen.colour.lift)
+    return ColourPoseEstimator(
+        stack.enter_context(MediaPipeSource(chosen.colour.mediapipe)), chosen.colour.lift
+    )
 
 
 def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool) -> Playground | None:

@@ -69,9 +69,9 @@ def sensors(
         table.add_row(*fact)
     console.print(table)
     if way is not None:
-        from enliven_edge.terminal import shown
+        from enliven_edge.terminal import encoded_picture
 
-        typer.echo(shown(_picture(frames[-1]), way, console.width), nl=False, color=True)
+        typer.echo(encoded_picture(_picture(frames[-1]), way, console.width), nl=False, color=True)
     if output is not None:
         _draw(frames[-1], output, [f"{what}: {value}" for what, value in facts[:4]])
         typer.echo(f"{output}: its depth, near is bright")
@@ -180,10 +180,10 @@ def _way(word: str) -> Way | None:
     Raises:
         InputError: for a word that names no way.
     """
-    from enliven_edge.terminal import WAYS, way_of
+    from enliven_edge.terminal import WAYS, image_protocol
 
     if word in ("auto", "none"):
-        return way_of(sys.stdout, sys.stdin) if word == "auto" else None
+        return image_protocol(sys.stdout, sys.stdin) if word == "auto" else None
     if word not in WAYS:
         known = ", ".join(("auto", "none", *WAYS))
         raise InputError(f"there is no way {word!r} to draw", where="--picture", mend=f"Give {known}.")

@@ -30,7 +30,7 @@ _STUCK = 1.0
 """Seconds to wait for a port that accepts no byte."""
 
 _GREETING = 4.0
-"""Seconds until a panel must have spoken: opening the port resets an Arduino, whose boot loader takes 2 s."""
+"""Seconds until a panel must have greeted: an Arduino resets when its port opens, which takes 2 s."""
 
 _CAUSES = {
     "W": "its firmware hung, and its watchdog started it again",

@@ -24,7 +24,7 @@ _FORGOTTEN_NS = 2_000_000_000
 """Nanoseconds after which a lost person gets a new number."""
 
 
-class ColourEye:
+class ColourPoseEstimator:
     """Estimates bodies from one colour camera by a source of landmarks.
 
     Args:
@@ -73,7 +73,7 @@ class ColourEye:
         return [dataclasses.replace(body, id=numbers[k]) for k, body in enumerate(bodies)]
 
 
-class LevelEye:
+class MonocularPoseEstimator:
     """Estimates bodies from a plain camera that stands level, with a roughly known view and without depth.
 
     Args:
@@ -102,7 +102,7 @@ class LevelEye:
         check_view(view)
         self._view, self._mount = math.radians(view), world_from_level_camera(height, math.radians(tilt))
         self._source = source or MediaPipeSource(MediaPipeSettings(python=python, model=model))
-        self._eye = ColourEye(self._source, LiftSettings(body_height=body_height))
+        self._eye = ColourPoseEstimator(self._source, LiftSettings(body_height=body_height))
 
     def bodies(self, colour: UInt8, time_ns: int) -> list[Body]:
         """Returns the bodies in an (h, w, 3) uint8 sRGB image."""

@@ -1,4 +1,4 @@
-"""The world of loose things as the service sees it: poses and bodies in, props out, one call a frame."""
+"""The world of loose things for the service: one call a frame takes poses and bodies and returns props."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ log = logging.getLogger(__name__)
 
 
 class Game(Protocol):
-    """What is played with the props."""
+    """The interface of a game with the props."""
 
     props: PropSpecs
 
     def begin(self, world: World, ground: WorldGround) -> None:
-        """Every prop where it is at first."""
+        """Puts every prop to its first place."""
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
-        """What the game does after a frame, and one line for people.
+        """Plays one frame, and returns one line for people.
 
         Args:
             spheres: (S, 3) where they are.
@@ -71,7 +71,7 @@ class Playground:
             self.introduce(character)
 
     def introduce(self, character: Character) -> None:
-        """A character, or a new version of one: its spheres are packed now, not when it first moves."""
+        """Adds a character, or a new version of one: its spheres are packed now, not when it first moves."""
         proxies = pack_spheres(roughly_skinned(character), self.settings.spheres)
         self._proxies[character.id] = character, proxies
         log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
@@ -86,7 +86,7 @@ class Playground:
             proxies.centres(character.rest_pose())
 
     def step(self, poses: list[Pose], bodies: list[Body], holders: set[int], time_ns: int) -> Props | None:
-        """The props at a moment; None while nobody has shown where they belong.
+        """Returns the props at a moment; None while the place of the world is not known.
 
         Args:
             poses: of characters that were introduced; others are passed over.
@@ -120,7 +120,7 @@ class Playground:
         return self._props(time_ns)
 
     def _place(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
-        """Where the world is laid out, as soon as that is known."""
+        """Returns the place of the world, as soon as it is known."""
         if self.settings.place == "fixed":
             return FIXED
         return self._standing.find(bodies, time_ns)
@@ -128,9 +128,10 @@ class Playground:
     def _spheres(
         self, poses: list[Pose], bodies: list[Body], holders: set[int]
     ) -> tuple[Float, Float, list[str], list[int]]:
-        """Everybody's spheres: centres, radii, who there is, and whose each is.
+        """Returns the spheres of all characters and bodies: centres, radii, names, and the index of each
+        sphere's owner.
 
-        Everybody keeps their slots while they are there; the slots of who left are free for who comes.
+        A character or body keeps its slots while it is present; afterwards they are free for others.
         """
         made: dict[str, tuple[Float, Float]] = {}
         for pose in poses:
@@ -153,7 +154,7 @@ class Playground:
         return centres, radii, names, owners
 
     def _assign(self, counts: dict[str, int]) -> None:
-        """Slots for everybody who is there."""
+        """Assigns slots to all characters and bodies that are present."""
         kept = {n: s for n, s in self._slots.items() if counts.get(n) == s.stop - s.start}
         self._slots = kept
         for name, count in counts.items():
@@ -167,7 +168,7 @@ class Playground:
             kept[name] = slice(begin, begin + count)
 
     def _reset(self, trouble: str) -> None:
-        """Everything anew, where the engine lost its way."""
+        """Restarts the world after an error of the engine."""
         self.resets += 1
         log.warning("the physics begin anew: %s", trouble)
         assert self._ground is not None
@@ -175,7 +176,7 @@ class Playground:
         self.game.begin(self.world, self._ground)
 
     def _props(self, time_ns: int) -> Props:
-        """What is loose, as it is now."""
+        """Returns the props as they are now."""
         specs, world = self.game.props, self.world
         return Props(
             time_ns,

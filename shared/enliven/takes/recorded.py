@@ -41,7 +41,7 @@ def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None
     any other.
 
     Raises:
-        InputError: where the file is no recording, or nobody is in it for long enough.
+        InputError: where the file is no recording, or no person is in it for long enough.
     """
     path = Path(path)
     made = clips_of_frames(Recording(path).frames(), path.stem, settings or TakeSettings())

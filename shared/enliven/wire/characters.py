@@ -42,7 +42,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
     Programs that do not know control points see "bones" and whole skin weights: one rigid piece.
 
     Attributes:
-        kind: "points" only where skin weights are left out; whoever has ``held`` is of this kind.
+        kind: "points" only where skin weights are left out; a character with ``held`` is of this kind.
         vertices: (V, 3) float32 metres.
         faces: (F, 3) int32.
         indices: (V, 4) uint16; empty for kind "points": all follow the first transform.

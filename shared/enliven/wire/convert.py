@@ -169,7 +169,7 @@ def cues_to_message(
     Args:
         nodes: (K,) node indices.
         strengths: (K,) in [0, 1].
-        owners: (K,) whose each node is, by id.
+        owners: (K,) the id of the performer that owns each node.
         held: how many of the nodes are held, the others are previewed.
     """
     if state not in ("free", "preview", "possessed"):

@@ -54,7 +54,7 @@ class PoseCodec:
     """Encodes and decodes the poses of one character; factor once, use every frame.
 
     Args:
-        character: whose pivots and edges give the tree; both ends must hold the same.
+        character: its pivots and edges give the tree; both ends must hold the same.
 
     Raises:
         InputError: for more than ``MAX_TRANSFORMS`` transforms.

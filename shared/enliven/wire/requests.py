@@ -33,12 +33,12 @@ class Possess(Struct, tag=True, frozen=True):
 
     Attributes:
         character: its id.
-        body: who; None: whoever is in view, for "join" whoever of them does not hold it yet.
-        parts: what takes hold, names of :data:`enliven.person.body.PARTS`, joined with "+".
-        mode: who else holds it then. "alone": nobody, as programs meant that do not know this field. "join":
-            everybody who did; what this performer held before, they let go. "extend": that too, except of
-            bones that take hold anew. "preview": nothing changes but the cues, which show from now on what
-            this performer would hold.
+        body: the performer's id; None: a performer in view, for "join" one that does not hold it yet.
+        parts: the parts that take hold, names of :data:`enliven.person.body.PARTS`, joined with "+".
+        mode: the other performers that hold it afterwards. "alone": none, as in programs that do not know
+            this field. "join": all that did, and this performer lets its earlier parts go. "extend": as
+            "join", but this performer also keeps its earlier parts, except bones that take hold anew.
+            "preview": nothing changes but the cues, which show from now on what this performer would hold.
     """
 
     character: Name

@@ -88,11 +88,11 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         state: "free"; "preview": the nodes would be held if the body took hold now; "possessed".
         nodes: (K,) uint16 node indices.
         strengths: (K,) uint8, 255 for the firmest.
-        body: the performer's id, the first of several; -1 for nobody.
+        body: the performer's id, the first of several; -1 for none.
         time_ns: the sensor's clock, the time of the poses that it goes with.
-        held: so many of the first nodes are held, the others would be by whoever comes next; None: all of
+        held: so many of the first nodes are held, the others would be by the next performer; None: all of
             them, unless the state is "preview".
-        performers: the ids of those whose nodes these are.
+        performers: the ids of the performers that own the nodes.
         owners: (K,) uint8 which of the performers holds each node; empty: all are of ``body``.
     """
 
@@ -172,8 +172,8 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         character: its id.
-        state: "off": nobody chooses; "choosing"; "playing": what is shown drives.
-        body: the performer's id; -1 for nobody.
+        state: "off": no performer chooses; "choosing"; "playing": the match that is shown drives.
+        body: the performer's id; -1 for none.
         time_ns: the sensor's clock.
         shown: which of ``matches`` is meant; -1 for none.
         matches: the best, and the one that is meant.
@@ -204,7 +204,7 @@ class HealthMessage(Struct, array_like=True, frozen=True):
         since_ns: when it began, the sensor's clock.
         what: what is wrong, one sentence.
         mend: what to do about it, one sentence.
-        performer: whom it is about, -1 for nobody in particular.
+        performer: the id of the performer that it is about; -1: it is about the sensor or the whole scene.
     """
 
     kind: Name
@@ -221,7 +221,7 @@ class StatusMessage(Struct, array_like=True, frozen=True):
     Attributes:
         edge: the edge's name.
         instance: random for each start of the process.
-        revision: of the edge's state; whoever sees a new one asks again for what there is.
+        revision: of the edge's state; a viewer that sees a new one asks for the state again.
         published_ns: the edge's wall clock.
         sensor: the sensor's identity, or empty.
         phase: what it is doing, such as "waiting", "watching", "tracking" or "ended".

@@ -26,7 +26,7 @@ _TTL_BYTES = 2
 """Bytes of a PING's time to live, which stand before its context."""
 
 
-class Misspoken(Exception):
+class ZmtpError(Exception):
     """Bytes that are not ZMTP, or longer than allowed: the connection is to be closed."""
 
 
@@ -71,7 +71,7 @@ class ZmtpSession:
         A subscription is one part, 1 or 0 (no longer) and the topic's beginning.
 
         Raises:
-            Misspoken: for what is not ZMTP 3, or too long.
+            ZmtpError: for what is not ZMTP 3, or too long.
         """
         if not self._greeted:
             return self._greeting()
@@ -82,11 +82,11 @@ class ZmtpSession:
         if flags & _COMMAND:
             return self._command(data)
         if not self.ready:
-            raise Misspoken("a message before the introduction")
+            raise ZmtpError("a message before the introduction")
         self._parts.append(data)
         if flags & _MORE:
             if len(self._parts) >= _MOST_PARTS:
-                raise Misspoken(f"a message of more than {_MOST_PARTS} parts")
+                raise ZmtpError(f"a message of more than {_MOST_PARTS} parts")
             return []
         parts, self._parts = self._parts, []
         return parts
@@ -95,11 +95,11 @@ class ZmtpSession:
         """Checks the other side's first 64 bytes, as far as they have come, and answers them."""
         said = self._bytes[: len(GREETING)]
         if (said and said[0] != 0xFF) or (len(said) > 10 and (not said[9] & 1 or said[10] < 3)):
-            raise Misspoken("this is not ZMTP 3")
+            raise ZmtpError("this is not ZMTP 3")
         if len(said) < len(GREETING):
             return None
         if said[12:32] != GREETING[12:32]:
-            raise Misspoken("another mechanism of keys")
+            raise ZmtpError("another mechanism of keys")
         self._at, self._greeted = len(GREETING), True
         self.answers += framed(b"\x05READY" + _property(b"Socket-Type", self._kind.encode()), _COMMAND)
         return []
@@ -111,13 +111,13 @@ class ZmtpSession:
             return None
         flags, length, start = self._bytes[self._at], self._bytes[self._at + 1], self._at + 2
         if flags & ~(_MORE | _LONG | _COMMAND):
-            raise Misspoken(f"a frame with the flags {flags}")
+            raise ZmtpError(f"a frame with the flags {flags}")
         if flags & _LONG:
             if have < 9:
                 return None
             (length,), start = struct.unpack_from(">Q", self._bytes, self._at + 1), self._at + 9
         if length > self._most:
-            raise Misspoken(f"a frame of {length} bytes, {self._most} are taken")
+            raise ZmtpError(f"a frame of {length} bytes, {self._most} are taken")
         if len(self._bytes) < start + length:
             return None
         self._at = start + length
@@ -129,7 +129,7 @@ class ZmtpSession:
         if name == b"READY" and not self.ready:
             self.ready = True
         elif name == b"ERROR" or not self.ready:
-            raise Misspoken("no introduction")
+            raise ZmtpError("no introduction")
         elif name == b"PING":
             context = rest[_TTL_BYTES : _TTL_BYTES + _MOST_CONTEXT]
             self.answers += framed(b"\x04PONG" + context, _COMMAND)

@@ -22,7 +22,7 @@ from enliven.formats.gltf.bodies import bodies_of
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.motion import MOST_PLACES, animated_locals, frame_times, world_matrices
 from enliven.formats.gltf.parts import GltfPart, parts_of, shown_nodes
-from enliven.formats.rig import LinkBody, Rig, Tree, on_floor, resized, strays, tree_of, welded
+from enliven.formats.rig import LinkBody, Rig, Tree, joint_drift, on_floor, resized, tree_of, welded
 from enliven.meshes import Mesh
 
 _TOLD = 1e-3
@@ -191,7 +191,7 @@ def _clip(animation: _Animation, tree: Tree, bodies: list[LinkBody], taken: set[
 def _told(bodies: list[LinkBody], tree: Tree, skewed: Float, size: float) -> list[str]:
     """Returns notes on the parts of the animations that bones cannot represent, with their sizes."""
     told = []
-    away = [(name, far) for name, far in strays(bodies, tree) if far > _TOLD * size]
+    away = [(name, far) for name, far in joint_drift(bodies, tree) if far > _TOLD * size]
     if away:
         name, far = max(away, key=lambda pair: pair[1])
         what = f"animations move {len(away)} joint{'s' * (len(away) > 1)} off their bones; not kept"

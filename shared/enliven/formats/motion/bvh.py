@@ -78,7 +78,7 @@ class _Lines:
 def read_bvh(path: Path | str) -> Capture:
     """Reads a BVH file.
 
-    A file whose frames are not as many as its header says is read as far as it goes, with a note.
+    A file with fewer or more frames than its header states is read as far as it goes, with a note.
 
     Raises:
         InputError: for a file that cannot be read or is no BVH, with the line that is wrong.

@@ -60,7 +60,7 @@ class Links:
 
     Attributes:
         parents: of each body that is kept, -1 at the root.
-        merged: bodies whose vertices go along with the root, since they were above it.
+        merged: bodies that were above the root: their vertices follow the root.
         notes: what was changed, a sentence each.
     """
 

@@ -38,7 +38,7 @@ class Tree:
 
     Attributes:
         skeleton: joints and tips.
-        driver: for each bone the body whose turn it takes.
+        driver: for each bone the body that it turns with.
         bone: for each body that vertices follow, the bone that they follow now.
         root: the body that the root joint is at.
         notes: what was changed, a sentence each.
@@ -65,7 +65,7 @@ def tree_of(bodies: list[LinkBody], size: float) -> Tree:
     return tree
 
 
-def strays(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
+def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
     """Returns each joint that leaves its place on its parent, and by how many metres: bones cannot follow
     it."""
     skeleton, found = tree.skeleton, []
