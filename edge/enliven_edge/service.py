@@ -203,7 +203,8 @@ class Edge:
         )
 
     def _lamps(self) -> Lamps:
-        """Shows the stage's state and health on the lamps of the controls."""
+        """Returns the patterns of the controls' lamps: the state of the stage and the health that viewers
+        get."""
         told = self.outlet.publisher.status.health
         return lamps_of(
             present=self.stage.occupied,
@@ -239,7 +240,7 @@ class Edge:
 
     @property
     def _output(self) -> Output:
-        """Returns the filter of the bodies that are published."""
+        """The filter of the bodies that are published."""
         if isinstance(self.sensor, FusedSensors) and self.sensor.output is not None:
             return self.sensor.output
         return self.tracker.output

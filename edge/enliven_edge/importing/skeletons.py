@@ -77,7 +77,7 @@ class SkeletonMoment:
 def frames_in_world(
     moments: Sequence[SkeletonMoment], sensor: str, world_from_sensor: Float, where: str
 ) -> Iterator[BodyFrame]:
-    """Returns the body frames of a take in the world, standing on the floor, each person with their stature.
+    """Yields the body frames of a take in the world, standing on the floor, each person with their stature.
 
     The floor is the lower quartile, over the take, of the lower sole's height: of two feet one stands nearly
     always, and neither a jump nor some wrong feet move a quartile. The stature is the median over the take

@@ -42,7 +42,7 @@ class LiftSettings:
 
 
 class Lifter:
-    """Lifts the landmarks of one camera; the colour image must show what the depth image shows.
+    """Lifts the landmarks of one camera; the colour image must show the same view as the depth image.
 
     The person's place is first found so that the source's own idea of the posture projects onto its
     landmarks; that leaves one number, the size, which is the distance's too: measured depth gives it.

@@ -55,7 +55,7 @@ def need_free(wire: WireSettings) -> None:
 
 
 class Outlet:
-    """Publishes, answers viewers, and writes the take where one was asked for.
+    """Publishes characters, poses and bodies, answers viewers, and writes the take where one was asked for.
 
     Args:
         wire: name, host and ports.

@@ -1,4 +1,4 @@
-"""The edge's outlet to the network: poses, bodies, cues and heartbeats out; requests in."""
+"""The edge's side of the wire: sends poses, bodies, cues and heartbeats, and takes requests."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _BEATS_APART = 0.05
 
 
 class Publisher:
-    """One port for what is published, one for what is asked; used from one thread, and never waits.
+    """One port for streams and one for requests; used from one thread, and never waits.
 
     Viewers come with libzmq's SUB and DEALER sockets. One that is slow or dead loses messages, no other does.
     One that joins late is told the state, the characters and the newest pose and cues of each. Call

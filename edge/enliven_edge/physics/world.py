@@ -88,7 +88,7 @@ class World:
 
     @property
     def energy(self) -> float:
-        """Returns joules of motion and of height of all props."""
+        """Joules of motion and of height of all props."""
         mass = self.props.masses
         moving = 0.5 * (mass * np.square(self.velocities[:, :3]).sum(1)).sum()
         inertia = self._model.body_inertia[1 : 1 + len(mass)]

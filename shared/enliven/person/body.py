@@ -50,7 +50,7 @@ class Body:
 
     @property
     def height(self) -> float:
-        """Returns metres from the soles to the crown: the stature, or an estimate from the bones' lengths."""
+        """Metres from the soles to the crown: the stature, or an estimate from the bones' lengths."""
         if self.stature is not None:
             return self.stature
         chain = (Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD, Joint.KNEE_LEFT, Joint.ANKLE_LEFT)

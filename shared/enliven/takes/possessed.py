@@ -43,7 +43,7 @@ _MOST_PLACES = 1 << 23
 
 
 def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
-    """The possessed meshes and puppets of a take with what they did, as a project.
+    """Returns the possessed meshes and puppets of a take with their motion, as a project.
 
     Poses come as fast as the sensor did; a stream has them at even steps, their median, mixed between
     neighbours. A mesh that was taken up again with other nodes is another shape. All begin at the time that
@@ -101,7 +101,7 @@ def _read(recording: Recording) -> tuple[dict[tuple[str, int], Character], dict[
 def _played(
     character: Character, poses: list[Pose], begin: int, project: Project, notes: list[str]
 ) -> tuple[GraphShape, PoseStream]:
-    """Adds the shape and its stream at even steps."""
+    """Returns the shape of a character, and the stream of its poses at even steps."""
     seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
     _, first = np.unique(seconds, return_index=True)
     seconds, poses = seconds[first], [poses[i] for i in first]
@@ -132,7 +132,7 @@ def _solved(
     ids: tuple[str, str],
     notes: list[str],
 ) -> tuple[GraphShape, PoseStream]:
-    """Solves a puppet's surface at the times ``grid`` (G,) and bakes it."""
+    """Returns a puppet's baked shape and stream: its surface is solved at the times ``grid`` (G,)."""
     turns = from_matrix(np.array([pose.linear[0] for pose in poses], np.float64))
     world = np.array([pose.positions for pose in poses], np.float64)
     local = rotate(conjugate(turns)[:, None], world[:, 1:] - world[:, :1])

@@ -56,4 +56,4 @@ TOPICS: tuple[Topic, ...] = (POSE, BODIES, CUES, PROPS, MATCHES, STATUS, REQUEST
 STREAMS: dict[str, Topic] = {t.name: t for t in TOPICS if t.way == "stream"}
 BY_TYPE: dict[type[Any], Topic] = {t.type: t for t in TOPICS}
 MAX_STREAM_BYTES = 64 + max(t.max_bytes for t in STREAMS.values())
-"""The longest message on the stream socket, envelope included."""
+"""Bytes of the longest message on the stream socket, envelope included."""

@@ -51,7 +51,7 @@ class Guess:
 def guesses(
     a: BodyStream, b: BodyStream, known_lag: float | None, settings: CalibrationSettings
 ) -> Iterator[Guess]:
-    """Returns every plausible start: pairs of people, lags of their clocks, and both namings of the sides."""
+    """Yields every plausible start: pairs of people, lags of their clocks, and both namings of the sides."""
     upright = settings.floor_known
     for track_a in a.tracks[:_TRACKS]:
         for track_b in b.tracks[:_TRACKS]:

@@ -49,7 +49,7 @@ def network(names: Sequence[str], edges: list[Edge]) -> Network:
 
 
 def _strength(edge: Edge) -> tuple[bool, float]:
-    """Sorts good edges first, and those with the surest direction first among them."""
+    """Returns a sort key of edges: good ones first, then those with the surest direction."""
     return edge[3], float(np.linalg.eigvalsh(edge[2].precision[:6, :6])[0])
 
 

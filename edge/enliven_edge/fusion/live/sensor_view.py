@@ -39,7 +39,7 @@ class BodySighting:
     person: int = 0
 
     def age(self, time_ns: int) -> float:
-        """Seconds since it was told."""
+        """Returns the seconds since the sensor sent it."""
         return (time_ns - self.time_ns) * 1e-9
 
     def joints(self, time_ns: int, longest: float) -> Float:

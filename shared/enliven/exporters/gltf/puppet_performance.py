@@ -47,8 +47,8 @@ class PuppetPerformance:
 
     @property
     def error(self) -> BakeError:
-        """Returns metres: how far the baked surface is from the solved one at the frames, before keys are
-        left out."""
+        """Metres: how far the baked surface is from the solved one at the frames, before keys are left
+        out."""
         return self.surface.error
 
 

@@ -75,8 +75,7 @@ class GraphPerformance:
 
     @property
     def lost(self) -> float:
-        """Returns the largest part of a node's map that a joint cannot express: stretch along axes that
-        change."""
+        """The largest part of a node's map that a joint cannot express: stretch along axes that change."""
         axes = self.axes
         turns, scales = stretches_of(self.linear @ axes)
         said = to_matrix(turns) * scales[..., None, :] @ axes.transpose(0, 2, 1)
@@ -84,7 +83,7 @@ class GraphPerformance:
 
     @property
     def axes(self) -> Float:
-        """Returns (N, 3, 3) rotations: the axes along which each node stretches."""
+        """(N, 3, 3) rotations: the axes along which each node stretches."""
         return stretch_axes(self.linear)
 
 

@@ -170,7 +170,7 @@ class _Joints:
         return len(inside)
 
     def sorted(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], dict[int, int]]:
-        """As a skeleton, a branch at a time, and drivers and bones by its numbers."""
+        """Returns a skeleton, a branch at a time, with drivers and bones by its numbers."""
         order = downward(dict(enumerate(self.parents)))
         new = {old: k for k, old in enumerate(order)}
         above = [-1 if self.parents[old] < 0 else new[self.parents[old]] for old in order]
