@@ -40,9 +40,9 @@ class Edge:
 
     Args:
         possess_at: seconds after the first frame at which the first performer takes hold, or None.
-        parts: what of the body takes hold then; of several performers, divided by "/".
+        parts: the parts of the body that take hold then; those of several performers are divided by "/".
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
-        health: says what is wrong; None makes one.
+        health: monitors the sensor and the tracking; None makes one.
         physics: loose things among the characters, or None.
         controls: pedals and the like, beside the viewers; the caller closes them.
         once: end at the first fault of the sensor, in place of going on with its next good frame.

@@ -37,10 +37,10 @@ class Source:
     """A sensor that is to be opened.
 
     Attributes:
-        name: what the user calls it; None for the sensor's own identity.
+        name: the user's name for it; None for the sensor's own identity.
         sensor: a name of :func:`enliven_edge.sensors.registry.sensor_names`.
-        options: what its class takes.
-        scene: what of its image may be a person, where the settings say it for this sensor alone.
+        options: the arguments of its class.
+        scene: the scene settings of this sensor alone, or None for the common ones.
     """
 
     name: str | None
@@ -96,7 +96,7 @@ def opened(sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = 
     them.
 
     Args:
-        wait: live sensors need not be there yet, and are waited for; those without a name are called by kind.
+        wait: live sensors may still be missing, and are waited for; those without a name are called by kind.
 
     Raises:
         InputError: where two have one identity.

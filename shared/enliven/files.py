@@ -87,7 +87,7 @@ class Beside:
 
     Args:
         path: of the file that names the others.
-        most: bytes of all that is read of them, so that one file named a thousand times counts as often.
+        most: bytes of all reads together: one file named a thousand times counts a thousand times.
     """
 
     def __init__(self, path: Path, most: int = MOST_BYTES) -> None:

@@ -85,7 +85,7 @@ class Debouncer:
     """Drops a key that repeats at once for the same press.
 
     Args:
-        seconds: a key counts anew after it was still for so long; a contact bounces for some 10 ms.
+        seconds: a key must be still for so long to count anew; a contact bounces for some 10 ms.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -107,8 +107,8 @@ class ControlReader:
     """Reads a device in a daemon thread until :meth:`close`, also after unplugging and plugging in.
 
     Args:
-        name: what the user calls it.
-        words: from its keys to what they mean.
+        name: the user's name of the control.
+        words: the command of each key.
         debounce: seconds for which a key must be still to count anew.
         retry: seconds between two tries to open it.
     """

@@ -32,6 +32,7 @@ _NAMES = {
     0x51: "down",
     0x52: "up",
 }
+"""Name of each key code of a US keyboard (HID Usage Tables, page 7)."""
 
 
 def keys_down(report: bytes) -> frozenset[str] | None:

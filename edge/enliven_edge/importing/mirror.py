@@ -12,6 +12,7 @@ from enliven.person import Joint
 from enliven.person import mirrored as reflected
 
 _ACROSS = np.array([1.0, 0.0, 0.0])
+"""(3,) the normal of the mirror: x of the bodies' world."""
 OTHER_SIDE = [
     Joint[name.replace("LEFT", "?").replace("RIGHT", "LEFT").replace("?", "RIGHT")]
     for name in Joint.__members__

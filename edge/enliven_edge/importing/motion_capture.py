@@ -27,6 +27,7 @@ _BONE_LIMBS = (
 )  # fmt: skip
 """(20,) the limb that gives the orientation of the bone ending at each joint."""
 _Y_UP_FROM_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""(3, 3) rotation that brings +Z up to +Y up."""
 _HEAD_CENTRE = 0.075
 """Metres along the skull from the joint that turns it to the middle of the head, where sensors put it."""
 

@@ -14,6 +14,7 @@ from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, natural_
 from enliven_edge.importing.images import KINECT1
 
 _BYTES = KINECT1.width * KINECT1.height * 2
+"""Bytes of a file: two for each pixel."""
 _FARTHEST = 10_000
 """Millimetres: farther values are no distances of a Kinect v1."""
 

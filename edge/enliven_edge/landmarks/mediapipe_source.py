@@ -19,6 +19,7 @@ from enliven_edge.landmarks.source import NAMES, Landmarks
 
 _HEAD = struct.Struct("<IIq")
 _PERSON_BYTES = len(NAMES) * 6 * 4
+"""Bytes of one person in the worker's output: six float32 for each landmark."""
 _MOST = 64
 """People in one image: a larger number from the worker is damage."""
 _MEND = (

@@ -27,7 +27,7 @@ class Connection:
         heard: monotonic second of its last message.
         moved: monotonic second when bytes last left, or when there were none to send.
         pending: orders that wait to be carried out.
-        state: what the user of the server keeps about it.
+        state: data that the user of the server keeps about it.
     """
 
     def __init__(self, own: socket.socket, address: str, session: ZmtpSession) -> None:

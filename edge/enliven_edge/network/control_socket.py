@@ -77,8 +77,8 @@ class ControlSocket:
     """Answers the requests at a server.
 
     Args:
-        answer: what to reply to everything but commands: an answer, or one that is packed already.
-        rate: requests a second that a viewer is answered, and so many at once; more are refused.
+        answer: returns the reply to a request that is no command: a message, or a packed one.
+        rate: requests a second of one viewer that are answered, and the size of a burst; more are refused.
         budget: seconds a poll for reading and answering; the rest waits with its senders.
     """
 

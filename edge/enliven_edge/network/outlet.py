@@ -111,8 +111,8 @@ class Outlet:
 
         Args:
             read_ns: wall clock when the frame was read.
-            props: what is loose, where there are physics.
-            boards: what there is to choose from on rigged characters.
+            props: the loose things, where there are physics.
+            boards: the matches to choose from on rigged characters.
         """
         at = frame.time_ns
         for pose in poses:
@@ -168,12 +168,12 @@ class Outlet:
         """Answers viewers' requests as far as there is time, and sends heartbeats that are due.
 
         Args:
-            possess: what was asked, to the reason why not, or an empty string.
+            possess: carries out the request; returns the reason of a refusal, or an empty string.
             release: (character, body) likewise.
             smooth: (body, amount) likewise.
-            look: from where a viewer looks, likewise.
+            look: (the viewer's direction of view) likewise.
             browse: (character, step) likewise.
-            lock: whether only who is followed now performs, likewise.
+            lock: (whether to keep the cast) likewise.
         """
 
         def do(command: Command) -> None:

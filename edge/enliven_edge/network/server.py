@@ -54,7 +54,7 @@ class ZmtpServer:
         host, port, option: as for :func:`~enliven_edge.network.listening.listen`.
         kind: "ROUTER" answers requests, "PUB" sends to subscribers.
         most_bytes: of a frame that is taken from a peer.
-        most: connections; fewer where the process may not open so many.
+        most: connections at most; fewer where the process may not open so many.
 
     Attributes:
         port: that it listens on.

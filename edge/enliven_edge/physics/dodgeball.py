@@ -14,6 +14,7 @@ from enliven_edge.physics.settings import DodgeballSettings
 from enliven_edge.physics.world import PropSpecs, World
 
 _COLOURS = np.array([(222, 74, 66), (240, 190, 70), (80, 150, 210), (120, 186, 96)])
+"""(4, 3) sRGB of the balls, in turn."""
 _ROOM = 0.7
 """Metres between the target that a ball comes from and the ball, so that it does not start inside."""
 _NEAREST = 0.8

@@ -21,7 +21,9 @@ def _radii() -> Float:
 
 _RADII = _radii()
 _SHARES = np.array([1 / 3, 2 / 3])
+"""Shares of a bone's length at which its two spheres lie."""
 BODY_SPHERES = len(Joint) + len(_SHARES) * len(BONES)
+"""Spheres of one body: one at each joint, and two along each bone."""
 
 
 def body_spheres(body: Body) -> tuple[Float, Float]:

@@ -36,7 +36,7 @@ class Game(Protocol):
 
         Args:
             spheres: (S, 3) where they are.
-            names: who they belong to.
+            names: the characters and performers that own spheres.
             owners: (S,) the number in ``names`` of each.
         """
 
@@ -90,8 +90,8 @@ class Playground:
 
         Args:
             poses: of characters that were introduced; others are passed over.
-            bodies: everybody in view, world frame.
-            holders: the ids of those who hold a character.
+            bodies: all people in view, world frame.
+            holders: the ids of the performers that hold a character.
             time_ns: the sensor's clock.
         """
         seconds = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9

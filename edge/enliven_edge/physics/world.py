@@ -27,6 +27,7 @@ _SPHERE = 2
 _FLOOR = 4
 """Contact bit of the floor, which meets props only."""
 _PARKED = np.array([0.0, -60.0, 0.0])
+"""(3,) metres: the place of unused spheres, far below the floor."""
 _SPARE = 64
 """Spheres by which the model grows at a time: rebuilding it takes time, so a few newcomers do not cause
 it."""

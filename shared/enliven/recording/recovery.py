@@ -57,9 +57,9 @@ class Recovery:
     Attributes:
         kept, lost: messages by topic; ``lost`` only where the recording's own index says how many there were.
         spans: the times in which messages were lost, in the order of the file.
-        cut: whether the recording was never closed, so that what came after its last chunk is unknown.
+        cut: whether the recording was never closed, so that messages after its last chunk are unknown.
         nameless: whole messages left out because no description of their topic is left.
-        first_ns: the first moment of what was copied, not counting messages at time 0.
+        first_ns: the first time of the copied messages, without those at time 0.
     """
 
     kept: Counter[str] = field(default_factory=Counter)

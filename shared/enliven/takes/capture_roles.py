@@ -26,8 +26,8 @@ class Roles:
     Attributes:
         root: the joint from which trunk and legs part.
         spine: the joints from the root to where the arms part, both included.
-        tips: what lies beyond the wrist; the wrist itself where nothing does.
-        toes: what lies beyond the ankle.
+        tips: the joints beyond the wrists; the wrist itself where there is none.
+        toes: the joints beyond the ankles.
     """
 
     root: int

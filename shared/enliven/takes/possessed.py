@@ -50,7 +50,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
     they had in the take, with its first pose at 0 seconds.
 
     Args:
-        notes: takes how far baked puppets are from what was performed.
+        notes: takes a sentence about the error of each baked puppet.
 
     Raises:
         InputError: where the file is no recording, or no possessed mesh moved in it.

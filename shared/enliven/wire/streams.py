@@ -224,7 +224,7 @@ class StatusMessage(Struct, array_like=True, frozen=True):
         revision: of the edge's state; a viewer that sees a new one asks for the state again.
         published_ns: the edge's wall clock.
         sensor: the sensor's identity, or empty.
-        phase: what it is doing, such as "waiting", "watching", "tracking" or "ended".
+        phase: the edge's activity, such as "waiting", "watching", "tracking" or "ended".
         note: one sentence for people, or empty.
         fps: poses a second.
         latency_p50_ms: milliseconds from frame read to pose published, the median of late.

@@ -28,9 +28,9 @@ class Topic:
         way: "stream" goes from the edge to every viewer, "request" from a viewer to its edge, "reply" back.
         max_bytes: of the payload; a longer message is dropped unread.
         rate_hz: how often it is expected while the edge works; 0: whenever there is a reason.
-        keep: what a viewer that was away gets of what piled up: "every" message, or the "newest" of each key.
+        keep: the queued messages that a slow viewer gets: "every" one, or the "newest" of each key.
         latched: the newest of each key is also told to a viewer that joins late.
-        key: what makes a newer message replace an older one.
+        key: messages with an equal key replace each other.
     """
 
     name: str

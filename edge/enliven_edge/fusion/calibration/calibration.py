@@ -53,7 +53,7 @@ class Calibration:
         sensors: their identities; the first one's frame is the world.
         world_from_sensor: by sensor, (4, 4) from its own level frame, in which it tells bodies.
         clock_offset_ns: by sensor, nanoseconds to add to its clock to get the first one's.
-        pairs: what every two of them told.
+        pairs: the result of every two of them.
         loop_cm, loop_deg: by how much chains of sensors that close contradict themselves at most.
     """
 

@@ -38,7 +38,7 @@ class Quality:
     """The quality of the fit of two sensors.
 
     Attributes:
-        verdict: what may be done with it.
+        verdict: what the calibration may be used for.
         rms: metres between the joints of both, robust root mean square; nan where there was no match.
         doubt_cm, doubt_deg, doubt_ms: standard deviations of place (where people walked), direction, clock.
         seconds: for how long both saw the same person.
@@ -67,8 +67,8 @@ def judged(
     """Returns the quality of a fit of sensor b to sensor a.
 
     Args:
-        rivals: other placements of the sensors that explain what was seen as well.
-        name: what the user calls sensor b.
+        rivals: other placements of the sensors that explain the bodies equally well.
+        name: the user's name of sensor b.
     """
     place, direction, clock = _doubt(fit, matches, settings)
     length, breadth, thin = _walked(fit.feet)

@@ -40,7 +40,7 @@ class Fit:
         times: (N,) seconds of a's stream; feet: (N, 3) the hips, in a's frame.
         swapped: (N,) whether the two named the sides differently.
         precision: (7, 7) inverse covariance of (turn about the centre, shift, lag) [rad, m, s].
-        centre: (3,) what the turn of ``precision`` is about, in a's frame.
+        centre: (3,) the centre of the turn in ``precision``, in a's frame.
     """
 
     a_from_b: Float

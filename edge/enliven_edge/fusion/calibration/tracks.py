@@ -20,7 +20,7 @@ class BodyTrack:
     """One person as one sensor saw them.
 
     Attributes:
-        id: what the sensor calls the person.
+        id: the sensor's number of the person.
         times: (F,) seconds of the stream, rising.
         joints: (F, 20, 3) metres, the sensor's own level frame.
         confidence: (F, 20) in [0, 1].

@@ -56,7 +56,7 @@ class FusedSensors:
         sensors: by identity, opened; closed with this one.
         trackers: by identity.
         space: where they stand.
-        health: by identity, what says what is wrong; None makes some.
+        health: by identity, the monitors of the sensors; None makes some.
         output: smooths, mirrors and looks ahead once all is fused; None: as fused.
         once: end at the first fault of any sensor; otherwise that one is opened anew, and the others go on.
 

@@ -16,9 +16,11 @@ from enliven_edge.fusion.live.sides import MIDDLES
 _FAR = 1e3
 """Metres of cost that stand for "never": above every distance in a room."""
 _BONES = np.array([(0, 2), (2, 3), (12, 13), (16, 17), (13, 14), (17, 18)])
+"""(6, 2) joints of the bones that are measured: trunk, neck and head, thighs and shanks."""
 _SHORTEST = np.array([0.15, 0.05, 0.1, 0.1, 0.1, 0.1])
+"""Metres: shortest of these bones of a person."""
 _LONGEST = np.array([0.9, 0.5, 0.8, 0.8, 0.8, 0.8])
-"""Metres: trunk, neck and head, thighs and shanks of anybody; a guessed joint may be off."""
+"""Metres: longest of these bones of a person; a guessed joint may be off."""
 
 
 @dataclass

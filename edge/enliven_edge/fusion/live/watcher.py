@@ -47,13 +47,13 @@ class Watcher(SensorThread):
     Args:
         name: the sensor's identity in the space.
         place: where it stands.
-        health: says what is wrong with it.
+        health: monitors the sensor.
         changed: notified after everything that is new.
         once: end at the sensor's first fault, in place of going on with its next good frame.
 
     Attributes:
-        health_states: what is wrong with the sensor now, the gravest first.
-        seen: what waits to be fused, the oldest first; guarded by ``changed``.
+        health_states: the sensor's health states now, the gravest first.
+        seen: the bodies that wait to be fused, the oldest first; guarded by ``changed``.
     """
 
     def __init__(

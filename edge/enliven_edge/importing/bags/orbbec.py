@@ -67,7 +67,7 @@ class _About:
     Attributes:
         camera: the lens of the images that are handed on.
         places: (H*W,) from where in a recorded image each of their pixels comes; None: all stay.
-        name, product, serial: what the camera calls itself, USB's product id, its serial number.
+        name, product, serial: the camera's own name, USB's product id, its serial number.
         properties: its settings, as bytes, by Orbbec's numbers.
     """
 

@@ -24,7 +24,7 @@ class GltfScene:
     """Takes nodes, meshes and channels, and gives the bytes of a GLB.
 
     Attributes:
-        document: what there is so far.
+        document: the glTF document so far.
         blob: its binary half.
     """
 

@@ -25,7 +25,7 @@ class Colours:
     """The materials of a file; each picture is decoded once.
 
     Attributes:
-        notes: what could not be had.
+        notes: sentences about textures that could not be read.
     """
 
     def __init__(self, file: GltfFile) -> None:

@@ -24,6 +24,7 @@ _COMPONENTS: dict[int, Any] = {
     5125: np.uint32,
     5126: np.float32,
 }
+"""NumPy type of each component type (glTF 2.0, section 3.6.2.2)."""
 _KNOWN_EXTENSIONS = {"KHR_mesh_quantization", "KHR_materials_unlit", "KHR_texture_transform"}
 
 

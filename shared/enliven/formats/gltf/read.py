@@ -49,7 +49,7 @@ def read_gltf(
     A model without a rig gets one bone, from the middle of its foot to the middle of its top.
 
     Args:
-        name: what to call the shape; the file's name if empty.
+        name: the name for the shape; the file's name if empty.
         height: metres to scale the model to; None takes it as modelled.
         floor: put its lowest vertex on the floor.
         weld: join vertices of one place that follow the same bones; see ``welded``.

@@ -30,6 +30,7 @@ from enliven.rotation import rotate
 _SAME_PLACE = 2e-5
 """Share of the size within which two joints are at one place: less is rounding."""
 _STRAIGHT = np.cos(np.radians(25.0))
+"""Cosine of 25 degrees: bones within that angle of the incoming bone count as equally straight."""
 
 
 @dataclass
