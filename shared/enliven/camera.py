@@ -75,10 +75,9 @@ def rays(intrinsics: Intrinsics) -> Float:
     The distortion is inverted by fixed-point iteration, which contracts for the mild lenses of depth
     cameras; compute once per camera and keep.
     """
-    u, v = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
-    distorted: Float = np.empty((*u.shape, 2))
-    distorted[..., 0] = (u - intrinsics.cx) / intrinsics.fx
-    distorted[..., 1] = (v - intrinsics.cy) / intrinsics.fy
+    distorted: Float = np.empty((intrinsics.height, intrinsics.width, 2))
+    distorted[..., 0] = (np.arange(intrinsics.width) - intrinsics.cx) / intrinsics.fx
+    distorted[..., 1] = (np.arange(intrinsics.height)[:, None] - intrinsics.cy) / intrinsics.fy
     if not any(intrinsics.distortion):
         return distorted
     ideal = distorted.copy()

@@ -1,21 +1,22 @@
 """Reads files from other programs: checks their size before reading, and opens only what lies beside them.
 
-A file is read whole by :func:`read_file`. Every file that a file names (buffers and pictures of a glTF,
-materials and textures of an OBJ) is opened by :class:`Beside`: regular files of that file's own folder or
-below it, of a bounded size. Pipes, devices, links that lead elsewhere and paths that climb out are refused
-in a sentence.
+A file is read whole by :func:`read_file`, and a file of our own is written whole by :func:`write_file`. Every
+file that a file names (buffers and pictures of a glTF, materials and textures of an OBJ) is opened by
+:class:`Beside`: regular files of that file's own folder or below it, of a bounded size. Pipes, devices, links
+that lead elsewhere and paths that climb out are refused in a sentence.
 """
 
 from __future__ import annotations
 
 import base64
+import contextlib
 import os
 import stat
 from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
 
-from enliven.errors import InputError
+from enliven.errors import InputError, ResourceError
 
 MOST_BYTES = 1 << 31
 """Bytes of one file that is read whole, and of all that it names together: more than a scan of 20 million
@@ -33,6 +34,7 @@ DAMAGE = (
 reader."""
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """A pipe without a writer is opened and refused, not waited for."""
+_ROOM = "Check the folder's permissions and the space on the disk."
 _TOGETHER = "Keep the files of the model in one folder."
 
 
@@ -80,6 +82,30 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
         except OSError as error:
             what = f"it cannot be read ({error.strerror or error})"
             raise InputError(what, where=str(path), mend="Name a file that can be read.") from None
+
+
+def write_file(path: Path, data: bytes | str, mend: str = _ROOM) -> None:
+    """Writes a file whole or not at all, text as UTF-8, and its folder where that is not there.
+
+    Args:
+        mend: what to do where it cannot be written.
+
+    Raises:
+        ResourceError: where it cannot be written; then what was there is untouched.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with part.open("wb") as file:
+            file.write(data.encode() if isinstance(data, str) else data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+        what = f"it cannot be written ({error.strerror or error})"
+        raise ResourceError(what, where=str(path), mend=mend) from None
 
 
 class Beside:

@@ -32,3 +32,12 @@ def copy_rows(target: Any, source: Any) -> None:
     for i in range(target.shape[0]):
         for j in range(target.shape[1]):
             target[i, j] = source[i, j]
+
+
+@njit(cache=True, nogil=True)
+def quantile(ordered, share):  # type: ignore[no-untyped-def]
+    """The number below which a share in [0, 1] of (N,) rising values is, between two of them linearly."""
+    at = share * (len(ordered) - 1)
+    low = int(at)
+    high = min(low + 1, len(ordered) - 1)
+    return ordered[low] + (at - low) * (ordered[high] - ordered[low])

@@ -70,10 +70,11 @@ class StampedOak(OakSensor):
 
 
 class StampedTof(TofSensor):
-    """Images bear the moment when they are handed over in the library's place."""
+    """Images bear the moment when they are handed over in the library's place, as it measures them."""
 
-    def _send(self, frame: DepthFrame, number: int) -> None:
-        super()._send(_stamped(frame), number)
+    def _hand_over(self, measured: Any) -> None:
+        measured.depth_data[0, :4] = np.array([time.monotonic_ns()], np.int64).view(np.uint16)
+        super()._hand_over(measured)
 
 
 class StampedOrbbec(OrbbecSensor):

@@ -35,7 +35,7 @@ def mute_constants(path: Path) -> Iterator[str]:
             continue
         said = _text_of(after)
         if len(names) > 1:
-            yield f"{path}:{node.lineno}: {', '.join(names)} share a line: each needs its own, with unit and reason."
+            yield f"{path}:{node.lineno}: {', '.join(names)} share a line: each needs its unit and reason."
         elif not said:
             yield f"{path}:{node.lineno}: {names[0]} has no sentence: say its unit and its reason below it."
 

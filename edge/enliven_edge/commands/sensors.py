@@ -80,6 +80,7 @@ def sensors(
 def _list(console: Console) -> None:
     """Lists the names of sensors, and the devices that are plugged in."""
     from enliven_edge.sensors import attached, sensor_names
+    from enliven_edge.sensors.drivers import listed_cameras
 
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     table.add_row("known", ", ".join(sensor_names()))
@@ -90,6 +91,11 @@ def _list(console: Console) -> None:
         table.add_row(camera.kind.name, f"{camera.title}: {said}")
     if not cameras:
         table.add_row("plugged in", "no depth camera on USB")
+    try:
+        for number, seen in enumerate(listed_cameras()):
+            table.add_row("libcamera", f"{seen.model} {seen.name}: --sensor libcamera --set left={number}")
+    except ResourceError as error:
+        table.add_row("libcamera", f"{error.what}. {error.mend}")
     console.print(table)
 
 

@@ -67,11 +67,13 @@ class Sensor(Protocol):
         """Let the device or file go; a second call does nothing."""
         ...
 
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    ) -> None:
+        self.close()
 
 
 def condition_of(sensor: Sensor) -> Condition | None:

@@ -31,6 +31,7 @@ _SEEN = re.compile(r"^seen (\d+) times", re.MULTILINE)
 _MAKERS = {
     "oak": ("depthai", "https://github.com/luxonis/depthai-core/issues"),
     "realsense": ("pyrealsense2", "https://github.com/IntelRealSense/librealsense/issues"),
+    "orbbec": ("pyorbbecsdk2", "https://github.com/orbbec/pyorbbecsdk/issues"),
 }
 """The library of a sensor, and where its makers take reports."""
 _FIRMWARE = "https://discuss.luxonis.com"

@@ -14,7 +14,6 @@ import statistics
 import time
 from collections import deque
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, Literal
 
 from enliven.errors import EnlivenError, InputError
@@ -47,7 +46,7 @@ _CLOCK_FRAMES = 5
 """Frames whose median tells how the stream's clock stands to this machine's: one wrong time does no harm."""
 
 
-class ReopeningSensor:
+class ReopeningSensor(Sensor):
     """A :class:`~enliven_edge.sensors.base.Sensor` over devices that are opened one after the other.
 
     ``read`` raises what the device said once, as a :class:`SensorFault`, and then goes on opening it anew. A
@@ -78,7 +77,7 @@ class ReopeningSensor:
         self._wait, self._due = FIRST_WAIT, 0.0
         self._good = self._bad = 0
         self._fresh, self._shift_ns = False, 0
-        self._last_ns = 0
+        self._last_ns = self._told_ns = 0
         self._ahead_ns: deque[int] = deque(maxlen=_CLOCK_FRAMES)
         self._closed = False
 
@@ -129,14 +128,6 @@ class ReopeningSensor:
             if not self._errands.finish(functools.partial(_let_go, self._device), _CLOSING):
                 log.warning("%s does not let its device go", self.name)
 
-    def __enter__(self) -> ReopeningSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def _begin(self, timeout: float | None) -> None:
         """Asks for a frame, or for the device where there is none and its time has come.
 
@@ -177,16 +168,19 @@ class ReopeningSensor:
         if self._fresh and self._ahead_ns:
             self._shift_ns = self._shift(time_ns, now_ns)
         self._fresh, self._last_ns = False, now_ns
-        self._ahead_ns.append(time_ns + self._shift_ns - now_ns)
+        self._told_ns = time_ns + self._shift_ns
+        self._ahead_ns.append(self._told_ns - now_ns)
         return dataclasses.replace(frame, time_ns=time_ns + self._shift_ns) if self._shift_ns else frame
 
     def _shift(self, time_ns: int, now_ns: int) -> int:
         """What to add to a fresh device's times: what was added before, or nothing, where that goes on."""
         ahead_ns = statistics.median_low(self._ahead_ns)
+        # On a busy machine the last frame may have come sooner after its time than frames usually do.
+        after_ns = max(self._last_ns + ahead_ns, self._told_ns)
         for shift in (self._shift_ns, 0):
-            if self._last_ns + ahead_ns < time_ns + shift <= now_ns + ahead_ns + _CLOCK_JUMP_NS:
+            if after_ns < time_ns + shift <= now_ns + ahead_ns + _CLOCK_JUMP_NS:
                 return shift
-        return now_ns + ahead_ns - time_ns
+        return max(now_ns + ahead_ns, after_ns + 1) - time_ns
 
     def _failed(self, error: Exception) -> Exception:
         """What to raise where the device raised ``error``."""

@@ -11,13 +11,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 
 from enliven.errors import InputError
 from enliven.files import open_file
 from enliven.frames import TIME_LIMIT_NS, Frame
 from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, RecordingInfo
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.diary import Moment, Moments
 
 log = logging.getLogger(__name__)
@@ -25,7 +24,7 @@ log = logging.getLogger(__name__)
 _USUAL_STEP_NS = 33_333_333
 
 
-class ReplaySensor:
+class ReplaySensor(Sensor):
     """Delivers every frame of a recording, none dropped, at the recorded pace or another.
 
     A recording of a live sensor is that sensor again: with its sequence numbers, the conditions of its
@@ -113,14 +112,6 @@ class ReplaySensor:
         self._ahead.clear()
         self._moments = iter(())
         self._file.close()
-
-    def __enter__(self) -> ReplaySensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _due(self, moment: Moment) -> float:
         """The monotonic second at which a moment has come."""

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import sys
 import time
-from types import TracebackType
 from typing import Any
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven_edge.landmarks import LandmarkSource, MonocularPoseEstimator, check_view
+from enliven_edge.sensors.base import Sensor
 
 _FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 
 
-class WebcamSensor:
+class WebcamSensor(Sensor):
     """Delivers the bodies that a :class:`~enliven_edge.landmarks.source.LandmarkSource` sees in a video.
 
     Distances are those of people of ``body_height``; who is shorter seems farther away.
@@ -84,14 +84,6 @@ class WebcamSensor:
             self._closed = True
             self._container.close()
             self._eye.close()
-
-    def __enter__(self) -> WebcamSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _next_image(self) -> Any:
         """The next image, None at the end.

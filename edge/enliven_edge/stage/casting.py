@@ -11,7 +11,8 @@ import numpy as np
 from enliven.deformation.graph import DeformationGraph, character_from
 from enliven.meshes import Mesh, fit_height, refine
 from enliven.samples import make_chair, make_lamp
-from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
+from enliven_edge.stage.actor_settings import ActorSettings
+from enliven_edge.stage.embedded_actor import EmbeddedActor
 from enliven_edge.stage.standing import stood_in
 
 log = logging.getLogger(__name__)

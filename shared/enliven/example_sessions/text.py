@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from enliven.document import KeyPose, Project, Puppet, PuppetLayer
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
 from enliven.example_sessions.tables import LayerTable, MeshTable, SettingsTable, TakeTable
+from enliven.files import write_file
 from enliven.formats.project import write_project
 
 _HEAD = """# A mesh, its control points, what poses of a performer mean on it, and what it plays.
@@ -55,12 +56,7 @@ def write_session(
         write_project(beside, Project(takes=kept, puppets={puppet.id: puppet}))
     mesh = mesh or MeshTable(beside.name, puppet=puppet.id)
     files = {name: takes.get(name) or TakeTable(beside.name, animation=name) for name in used}
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(session_text(puppet, mesh, files), encoding="utf-8")
-    except OSError as error:
-        what = f"the session cannot be written ({error.strerror})"
-        raise ResourceError(what, where=str(path), mend="Save it elsewhere.") from None
+    write_file(path, session_text(puppet, mesh, files), "Save it elsewhere.")
 
 
 def session_text(puppet: Puppet, mesh: MeshTable, takes: Mapping[str, TakeTable]) -> str:

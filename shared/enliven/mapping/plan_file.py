@@ -21,7 +21,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
+from enliven.files import write_file
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.settings import load_settings, read_toml
 
@@ -69,13 +70,7 @@ def write_plan(plan: Plan, path: Path | str) -> None:
     Raises:
         ResourceError: where the file cannot be written.
     """
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(plan_text(plan), encoding="utf-8")
-    except OSError as error:
-        what = f"the mapping cannot be written ({error.strerror})"
-        raise ResourceError(what, where=str(path), mend="Choose another place with --write-map.") from None
+    write_file(Path(path), plan_text(plan), "Choose another place with --write-map.")
 
 
 def plan_text(plan: Plan) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching.ranking import Match, Ranking
+from enliven.matching.matches import Match, Ranking
 from enliven.settings import setting
 
 

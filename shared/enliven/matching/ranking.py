@@ -12,9 +12,10 @@ from scipy.sparse import csr_matrix
 
 from enliven.arrays import Float, Int
 from enliven.document import Skeleton
-from enliven.matching.abstraction import Abstraction, SubTree, abstract_skeleton
+from enliven.matching.abstraction import abstract_skeleton
 from enliven.matching.kernels import rank_rows, seen_branches
 from enliven.matching.matches import Match, Ranking
+from enliven.matching.subtrees import Abstraction, SubTree
 from enliven.matching.views import View
 from enliven.settings import setting
 

@@ -10,7 +10,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.matching.abstraction import Branch, abstract
+from enliven.matching.abstraction import abstract
+from enliven.matching.subtrees import Branch
 
 
 @dataclass(frozen=True, eq=False)

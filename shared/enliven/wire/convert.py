@@ -13,10 +13,10 @@ from enliven.health import HealthState, Severity, worst_first
 from enliven.person import Body
 from enliven.person import J as JOINTS
 from enliven.wire.convert_characters import character_to_message, message_to_character
-from enliven.wire.fields import from_bytes, to_bytes
-from enliven.wire.messages import (
-    MAX_HEALTH,
-    MAX_PROPS,
+from enliven.wire.fields import MAX_HEALTH, MAX_PROPS, from_bytes, to_bytes
+from enliven.wire.posecode import PoseCodec
+from enliven.wire.quaternions import pack_quaternions, unpack_quaternions
+from enliven.wire.streams import (
     BodiesMessage,
     CuesMessage,
     HealthMessage,
@@ -24,8 +24,6 @@ from enliven.wire.messages import (
     PoseMessage,
     PropsMessage,
 )
-from enliven.wire.posecode import PoseCodec
-from enliven.wire.quaternions import pack_quaternions, unpack_quaternions
 
 __all__ = [
     "JOINT_STEP",

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.matching import Board, Row
 from enliven.wire.convert import JOINT_STEP
-from enliven.wire.messages import MatchesMessage, PackedMatch
+from enliven.wire.streams import MatchesMessage, PackedMatch
 
 _MOST_ROWS = 16
 """Matches that are sent: the field's limit, and more than a screen shows."""

@@ -6,14 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from enliven.wire.messages import (
+from enliven.wire.requests import Reply, Request
+from enliven.wire.streams import (
     BodiesMessage,
     CuesMessage,
     MatchesMessage,
     PoseMessage,
     PropsMessage,
-    Reply,
-    Request,
     StatusMessage,
 )
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from types import TracebackType
 
 from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven.settings import load_settings
-from enliven_edge.sensors import load_profile
+from enliven_edge.sensors import Sensor, load_profile
 from enliven_synthesis.sensor.studio import Studio, StudioSettings
 
 
-class SyntheticSensor:
+class SyntheticSensor(Sensor):
     """Delivers depth frames of a performer, and knows where the performer's joints truly are.
 
     In real time it behaves as a camera does: a frame comes when it is due, and who reads too late has missed
@@ -71,14 +70,6 @@ class SyntheticSensor:
     def close(self) -> None:
         """End the stream."""
         self._closed = True
-
-    def __enter__(self) -> SyntheticSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _wait(self, timeout: float | None) -> None:
         """Sleep until the next frame is due; go on to the newest one that is due already."""

@@ -16,6 +16,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from frames import bind, lost, read
 from seen import Seen
 
+from enliven import cli
+from enliven_edge.sensors.drivers.libcamera_library import listed_cameras
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
 from enliven_edge.sensors.reopening import kept_open
 
@@ -27,16 +29,6 @@ BASELINE = 0.1
 """Metres between the two virtual cameras."""
 HALF_A_PIXEL = 0.5
 """Pixels of disparity: what a small image that went through JPEG is matched to at least."""
-LIST = (
-    "import libcamera, json; print(json.dumps([c.id for c in libcamera.CameraManager.singleton().cameras]))"
-)
-
-
-def cameras() -> list[str]:
-    """What libcamera lists, in a process of its own: its list is made once a process."""
-    done = subprocess.run([sys.executable, "-c", LIST], capture_output=True, text=True, check=True)
-    print(done.stderr)
-    return __import__("json").loads(done.stdout)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +46,7 @@ def vimc():
         subprocess.run(["modprobe", needed], check=True)
     subprocess.run(["insmod", str(MODULE)], check=True)
     subprocess.run(["udevadm", "settle", "--timeout=30"], check=True)
-    yield cameras()
+    yield [camera.name for camera in listed_cameras()]
     subprocess.run(["rmmod", "vimc"], check=False)
 
 
@@ -63,8 +55,13 @@ def seen(tmp_path):
     return Seen(str(tmp_path / "seen"))
 
 
-def test_libcamera_lists_the_kernels_camera(vimc):
-    print(vimc)
+def test_libcamera_lists_the_kernels_camera(vimc, capsys):
+    assert cli.run(["sensors"]) == 0
+    told = capsys.readouterr().out
+    print(vimc, told)
+    words = " ".join(told.split())
+    for number, name in enumerate(vimc):
+        assert f"{name}: --sensor libcamera --set left={number}" in words
     assert any("vimc" in name.lower() or "sensor" in name.lower() for name in vimc)
 
 
@@ -125,7 +122,7 @@ def pair(tmp_path_factory):
 
 def test_two_cameras_of_libcamera_measure_depth(pair):
     calibration, truth = pair
-    print(cameras())
+    print(listed_cameras())
     # Virtual cameras keep no common beat; the room does not move.
     options = {
         "calibration": str(calibration),

@@ -31,9 +31,9 @@ IMAGES = 6
 
 def librealsense_writes(path: Path, packed: bool) -> None:
     """Images of a software device through librealsense's own recorder."""
-    from enliven_edge.sensors.drivers.realsense import _library
+    from enliven_edge.sensors.drivers.realsense_library import realsense_library
 
-    rs = _library()
+    rs = realsense_library()
     device = rs.software_device()
     device.register_info(rs.camera_info.serial_number, SERIAL)
     sensor, stream, lens = device.add_sensor("Depth"), rs.video_stream(), rs.intrinsics()
@@ -119,7 +119,7 @@ def orbbec(tmp_path_factory) -> Path:
         for number in range(IMAGES):
             depth = depth_image(number)
             recorder.write_frame(DepthFrame(depth, CAMERA, 7_000_000_000 + 33_000_000 * number, "t"))
-    written = write_playback(str(folder / "take.mcap"), folder / "take.bag")
+    (written,) = write_playback(str(folder / "take.mcap"), folder / "take.bag")
     assert written.images == IMAGES and written.shift_ns == 6_000_000_000
     return folder / "take.bag"
 

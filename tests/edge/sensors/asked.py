@@ -13,7 +13,9 @@ from enliven.errors import EnlivenError
 from enliven_edge.sensors.attached_cameras import attached
 from enliven_edge.sensors.drivers import refusals
 from enliven_edge.sensors.drivers.oak import OakSensor
+from enliven_edge.sensors.drivers.orbbec import OrbbecSensor
 from enliven_edge.sensors.drivers.realsense import RealSenseSensor
+from enliven_edge.sensors.drivers.realsense_library import depth_mode
 
 
 def say(ask: Callable[[], object]) -> list[str]:
@@ -32,7 +34,8 @@ def on_usb(folder: Path, name: str) -> None:
 def opened_twice() -> object:
     """librealsense's own error for a stream that is open already."""
     with RealSenseSensor(rehearse=str(folder / "lensless-realsense.mcap")) as sensor:
-        return sensor._open(sensor._depth, sensor._profile((320, 240, 30)), sensor._images)
+        stream = depth_mode(sensor._rs, sensor._depth, (320, 240, 30), sensor.name)
+        return sensor._open(sensor._depth, stream, sensor._images)
 
 
 def on_usb_2() -> object:
@@ -57,6 +60,7 @@ def lensless(kind: type, name: str) -> object:
 KINDS: dict[str, tuple[type, str, str]] = {
     "oak": (OakSensor, "device", "14442C10D13EABCE00"),
     "realsense": (RealSenseSensor, "serial", "012345678901"),
+    "orbbec": (OrbbecSensor, "device", "CP3S34D00012"),
 }
 
 if __name__ == "__main__":

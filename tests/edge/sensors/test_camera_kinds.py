@@ -60,28 +60,39 @@ def test_an_empty_reach_is_refused():
         within((3.0, 2.0), "arducam-tof", False)
 
 
-@pytest.fixture
-def take(tmp_path) -> str:
-    with Recorder(tmp_path / "take.mcap") as recorder:
+@pytest.fixture(scope="module")
+def played(tmp_path_factory) -> str:
+    """A recording of a depth camera, 96x64."""
+    path = tmp_path_factory.mktemp("played") / "take.mcap"
+    with Recorder(path) as recorder:
         for number in range(8):
             frame = DepthFrame(picture(number, 96, 64), camera(96, 64, 80.25), number * 10**8, "test")
             recorder.write_frame(frame)
-    return str(tmp_path / "take.mcap")
+    return str(path)
 
 
-def test_a_depth_of_little_confidence_is_unknown(take):
-    """A slow twin, with confidences around the threshold and depths that are no numbers."""
-    random = np.random.default_rng(1)
-    confidence = random.integers(0, 60, (64, 96)).astype(np.float32)
-    depth = random.uniform(-50.0, 70_000.0, (64, 96)).astype(np.float32)
-    depth[0, :4] = np.nan, np.inf, -np.inf, 0.0
-    with TofSensor(rehearse=take, confidence=40.0) as sensor:
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([(0.0, 0.0), (1.0, 0.0), (0.0, 2.0), (0.7, 3.1)]),
+    st.sampled_from([0, 30, 40.5]),
+)
+def test_a_depth_of_little_confidence_or_out_of_reach_is_unknown(played, seed, reach, least):
+    """A slow twin, with values around every threshold, halves, and what is no number."""
+    random = np.random.default_rng(seed)
+    odd = [np.nan, np.inf, -np.inf, -0.4, 0.4, 0.5, 65534.4, 65534.5, 65534.99, 65535.0, *EDGES]
+    confidence = random.choice([least - 1, np.nextafter(np.float32(least), -1), least, 255, np.nan], (64, 96))
+    depth = random.uniform(-50.0, 70_000.0, (64, 96)) // 0.5 * 0.5
+    depth[:32] = random.choice(odd, (32, 96)) + random.choice([-0.5, -0.1, 0.0, 0.5], (32, 96))
+    depth, confidence = depth.astype(np.float32), confidence.astype(np.float32)
+    with TofSensor(rehearse=played, confidence=least, near=reach[0], far=reach[1]) as sensor:
         seen = sensor._trusted(depth, confidence)
         with pytest.raises(InputError, match="shapes"):
             sensor._trusted(depth[1:], confidence)
-    for got, metres, sure in zip(seen.ravel(), depth.ravel(), confidence.ravel(), strict=True):
-        known = sure >= 40.0 and 0.0 < metres < 65535.0
-        assert got == (np.rint(metres) if known else 0)
+    low, high = 1000 * reach[0], 1000 * reach[1] or 65535
+    for got, exact, sure in zip(seen.ravel(), depth.ravel(), confidence.ravel(), strict=True):
+        whole = np.rint(exact)
+        known = sure >= least and round(low) <= whole <= round(high)
+        assert got == (whole if known else 0)
 
 
 @pytest.mark.parametrize(

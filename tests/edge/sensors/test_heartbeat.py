@@ -13,7 +13,7 @@ from wild import Wild
 
 from enliven.health import HealthKind
 from enliven_edge.network.outlet import Outlet
-from enliven_edge.sensors.isolation import IsolatedOpener, isolated
+from enliven_edge.sensors.isolation import IsolatedOpener, helper_process, isolated
 from enliven_edge.sensors.reopening import kept_open
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
@@ -61,8 +61,9 @@ class Viewer:
 @pytest.fixture
 def edge(tmp_path, monkeypatch):
     """An edge on a thread that waits for a camera that is not there yet, and its viewer."""
-    for limit in ("SILENT", "OPENING"):  # So that a call that hangs goes on hanging.
-        monkeypatch.setattr(isolated, limit, 10 * PATIENCE)
+    # So that a call that hangs goes on hanging.
+    monkeypatch.setattr(isolated, "SILENT", 10 * PATIENCE)
+    monkeypatch.setattr(helper_process, "OPENING", 10 * PATIENCE)
     (tmp_path / "gone").touch()
     warm_up_tracking(TrackerSettings())
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)

@@ -1,6 +1,7 @@
 """Orbbec's cameras: what only their driver does, through Orbbec's library on playbacks that are made here."""
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder
 from enliven_edge.importing.bags.reader import BagReader
+from enliven_edge.sensors.base import SensorFault
+from enliven_edge.sensors.diary import Diary
 from enliven_edge.sensors.drivers import orbbec, playback
 from enliven_edge.sensors.drivers.orbbec_library import opened_device
 from enliven_edge.sensors.drivers.playback import write_playback
@@ -203,7 +206,7 @@ class Connected:
 @pytest.mark.parametrize(
     ("wanted", "found"),
     [
-        ("", "AY1"),
+        ("AY1", "AY1"),
         ("CL2", "CL2"),
         ("Orbbec Femto Mega", "CL2"),
         ("left", "CL2"),
@@ -215,8 +218,36 @@ def test_a_camera_is_opened_by_any_of_its_names(wanted, found):
     assert opened_device(Connected, Connected(), wanted) == found
 
 
+def test_of_several_cameras_the_one_of_before_is_taken_and_none_at_random():
+    assert opened_device(Connected, Connected(), "", "CL2") == "CL2"
+    with pytest.raises(ResourceError, match=r"2 are connected: AY1, CL2\. Name .* --set device=AY1"):
+        opened_device(Connected, Connected(), "")
+
+
 def test_a_camera_that_is_not_there_or_does_not_open_is_a_sentence():
-    with pytest.raises(ResourceError, match=r"no camera 'XX'\. Connected: Orbbec Gemini 335 AY1, "):
+    with pytest.raises(ResourceError, match=r"camera called XX is not connected\. Connected: AY1, CL2"):
         opened_device(Connected, Connected(), "XX")
-    with pytest.raises(ResourceError, match=r"cannot be opened \(createNetDevice failed\). Close what else"):
+    with pytest.raises(ResourceError, match=r"cannot be used \(createNetDevice failed\)\. Unplug it"):
         opened_device(Connected, Connected(), "10.0.0.99")
+
+
+def test_a_rehearsal_is_all_of_one_sensor_over_its_losses_and_lenses(tmp_path):
+    """Of two sensors the first; images before and after a loss; each with its own lens and number."""
+    needs("orbbec")
+    sizes = [(96, 64)] * 4 + [(128, 72)] * 3 + [(96, 64)] * 3
+    with Recorder(tmp_path / "two.mcap") as recorder:
+        diary = Diary(recorder)
+        for number, (width, height) in enumerate(sizes):
+            lens = camera(width, height, 80.25)
+            frame = DepthFrame(picture(number, width, height), lens, number * 10**8, "left")
+            diary.frame(frame, None)
+            diary.frame(replace(frame, sensor="right", depth=frame.depth + np.uint16(7)), None)
+            if number == 1:
+                diary.failed(SensorFault("it was unplugged"))
+    with open_sensor("orbbec", rehearse=str(tmp_path / "two.mcap")) as sensor:
+        seen = list(iter(lambda: next_frame(sensor), None))
+    assert [frame.sequence for frame in seen] == list(range(len(sizes)))
+    for number, frame in enumerate(seen):
+        np.testing.assert_array_equal(frame.depth, picture(number, *sizes[number]))
+        assert (frame.intrinsics.width, frame.intrinsics.height) == sizes[number]
+        assert frame.time_ns == number * 10**8

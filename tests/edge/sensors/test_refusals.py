@@ -15,6 +15,7 @@ from asked import KINDS
 from contract import DRIVERS, usable
 from hypothesis import given
 from hypothesis import strategies as st
+from patience import until
 from troubled import camera, picture
 
 from enliven.errors import InputError, ResourceError
@@ -24,7 +25,7 @@ from enliven_edge.sensors import extras
 from enliven_edge.sensors.drivers import refusals
 from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.drivers.refusals import SAID, SYSTEM, chosen, refused
-from enliven_edge.sensors.registry import sensor_opener
+from enliven_edge.sensors.registry import open_sensor, sensor_opener
 from enliven_edge.sensors.reopening import kept_open
 
 LIBRARIES = {driver.name: driver for driver in DRIVERS if driver.needs[0]}
@@ -46,6 +47,13 @@ MESSAGES = [
     ("realsense", "xioctl(VIDIOC_S_FMT) failed, errno=16 Last Error: Device or resource busy", "another"),
     ("realsense", "Couldn't resolve requests", "no such images on this port. Use a USB 3 port"),
     ("realsense", "Device disconnected. Failed to reconnect: ", "not there any more. Plug it in again"),
+    ("orbbec", "[usb] Access denied (insufficient permissions)", "your user may not open it"),
+    (
+        "orbbec",
+        "usbEnumerator openUsbDevice failed!",
+        "it cannot be opened. Close what else uses it",
+    ),
+    ("orbbec", "Device is deactivated/disconnected!\n code 2", "not there any more. Plug it in again"),
     ("other", "[Errno 13] Permission denied: '/dev/video0'", "your user may not open it"),
     ("other", "[Errno 19] No such device", "not there any more"),
     ("other", "Frobnication failed", "it cannot be used (Frobnication failed). Unplug it once"),
@@ -148,7 +156,7 @@ def said(request, tmp_path_factory):
     plugged(folder / "nothing")
     plugged(folder / "forbidden", allowed=False)
     plugged(folder / "hidden", allowed=True)
-    size = {"oak": (320, 200), "realsense": (320, 240)}[driver.name]
+    size = {"oak": (320, 200), "realsense": (320, 240), "orbbec": (320, 288)}[driver.name]
     with Recorder(folder / f"lensless-{driver.name}.mcap") as recorder:
         for number in range(30):
             recorder.write_frame(
@@ -162,8 +170,9 @@ def said(request, tmp_path_factory):
 
 
 def plugged(folder: Path, allowed: bool | None = None) -> None:
-    """A made-up USB tree with an OAK and a RealSense camera, or nothing."""
-    for number, (vendor, title) in enumerate((("03e7", "Luxonis Device"), ("8086", "Intel RealSense D435"))):
+    """A made-up USB tree with an OAK, a RealSense and an Orbbec camera, or nothing."""
+    titles = {"03e7": "Luxonis Device", "8086": "Intel RealSense D435", "2bc5": "Orbbec Gemini 335"}
+    for number, (vendor, title) in enumerate(titles.items()):
         device = folder / "devices" / f"1-{number}"
         device.mkdir(parents=True)
         about = {"idVendor": vendor, "idProduct": "f63b", "product": title, "serial": "S7"} | {
@@ -208,7 +217,10 @@ def test_what_only_librealsense_can_be_made_to_say(said):
     sensor, told = said
     if sensor != "realsense":
         pytest.skip("depthai has no device of software")
-    assert "it cannot be used (open(...) failed. Software device is streaming!)" in told["open already"][1]
+    said = (
+        "its library does not play the recording (open(...) failed. Software device is streaming!). Rehearse"
+    )
+    assert said in told["open already"][1]
     assert told["USB 2"][1] == "['USB 2.1', True]"
 
 
@@ -226,8 +238,50 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
     assert known and (told.fx, told.fy) == (450.0, 451.0)
     typical, known = known_or_typical(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
     assert not known and typical.width == 320 and 200 < typical.fx < 240
-    with pytest.raises(InputError, match="oak 1: it does not know its lens"):
-        known_or_typical(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
+    for rehearsed, mend in (
+        (False, "Ask for 640x400, or cal"),
+        (True, "Rehearse with .* or with one of 640x400"),
+    ):
+        with pytest.raises(InputError, match=rf"oak 1: it does not know its lens.* {mend}"):
+            known_or_typical(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1", rehearsed)
+
+
+@pytest.mark.parametrize("sensor", LIBRARIES)
+def test_a_rehearsal_without_a_lens_says_what_to_rehearse_with(tmp_path, sensor):
+    """A recording cannot be asked for another size, and no port or cable is at fault."""
+    usable(LIBRARIES[sensor])
+    with Recorder(tmp_path / "square.mcap") as recorder:
+        for number in range(3):
+            frame = DepthFrame(picture(0, 100, 100), camera(100, 100, 1.0), number * 33_333_333, "test")
+            recorder.write_frame(frame)
+    errors: list[Exception] = []
+    try:
+        with open_sensor(sensor, rehearse=str(tmp_path / "square.mcap")) as playing:
+            until(lambda: seen(playing, errors), "what is said of its lens")
+    except InputError as error:
+        errors.append(error)
+    said = str(errors[0])
+    assert "it does not know its lens" in said and "Rehearse with a recording that knows its lens" in said
+    assert not any(word in said for word in ("Ask for", "Unplug", "cable", "port"))
+
+
+def seen(sensor, errors: list[Exception]) -> bool:
+    """Whether an image came or an error, which is noted."""
+    try:
+        return sensor.read(0.1) is None
+    except TimeoutError:
+        return False
+    except InputError as error:
+        errors.append(error)
+        return True
+
+
+@pytest.mark.parametrize("sensor", LIBRARIES)
+@pytest.mark.parametrize("message", [message for _, message, _ in MESSAGES])
+def test_in_a_rehearsal_no_device_is_to_be_mended(sensor, message):
+    said = str(refused(sensor, RuntimeError(message), "a rehearsal", rehearsed=True))
+    assert " ".join(message.split()).rstrip(".") in said and "enliven inspect" in said
+    assert not any(word in said for word in ("Plug it", "Unplug it", "Close", "cable", "Type: sudo"))
 
 
 def test_a_recording_that_is_not_rectified_is_none_of_an_oak(tmp_path):

@@ -6,9 +6,12 @@ import time
 from typing import ClassVar
 
 import pytest
-from troubled import STEP, Troubled
+from hypothesis import given
+from hypothesis import strategies as st
+from troubled import STEP, Troubled, camera, picture
 
 from enliven.errors import InputError, ResourceError
+from enliven.frames import DepthFrame
 from enliven.recording import Recorder
 from enliven_edge.sensors import reopening
 from enliven_edge.sensors.base import SensorFault
@@ -102,6 +105,30 @@ def test_one_wrong_time_beside_a_failure_does_no_harm(place):
         frames, _ = stream(sensor)
     times = [frame.time_ns for frame in frames if frame.time_ns < 1 << 62]
     assert len(times) == 29 and times == sorted(set(times)) and times[-1] < DEADLINE * 1e9
+
+
+SECOND = 10**9
+steps = st.tuples(
+    st.integers(1, 3 * SECOND), st.integers(1, SECOND), st.none() | st.integers(-SECOND, SECOND) | st.just(0)
+)
+"""Nanoseconds until a frame arrives and since the one before by its device's clock; of a device that was
+opened anew, what its clock differs from the one before."""
+
+
+@given(st.lists(steps, max_size=20))
+def test_times_rise_whenever_frames_arrive_and_whatever_a_fresh_clock_says(arrivals):
+    """As on a busy machine, where a frame may come late and the next ones at once."""
+    now = own = SECOND
+    told = []
+    with pytest.MonkeyPatch.context() as patch, ReopeningSensor(lambda: Troubled(1)) as sensor:
+        for late, step, fresh in arrivals:
+            now, own = now + late, own + step
+            if fresh is not None:
+                sensor._fresh, own = True, own + fresh if fresh else 0
+            patch.setattr(reopening.time, "monotonic_ns", lambda: now)  # noqa: B023
+            told.append(sensor._received(DepthFrame(picture(0), camera(), own, "t")).time_ns)
+            patch.undo()
+    assert told == sorted(set(told))
 
 
 def test_attempts_become_rarer_and_go_on_for_ever():

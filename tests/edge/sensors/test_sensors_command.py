@@ -10,6 +10,7 @@ from PIL import Image
 from enliven import cli
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.sensors import attached_cameras
+from enliven_edge.sensors.drivers import libcamera_library
 
 
 def said(capsys, *words: str) -> tuple[int, str, str]:
@@ -26,9 +27,56 @@ def test_all_are_listed(capsys):
 def test_what_is_plugged_in_is_listed_with_all_that_is_to_be_typed(capsys, monkeypatch):
     kind = next(kind for kind in attached_cameras.KINDS if kind.sensor == "oak")
     camera = attached_cameras.Attached(replace(kind, package="no-such-package"), "[OAK] 1", 5000.0, Path("/"))
-    monkeypatch.setattr(attached_cameras, "attached", lambda: [camera])
+    monkeypatch.setattr("enliven_edge.sensors.attached", lambda: [camera])
     _, out, _ = said(capsys)
     assert "[OAK] 1" in out and '"enliven-edge[oak]"' in " ".join(out.split())
+
+
+BINDING = """
+import os, time
+class Key:
+    def __init__(self, name): self.name = name
+class Camera:
+    def __init__(self, id, model): self.id, self.properties = id, {Key("Model"): model, Key("Rotation"): 0}
+class CameraManager:
+    @classmethod
+    def singleton(cls):
+        made = cls()
+        models = {"/base/i2c@88000/imx708@1a": "imx708", "/base/i2c@70000/ov9281@60": "ov9281"}
+        made.cameras = [Camera(*each) for each in models.items()]
+        return made
+"""
+"""What is used of libcamera's binding, in the shape that the guest of make test-devices has it."""
+AT_PORTS = [
+    ("", ["imx708 /base/i2c@88000/imx708@1a: --sensor libcamera --set left=0", "@60: --sensor", "left=1"]),
+    ("os.abort()", ["libcamera cannot list its cameras (exit code -6", "rpicam-hello --list-cameras"]),
+    ("time.sleep(60)", ["libcamera has not listed its cameras within"]),
+    ("import nothing_of_the_kind", ["libcamera does not load (No module named", "apt install python3-lib"]),
+]
+"""A line more of the binding, and what is said then: libcamera may end or hang its process."""
+
+
+@pytest.mark.parametrize(("line", "words"), AT_PORTS)
+def test_cameras_at_camera_ports_are_listed_whatever_libcamera_does(
+    capsys, monkeypatch, tmp_path, line, words
+):
+    (tmp_path / "libcamera.py").write_text(f"{BINDING}\n{line}\n")
+    monkeypatch.setattr(libcamera_library, "_LISTING", 3.0 if "sleep" in line else 60.0)
+    monkeypatch.setattr(libcamera_library, "_SYSTEM", tmp_path / "nothing")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.syspath_prepend(tmp_path)
+    code, out, _ = said(capsys)
+    assert code == 0
+    assert all(word in " ".join(out.split()) for word in words), out
+
+
+def test_without_libcamera_only_a_raspberry_pi_is_told_what_to_install(capsys, monkeypatch, tmp_path):
+    if libcamera_library._installed():
+        pytest.skip("libcamera is installed")
+    monkeypatch.setattr(libcamera_library, "_BOARD", tmp_path / "model")
+    assert "libcamera is not" not in said(capsys)[1]
+    (tmp_path / "model").write_bytes(b"Raspberry Pi 5 Model B Rev 1.0\0")
+    assert "libcamera is not installed. Type: sudo apt install" in " ".join(said(capsys)[1].split())
 
 
 def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):

@@ -87,6 +87,14 @@ def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
     assert sum(fits > FITS + 1 + FOLLOWING for fits in at_once) >= 2, "nobody was looked for anew"
 
 
+@pytest.mark.parametrize(("made", "at_first"), [(TrackerSettings(), False), (SPREAD, False), (AT_ONCE, True)])
+def test_the_first_frame_measures_and_the_search_begins_in_the_next(made, at_first, film, monkeypatch):
+    """What stands in the room is measured in the first frame; a search besides would make it the longest."""
+    fits = [calls for calls, _ in counted(film[:4], made, monkeypatch)]
+    assert (fits[0] > 0) == at_first
+    assert max(fits[1:]) > 0
+
+
 @pytest.mark.parametrize(("step", "frames"), [(1, 6), (3, 2)], ids=["30 a second", "10 a second"])
 def test_who_is_in_the_first_frame_is_there_within_a_fifth_of_a_second(film, step, frames):
     tracker = Tracker()

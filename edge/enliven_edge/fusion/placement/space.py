@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
+from enliven.files import read_file, write_file
 from enliven.settings import load_settings, read_toml, setting
 
 _Row = tuple[float, float, float, float]
@@ -86,23 +86,11 @@ def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
     Raises:
         ResourceError: where it cannot be written; then what was there is untouched.
     """
-    fresh, old = path.with_name(path.name + ".new"), path.with_name(path.name + ".old")
-    try:
-        with fresh.open("w", encoding="utf-8") as file:
-            file.write(_text(space, remarks))
-            file.flush()
-            os.fsync(file.fileno())
-        kept = path.exists()
-        if kept:
-            old.write_bytes(path.read_bytes())
-        os.replace(fresh, path)
-    except OSError as error:
-        raise ResourceError(
-            f"it cannot be written ({error.strerror or error})",
-            where=str(path),
-            mend="Check the folder's permissions and the space on the disk.",
-        ) from None
-    return old if kept else None
+    old = path.with_name(path.name + ".old") if path.exists() else None
+    if old is not None:
+        write_file(old, read_file(path))
+    write_file(path, _text(space, remarks))
+    return old
 
 
 def rows(transform: Float) -> _Rows:

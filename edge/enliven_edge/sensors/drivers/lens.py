@@ -14,6 +14,8 @@ from enliven_edge.sensors.profile import load_profile
 
 _SHORTEST = 10.0
 """Pixels of focal length below which a camera has told nothing: those of depth cameras are 150 to 1,000."""
+_FARTHEST = 65535
+"""Millimetres, the greatest depth of an image."""
 
 
 def kind_of(name: str, kinds: Mapping[str, str], otherwise: str) -> str:
@@ -28,13 +30,19 @@ def kind_of(name: str, kinds: Mapping[str, str], otherwise: str) -> str:
 
 
 def known_or_typical(
-    width: int, height: int, lens: tuple[float, float, float, float], profile: str, name: str
+    width: int,
+    height: int,
+    lens: tuple[float, float, float, float],
+    profile: str,
+    name: str,
+    rehearsed: bool = False,
 ) -> tuple[Intrinsics, bool]:
     """The camera that a device tells of, or that of its kind's profile where it tells nothing.
 
     Args:
         lens: (fx, fy, cx, cy) pixels, as the device says them.
         profile: a profile of ``firmware_configs/sensors``.
+        rehearsed: it is a recording's, which cannot be asked for another size.
 
     Returns:
         the camera, and whether the device told it.
@@ -47,23 +55,33 @@ def known_or_typical(
         return Intrinsics(width, height, fx, fy, cx, cy), True
     typical = load_profile(profile).intrinsics(width)
     if typical.height != height:
-        raise InputError(
-            f"it does not know its lens, and the profile {profile} has none for {width}x{height}",
-            where=name,
-            mend=f"Ask for {typical.width}x{typical.height}, or calibrate the camera with its maker's tool.",
-        )
+        size = f"{typical.width}x{typical.height}"
+        what = f"it does not know its lens, and the profile {profile} has none for {width}x{height}"
+        mend = f"Ask for {size}, or calibrate the camera with its maker's tool."
+        if rehearsed:
+            mend = f"Rehearse with a recording that knows its lens, or with one of {size}."
+        raise InputError(what, where=name, mend=mend)
     return typical, False
 
 
 def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callable[[UInt16], UInt16]:
-    """What leaves out depths that a camera cannot have measured.
+    """What leaves out depths that a camera cannot have measured; arguments and errors as of :func:`limits`.
+
+    Returns:
+        takes (H, W) uint16 millimetres, and returns them with 0 outside the reach.
+    """
+    low, high = limits(reach, profile, rehearsed)
+    if (low, high) == (0, _FARTHEST):
+        return lambda depth: depth
+    return lambda depth: np.where((depth >= low) & (depth <= high), depth, np.uint16(0))
+
+
+def limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> tuple[int, int]:
+    """The least and the greatest depth that a camera can have measured, millimetres.
 
     Args:
         reach: (near, far) metres; 0 stands for the profile's, or in a rehearsal for any: a recording may be
             of another camera.
-
-    Returns:
-        takes (H, W) uint16 millimetres, and returns them with 0 outside the reach.
 
     Raises:
         InputError: where the reach is empty.
@@ -75,7 +93,4 @@ def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callabl
         raise InputError(
             f"near is {near} m and far {far} m", where="sensor", mend="Give near below far, both above 0."
         )
-    low, high = round(1e3 * near), min(round(1e3 * far), 65535) if far else 65535
-    if not near and not far:
-        return lambda depth: depth
-    return lambda depth: np.where((depth >= low) & (depth <= high), depth, np.uint16(0))
+    return round(1e3 * near), min(round(1e3 * far), _FARTHEST) if far else _FARTHEST

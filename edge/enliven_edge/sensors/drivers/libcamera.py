@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from types import TracebackType
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven_edge.landmarks import LandmarkSource, MonocularPoseEstimator, check_view
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
 from enliven_edge.sensors.stereo import (
     Pairing,
@@ -25,7 +24,7 @@ _HOT = 75.0
 """Degrees Celsius of the image sensor up to which the IMX296 of the Global Shutter Camera is specified."""
 
 
-class LibcameraSensor:
+class LibcameraSensor(Sensor):
     """One camera that sees bodies by their colour, or with a calibration two that measure depth.
 
     Args:
@@ -137,14 +136,6 @@ class LibcameraSensor:
         self._images.close()
         if self._eye is not None:
             self._eye.close()
-
-    def __enter__(self) -> LibcameraSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _prepare(self, calibration: str, near: float, far: float) -> tuple[int, int]:
         """Makes the matcher of a calibration; returns (width, height) of the images that it is for."""

@@ -1,19 +1,11 @@
-"""Images of cameras that libcamera knows, by its own Python binding.
-
-It is used rather than Picamera2, which stands on it: it runs wherever libcamera does, on the kernel's virtual
-camera too, and needs nothing else. There is no wheel of it; the system's package manager installs it.
-"""
+"""Images of cameras that libcamera knows, by its own Python binding."""
 
 from __future__ import annotations
 
 import contextlib
-import importlib
 import mmap
-import os
 import select
-import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,18 +13,13 @@ import numpy as np
 from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
 from enliven_edge.sensors.drivers.libcamera_formats import COLOUR, GREY, Layout, image_of
+from enliven_edge.sensors.drivers.libcamera_library import libcamera_library
 from enliven_edge.sensors.stereo import Picture
 
 _BUFFERS = 4
 """Images that a camera may have under way: one is filled, one is read, two are between."""
 _SERVER, _CLIENT = 1, 2
 """Values of the Raspberry Pi's control SyncMode: the first camera sets the beat, the others follow."""
-_SYSTEM = Path("/usr/lib")
-"""Where Debian and Raspberry Pi OS have Python modules; Debian 12 alone has them below its architecture."""
-_INSTALL = (
-    "Type: sudo apt install python3-libcamera; and use the system's Python: "
-    "python3 -m venv --system-site-packages .venv"
-)
 
 
 class LibcameraImages:
@@ -66,7 +53,7 @@ class LibcameraImages:
         gain: float = 1.0,
         tuning: str = "",
     ) -> None:
-        self._lib = _library(tuning)
+        self._lib = libcamera_library(tuning)
         self._manager = self._lib.CameraManager.singleton()
         self._formats = COLOUR if colour else GREY
         self._eyes: list[_Eye] = []
@@ -268,30 +255,3 @@ def _wishes(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
 def _short(camera: str) -> str:
     """The part of an id that tells cameras apart: the bus and the sensor."""
     return "/".join(camera.split("/")[-2:]) or camera
-
-
-def _library(tuning: str) -> Any:
-    """The binding, also where the system has it outside of what this Python looks through.
-
-    Raises:
-        InputError: where there is no such tuning file.
-        ResourceError: where it is not installed for this Python.
-    """
-    if tuning:
-        if not Path(tuning).is_file():
-            mend = "Those that ship are in firmware_configs/libcamera."
-            raise InputError("there is no such tuning file", where=tuning, mend=mend)
-        os.environ["LIBCAMERA_RPI_TUNING_FILE"] = tuning
-    os.environ.setdefault("LIBCAMERA_LOG_LEVELS", "*:WARN")
-    version = f"{sys.version_info.major}.{sys.version_info.minor}"
-    places = [*_SYSTEM.glob(f"*/python{version}/site-packages"), _SYSTEM / "python3" / "dist-packages"]
-    known = list(sys.path)
-    sys.path += [str(place) for place in places if (place / "libcamera").is_dir()]
-    try:
-        return importlib.import_module("libcamera")
-    except ImportError as error:
-        missing = isinstance(error, ModuleNotFoundError) and error.name == "libcamera"
-        what = "libcamera is not installed" if missing else f"libcamera does not load ({error})"
-        raise ResourceError(what, where="sensor libcamera", mend=_INSTALL) from None
-    finally:
-        sys.path[:] = known

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 from datetime import timedelta
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors import crash_reports
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
 from enliven_edge.sensors.drivers.oak_colour import aligned, message, together
 from enliven_edge.sensors.drivers.refusals import chosen, refused
@@ -35,23 +34,16 @@ _HOT = 105.0
 """Degrees Celsius of the chip at which it throttles and then stops (RVC2 data sheet)."""
 
 
-class OakSensor:
+class OakSensor(Sensor):
     """An OAK with a stereo pair, or the images of a recording through the same library.
 
     Args:
         device: its id, USB port or network address; empty: the only one.
-        width, height: pixels of the depth image.
-        fps: images a second.
         preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
         subpixel: finer steps of the depth, at the price of some speed.
         left_right_check: leave out what one of the two cameras sees alone.
         colour: the colour camera's image too; depth is then as that camera sees it.
-        rehearse: a recording that is played through the library in place of a camera.
-        before: the id of the camera that was open last; of several it is taken again.
-
-    Raises:
-        InputError: for a preset or recording that cannot be used.
-        ResourceError: where the library or the camera is missing, or the camera is in use.
+        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
@@ -97,7 +89,7 @@ class OakSensor:
         try:
             self._pipeline.start()
         except RuntimeError as error:
-            raise refused("oak", error, self.name) from None
+            raise refused("oak", error, self.name, bool(rehearse)) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
         """The next image; None when a rehearsal is over.
@@ -111,7 +103,7 @@ class OakSensor:
         try:
             image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
         except RuntimeError as error:
-            raise refused("oak", error, self.name) from None
+            raise refused("oak", error, self.name, self._rehearsal is not None) from None
         if image is None:
             if over:
                 return None
@@ -139,14 +131,6 @@ class OakSensor:
             self._pipeline.stop()
             if self._device is not None:
                 self._device.close()
-
-    def __enter__(self) -> OakSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _opened(
         self,
@@ -240,7 +224,8 @@ class OakSensor:
         if self._camera is None or matrix != self._matrix:
             (fx, _, cx), (_, fy, cy), _ = matrix
             lens = (fx, fy, cx, cy)
-            self._camera, self._calibrated = known_or_typical(width, height, lens, self._kind, self.name)
+            known = width, height, lens, self._kind, self.name, self._rehearsal is not None
+            self._camera, self._calibrated = known_or_typical(*known)
             self._matrix = matrix
         return self._camera
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import tempfile
 from collections import deque
 from dataclasses import replace
-from pathlib import Path
-from types import TracebackType
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,10 +14,11 @@ from enliven.arrays import UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical, within
-from enliven_edge.sensors.drivers.orbbec_library import depth_mode, in_a_line, opened_device, orbbec_library
-from enliven_edge.sensors.drivers.playback import write_playback
+from enliven_edge.sensors.drivers.orbbec_library import depth_mode, opened_device, orbbec_library
+from enliven_edge.sensors.drivers.orbbec_rehearsal import playbacks
+from enliven_edge.sensors.drivers.refusals import refused
 
 _STILL = 100
 """Readings of the accelerometer, a second at 100 Hz, whose mean is gravity."""
@@ -34,21 +33,18 @@ _KINDS = {
 """The profile of a camera, by its name, a regular expression."""
 
 
-class OrbbecSensor:
+class OrbbecSensor(Sensor):
     """A depth camera of Orbbec, or a recording through the same library.
 
     Args:
-        device: its serial number, name, USB path or network address; empty: the only one, or the first.
+        device: its serial number, name, USB path or network address; empty: the only one.
         width, height: pixels of the depth image; 0: as the camera does of itself.
         fps: images a second; 0: as the camera does of itself.
         near, far: metres outside which a depth counts as unknown; 0: what its maker promises.
         preset: the name of a set of the camera's own settings, such as "High Accuracy"; empty: as it is.
         sync: how several cameras keep time, such as "primary" and "secondary"; empty: as it is.
         rehearse: a recording of ours or Orbbec's (.bag), played through the library in place of a camera.
-
-    Raises:
-        InputError: for a mode, preset or recording that cannot be used.
-        ResourceError: where the library or the camera is missing, or the camera is in use.
+        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
@@ -64,6 +60,7 @@ class OrbbecSensor:
         preset: str = "",
         sync: str = "",
         rehearse: str = "",
+        before: str = "",
     ) -> None:
         if sync and sync not in _SYNC:
             raise InputError(
@@ -73,19 +70,25 @@ class OrbbecSensor:
         self._pipeline: Any = None
         self._accelerometer: Any = None
         self._context: Any = None
+        self.name = "sensor orbbec"
         self._felt: deque[tuple[float, float, float]] = deque(maxlen=_STILL)
-        self._gone = self._over = self._started = False
+        self.again: dict[str, str] = {}
+        self._gone = self._started = False
         self._shift_ns, self._rehearsed = 0, bool(rehearse)
-        self._device = self._playback(rehearse) if rehearse else self._found(str(device))
+        self._left: list[tuple[Any, int]] = []
+        self._part = self._played_parts = 0
+        self._settings = (width, height, fps), (near, far), str(preset), sync
         try:
-            self._prepare((width, height, fps), (near, far), str(preset), sync)
-            if not rehearse:
+            if rehearse:
+                self.name, self._left = "orbbec rehearsal", playbacks(self._ob, rehearse)
+                self._play_next()
+            else:
+                self._device = self._found(str(device), before)
+                self._prepare(*self._settings)
                 self._start()
         except self._ob.OBError as error:
             self.close()
-            raise ResourceError(
-                in_a_line(error), where=self.name, mend="Unplug it once; enliven doctor"
-            ) from None
+            raise refused("orbbec", error, self.name, self._rehearsed) from None
         except BaseException:
             self.close()
             raise
@@ -97,22 +100,22 @@ class OrbbecSensor:
             TimeoutError: when none came in time.
             ResourceError: where the camera was unplugged, or the library failed.
         """
-        self._start()
-        over = self._over
         try:
+            self._start()
+            over = self._rehearsed and self._played_parts == self._part
             frames = self._pipeline.wait_for_frames(max(round(1e3 * (timeout or 0.0)), 1))
             image = frames.get_depth_frame() if frames is not None else None
-            if image is None:
-                if over:
-                    return None
-                if self._gone:
-                    raise ResourceError("it was unplugged", where=self.name, mend="Plug it in again.")
-                raise TimeoutError(f"no image of {self.name} yet")
-            return self._received(image)
+            if image is not None:
+                return self._received(image)
+            if over and not self._left:
+                return None
+            if over:
+                self._play_next()
+            if self._gone:
+                raise ResourceError("it was unplugged", where=self.name, mend="Plug it in again.")
+            raise TimeoutError(f"no image of {self.name} yet")
         except self._ob.OBError as error:
-            raise ResourceError(
-                in_a_line(error), where=self.name, mend="Check its cable and power."
-            ) from None
+            raise refused("orbbec", error, self.name, self._rehearsed) from None
 
     def condition(self) -> Condition:
         """The link, the temperature (no limit is published), and gravity where there is an accelerometer."""
@@ -121,28 +124,17 @@ class OrbbecSensor:
 
     def close(self) -> None:
         """Lets the camera go; a second call does nothing."""
-        pipeline, self._pipeline = self._pipeline, None
-        accelerometer, self._accelerometer = self._accelerometer, None
-        for each in (accelerometer, pipeline):
-            if each is not None and self._started:
-                with contextlib.suppress(self._ob.OBError):
-                    each.stop()
+        self._stop()
         self._device = self._context = None
+        self._left = []
 
-    def __enter__(self) -> OrbbecSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _found(self, wanted: str) -> Any:
+    def _found(self, wanted: str, before: str) -> Any:
         """The camera, opened; the library tells when it is unplugged."""
-        self.name = "sensor orbbec"
         self._context = self._ob.Context()
-        device = opened_device(self._ob, self._context, wanted)
-        self._uid = device.get_device_info().get_uid()
+        device = opened_device(self._ob, self._context, wanted, before)
+        about = device.get_device_info()
+        serial, self._uid = about.get_serial_number(), about.get_uid()
+        self.name, self.again = f"orbbec {serial}", {"before": serial}
         self._context.set_device_changed_callback(self._changed)
         return device
 
@@ -151,38 +143,24 @@ class OrbbecSensor:
         gone = [removed.get_device_uid_by_index(i) for i in range(len(removed))]
         self._gone = self._gone or self._uid in gone
 
-    def _playback(self, path: str) -> Any:
-        """A recording as a camera of the library."""
-        self.name = "orbbec rehearsal"
-        with tempfile.TemporaryDirectory(prefix="enliven-", ignore_cleanup_errors=True) as folder:
-            bag = Path(path)
-            if bag.suffix == ".bag":
-                from enliven_edge.importing.bags import check_playback
+    def _play_next(self) -> None:
+        """The next part of a recording as the camera."""
+        self._stop()
+        self._device, self._shift_ns = self._left.pop(0)
+        self._part += 1
+        self._device.set_playback_status_change_callback(partial(self._played, self._part))
+        self._prepare(*self._settings)
 
-                check_playback(bag)
-            else:
-                bag = Path(folder) / "rehearsal.bag"
-                self._shift_ns = write_playback(path, bag).shift_ns
-            # The library has the file open; it goes with its last user.
-            try:
-                device = self._ob.PlaybackDevice(str(bag))
-            except self._ob.OBError as error:
-                raise InputError(
-                    f"Orbbec's library cannot play it ({in_a_line(error)})", where=path
-                ) from None
-        device.set_playback_status_change_callback(self._played)
-        return device
-
-    def _played(self, status: Any) -> None:
-        self._over = self._over or status == self._ob.OBPlaybackStatus.STOPPED
+    def _played(self, part: int, status: Any) -> None:
+        """Notes that a part is over; called by the library on a thread of its own."""
+        if status == self._ob.OBPlaybackStatus.STOPPED:
+            self._played_parts = part
 
     def _prepare(
         self, mode: tuple[int, int, int], reach: tuple[float, float], preset: str, sync: str
     ) -> None:
         """Settles how the camera measures, before it begins."""
         ob, about = self._ob, self._device.get_device_info()
-        if not self._rehearsed:
-            self.name = f"orbbec {about.get_serial_number()}"
         self._link = about.get_connection_type()
         self._kind = kind_of(about.get_name(), _KINDS, "orbbec-gemini335")
         self._reach = within(reach, self._kind, self._rehearsed)
@@ -214,6 +192,7 @@ class OrbbecSensor:
         if self._started:
             return
         self._started = True
+        self._felt.clear()
         self._pipeline.start(self._config)
         ob, listed = self._ob, self._device.get_sensor_list()
         kinds = [listed.get_sensor_by_index(i).get_type() for i in range(len(listed))]
@@ -224,6 +203,15 @@ class OrbbecSensor:
             self._level = np.array(level.rot, dtype=float).reshape(3, 3)
             sensor.start(profile, self._feel)
             self._accelerometer = sensor
+
+    def _stop(self) -> None:
+        """Lets no more images come."""
+        for each in (self._accelerometer, self._pipeline):
+            if each is not None and self._started:
+                with contextlib.suppress(self._ob.OBError):
+                    each.stop()
+        self._accelerometer = self._pipeline = None
+        self._started = False
 
     def _feel(self, frame: Any) -> None:
         """A reading of the accelerometer; called by the library on a thread of its own."""
@@ -253,7 +241,7 @@ class OrbbecSensor:
         told = profile.get_intrinsic()
         lens = (told.fx, told.fy, told.cx, told.cy)
         size = profile.get_width(), profile.get_height()
-        self._camera, self._calibrated = known_or_typical(*size, lens, self._kind, self.name)
+        self._camera, self._calibrated = known_or_typical(*size, lens, self._kind, self.name, self._rehearsed)
         model, models = bent.model, ob.OBCameraDistortionModel
         if not self._calibrated or model == models.NONE or not any(_coefficients(bent)):
             return None

@@ -7,6 +7,7 @@ import tempfile
 from typing import Any
 
 from enliven.errors import InputError, ResourceError
+from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.extras import library
 
 _PORT = 8090
@@ -32,25 +33,29 @@ def orbbec_library() -> Any:
     return ob
 
 
-def opened_device(ob: Any, context: Any, wanted: str) -> Any:
-    """A camera by its serial number, name, USB path or network address; the first where nothing is wanted.
+def opened_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
+    """A camera by its serial number, name, USB path or network address; the only one where nothing is wanted.
+
+    Args:
+        before: the serial number of the camera that was open last, which goes before others.
 
     Raises:
-        ResourceError: where it is not there or cannot be opened.
+        ResourceError: where it is not there or cannot be opened, or there are several and none was named.
     """
-    listed = context.query_devices()
-    known = [_names(listed, i) for i in range(len(listed))]
-    chosen = [i for i, names in enumerate(known) if not wanted or wanted in names]
     try:
-        if chosen:
-            return listed.get_device_by_index(chosen[0])
-        if _is_address(wanted):
+        listed = context.query_devices()
+        known = [_names(listed, index) for index in range(len(listed))]
+        # A camera that may not be opened has no serial number.
+        found = {names[0] or names[2]: index for index, names in enumerate(known)}
+        meant = {name: index for name, index in found.items() if wanted in ("", *known[index])}
+        if not meant and _is_address(wanted):
             return context.create_net_device(wanted, _PORT)
+        index = chosen(
+            "orbbec", "an Orbbec camera", meant or found, "" if meant else wanted, "device", before
+        )
+        return listed.get_device_by_index(index)
     except ob.OBError as error:
-        mend = "Close what else uses it, and check that your user may open it: enliven doctor"
-        what = f"it cannot be opened ({in_a_line(error)})"
-        raise ResourceError(what, where=f"sensor orbbec {wanted}".rstrip(), mend=mend) from None
-    raise _missing(wanted, known)
+        raise refused("orbbec", error, f"sensor orbbec {wanted}".rstrip()) from None
 
 
 def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) -> Any:
@@ -83,25 +88,9 @@ def _names(listed: Any, index: int) -> list[str]:
     return [getattr(listed, f"get_device_{word}_by_index")(index) for word in ask]
 
 
-def _missing(wanted: str, known: list[list[str]]) -> ResourceError:
-    """What to say where the camera is not there."""
-    if known:
-        said = ", ".join(f"{names[1]} {names[0]}" for names in known)
-        return ResourceError(
-            f"there is no camera {wanted!r}", where="sensor orbbec", mend=f"Connected: {said}."
-        )
-    mend = "Plug one into a USB 3 port, or give --set device=ADDRESS; enliven doctor"
-    return ResourceError("no Orbbec camera is connected", where="sensor orbbec", mend=mend)
-
-
 def _is_address(word: str) -> bool:
     try:
         ipaddress.ip_address(word)
     except ValueError:
         return False
     return True
-
-
-def in_a_line(error: Exception) -> str:
-    """What the library says, in one line."""
-    return " ".join(str(error).split()).rstrip(".") or "its library failed"

@@ -7,9 +7,10 @@ library compares them all.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -19,7 +20,8 @@ import numpy as np
 
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
-from enliven.frames import DepthFrame
+from enliven.frames import DepthFrame, Frame
+from enliven_edge.sensors.base import SensorFault
 from enliven_edge.sensors.replay import ReplaySensor
 
 log = logging.getLogger(__name__)
@@ -64,52 +66,71 @@ class Playback:
     """What was written.
 
     Attributes:
+        path: the file.
         images: how many.
-        fps: images a second.
         shift_ns: nanoseconds to add to a played time for the recording's.
     """
 
+    path: Path
     images: int
-    fps: float
     shift_ns: int
 
 
-def write_playback(recording: str, playback: Path) -> Playback:
-    """Writes the depth images of one of our recordings as a playback of Orbbec's.
+def write_playback(recording: str, path: Path) -> list[Playback]:
+    """Writes the depth images of one of our recordings as a playback of Orbbec's, which has one lens.
+
+    Images of another size or lens go into further files beside it; images of another sensor are left out.
 
     Raises:
         InputError: where it is no recording, or none of a depth camera.
     """
-    images, first, left = 0, None, _MOST_BYTES
-    with ReplaySensor(recording, speed=0.0) as sensor, _Bag(playback) as bag:
-        fps = sensor.fps or 30.0
-        while left > 0 and (frame := _next(sensor)) is not None:
-            if not isinstance(frame, DepthFrame) or (first and frame.intrinsics != first.intrinsics):
-                continue
-            first = first or frame
-            time_us = BEGINNING_US + (frame.time_ns - first.time_ns) // 1000
-            bag.write([("image", time_us, _image(frame.depth, time_us, images))])
-            images, left = images + 1, left - frame.depth.nbytes
-        if first is None:
-            mend = "Rehearse with a depth recording."
-            raise InputError("it holds no depth images", where=recording, mend=mend)
+    parts: list[Playback] = []
+    with ReplaySensor(recording, speed=0.0) as sensor:
+        for camera, frames in itertools.groupby(_depths(sensor, recording), lambda frame: frame.intrinsics):
+            name = path.with_stem(f"{path.stem}-{len(parts) + 1}") if parts else path
+            before = sum(part.images for part in parts)
+            parts.append(_write(name, camera, round(sensor.fps or 30.0), frames, before))
+    if not parts:
+        raise InputError("it holds no depth images", where=recording, mend="Rehearse with a depth recording.")
+    return parts
+
+
+def _write(path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame], before: int) -> Playback:
+    """Writes the images of one camera into one file; the files before it hold ``before`` images."""
+    first, images = next(frames), 0
+    shift_ns = first.time_ns - 1000 * BEGINNING_US
+    with _Bag(path) as bag:
+        for frame in itertools.chain([first], frames):
+            time_us = (frame.time_ns - shift_ns) // 1000
+            bag.write([("image", time_us, _image(frame.depth, time_us, before + images))])
+            images += 1
         about = {
             "device": _device(),
-            "stream": _stream(first.intrinsics, round(fps)),
+            "stream": _stream(camera, fps),
             "property": _property(0, struct.pack("<d", _FILE_VERSION)),
         }
         bag.write([(kind, BEGINNING_US, data) for kind, data in about.items()])
-    if left <= 0:
-        log.warning("%s: the rehearsal plays its first %d images", recording, images)
-    return Playback(images, fps, first.time_ns - 1000 * BEGINNING_US)
+    return Playback(path, images, shift_ns)
 
 
-def _next(sensor: ReplaySensor) -> object:
+def _depths(sensor: ReplaySensor, recording: str) -> Iterator[DepthFrame]:
+    """The depth images of the first sensor that has any, until there are enough."""
+    left, name, images = _MOST_BYTES, None, 0
+    while (frame := _next(sensor)) is not None:
+        if isinstance(frame, DepthFrame) and frame.sensor == (name or frame.sensor):
+            if left <= 0:
+                log.warning("%s: the rehearsal plays its first %d images", recording, images)
+                return
+            name, images, left = frame.sensor, images + 1, left - frame.depth.nbytes
+            yield frame
+
+
+def _next(sensor: ReplaySensor) -> Frame | None:
     """The next frame that can be used; None at the end."""
     while True:
         try:
             return sensor.read()
-        except InputError as error:
+        except (InputError, SensorFault) as error:
             log.warning("%s", error)
 
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
-from dataclasses import replace
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -14,17 +11,17 @@ from enliven.arrays import UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import Condition
-from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
+from enliven_edge.sensors.base import Condition, Sensor
+from enliven_edge.sensors.drivers.lens import kind_of
 from enliven_edge.sensors.drivers.realsense_colour import (
     AlignedColour,
     RehearsedColour,
     colour_mode,
     lens_of,
 )
+from enliven_edge.sensors.drivers.realsense_library import depth_mode, intrinsics, realsense_library, whole
 from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
-from enliven_edge.sensors.extras import library
 
 _STILL = 100
 """Readings of the accelerometer, half a second at 200 Hz, whose mean is gravity."""
@@ -32,26 +29,17 @@ _HOT = 90.0
 """Degrees Celsius of the vision processor at which the makers' data sheet ends (D400 family)."""
 _KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d405"}
 """The profile of a camera, by what its name contains; the others have the D435's pair."""
-_MODES_SHOWN = 8
-"""Modes that are named where the wanted one is none."""
 
 
-class RealSenseSensor:
+class RealSenseSensor(Sensor):
     """A depth camera of the D400 family, or the images of a recording through the same library.
 
     Args:
         serial: which camera; empty: the only one.
-        width, height: pixels of the depth image.
-        fps: images a second.
         preset: "default", "high_accuracy", "high_density", "medium_density" or "hand".
         laser: whether the pattern projector is on.
         colour: its colour too, laid over the depth; without depth there is none.
-        rehearse: a recording that is played through the library in place of a camera.
-        before: the serial number of the camera that was open last; of several it is taken again.
-
-    Raises:
-        InputError: for a mode, preset or recording that cannot be used.
-        ResourceError: where the library or the camera is missing, or the camera is in use.
+        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
@@ -68,7 +56,7 @@ class RealSenseSensor:
         rehearse: str = "",
         before: str = "",
     ) -> None:
-        self._rs = _library()
+        self._rs = realsense_library()
         self._colour: AlignedColour | None = None
         self._sent_colour: RehearsedColour | None = None
         self._rehearsal = Rehearsal(rehearse, self._send, paced=True) if rehearse else None
@@ -119,14 +107,6 @@ class RealSenseSensor:
             stream.stop()
             stream.close()
 
-    def __enter__(self) -> RealSenseSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def _found(self, serial: str, before: str) -> Any:
         """The camera of this serial number, or the only one."""
         rs = self._rs
@@ -151,10 +131,10 @@ class RealSenseSensor:
         if self._rehearsal:
             camera = self._rehearsal.first.intrinsics
             mode = (camera.width, camera.height, round(self._rehearsal.fps))
-        profile = self._profile(mode)
+        profile = depth_mode(self._rs, self._depth, mode, self.name)
         self.fps = float(profile.fps())
         self._learn_lens(profile)
-        self._scale = _whole(1e3 * self._depth.get_option(rs.option.depth_units))
+        self._scale = whole(1e3 * self._depth.get_option(rs.option.depth_units))
         if colour:
             self._colour = AlignedColour(rs, 1e3 / self.fps)
             sensor, stream = colour_mode(rs, self._device, mode[:2], self.fps, self.name)
@@ -171,7 +151,7 @@ class RealSenseSensor:
             sensor.open(profile)
             sensor.start(queue)
         except RuntimeError as error:
-            raise refused("realsense", error, self.name) from None
+            raise refused("realsense", error, self.name, self._rehearsal is not None) from None
         self._streams.append(sensor)
 
     def _set(self, option: str, word: Any, value: float | None) -> None:
@@ -185,24 +165,6 @@ class RealSenseSensor:
         key = getattr(self._rs.option, option)
         if self._depth.supports(key) and not self._depth.is_option_read_only(key):
             self._depth.set_option(key, float(value))
-
-    def _profile(self, mode: tuple[int, int, int]) -> Any:
-        """The stream of a width, height and rate."""
-        rs = self._rs
-        modes = {}
-        for each in self._depth.get_stream_profiles():
-            if each.stream_type() == rs.stream.depth and each.format() == rs.format.z16:
-                video = each.as_video_stream_profile()
-                modes[video.width(), video.height(), each.fps()] = video
-        if mode not in modes:
-            near = sorted(modes, key=lambda m: sum(abs(a - b) for a, b in zip(m, mode, strict=True)))
-            known = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
-            raise InputError(
-                f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
-                where=self.name,
-                mend=f"It has: {known}. On USB 2 there are fewer.",
-            )
-        return modes[mode]
 
     def _frame(self, image: Any) -> DepthFrame:
         """An image as a frame; the library does not look whether it has all its bytes.
@@ -235,7 +197,9 @@ class RealSenseSensor:
         except RuntimeError:
             lens = self._rs.intrinsics()
             lens.width, lens.height = profile.width(), profile.height()
-        self._camera, self._calibrated = _intrinsics(lens, self._rs, self._kind, self.name)
+        self._camera, self._calibrated = intrinsics(
+            lens, self._rs, self._kind, self.name, self._rehearsal is not None
+        )
 
     def _down(self) -> tuple[float, float, float] | None:
         """Gravity's direction, the mean of the last readings: at rest an accelerometer feels the opposite."""
@@ -285,34 +249,3 @@ class RealSenseSensor:
         made.domain = self._rs.timestamp_domain.hardware_clock
         made.profile, made.depth_units = self._stream, 0.001
         self._sensor.on_video_frame(made)
-
-
-def _library() -> Any:
-    """pyrealsense2, which needs libusb: that of the wheel libusb-package where the system has none."""
-    usb = library("libusb_package", "realsense")
-    ctypes.CDLL(str(usb.get_library_path()), ctypes.RTLD_GLOBAL)
-    return library("pyrealsense2", "realsense")
-
-
-def _intrinsics(lens: Any, rs: Any, kind: str, name: str) -> tuple[Intrinsics, bool]:
-    """The camera as the library describes it, or as its kind's profile does, and whether the library did.
-
-    Raises:
-        InputError: for a distortion of another model: the fields of the inverse one are none of ours.
-    """
-    known = (rs.distortion.none, rs.distortion.brown_conrady)
-    if lens.model not in known and any(lens.coeffs):
-        raise InputError(
-            f"its images have the distortion model {lens.model}",
-            where=name,
-            mend="Choose a depth mode, which is rectified.",
-        )
-    k1, k2, p1, p2, k3 = lens.coeffs
-    said = (lens.fx, lens.fy, lens.ppx, lens.ppy)
-    camera, told = known_or_typical(lens.width, lens.height, said, kind, name)
-    return (replace(camera, distortion=(k1, k2, p1, p2, k3)) if told else camera), told
-
-
-def _whole(millimetres: float) -> float:
-    """Millimetres a step of the depth, 1 exactly where it is but for its float32."""
-    return 1.0 if abs(millimetres - 1.0) < 1e-6 else millimetres

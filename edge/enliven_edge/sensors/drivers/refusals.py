@@ -29,10 +29,16 @@ NOT_BACK: Sentence = (
     f"Use another USB 3 cable and port; on Linux it needs the project's udev rules: {_CHECK}",
 )
 NO_PAIR: Sentence = ("it has no pair of cameras for depth", "Use an OAK-D, which has one.")
+NOT_OPENED: Sentence = (
+    "it cannot be opened",
+    f"Close what else uses it, and see whether your user may open it: {_CHECK}",
+)
 NO_MODE: Sentence = (
     "it has no such images on this port",
     "Use a USB 3 port and cable; else ask for a smaller image or fewer images a second.",
 )
+REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven inspect says what is in one."
+"""What to do where no device is there to be asked for anything else."""
 
 SAID: dict[str, tuple[tuple[str, Sentence], ...]] = {
     "oak": (
@@ -61,6 +67,13 @@ SAID: dict[str, tuple[tuple[str, Sentence], ...]] = {
         ("UVC sensor is not alive", UNPLUGGED),
         ("acquire_power failed", BROKEN_LINK),
     ),
+    "orbbec": (
+        ("Access denied (insufficient permissions)", NOT_ALLOWED),
+        ("No such device (it may have been disconnected)", UNPLUGGED),
+        ("Device is deactivated", UNPLUGGED),
+        ("Resource busy", IN_USE),
+        ("usbEnumerator openUsbDevice failed!", NOT_OPENED),
+    ),
 }
 """By sensor: a piece of a library's message, and what it means; the first that is found counts."""
 
@@ -74,22 +87,28 @@ SYSTEM: tuple[tuple[str, Sentence], ...] = (
 """Pieces of what the system says, which libraries hand on; they count for every sensor, after its own."""
 
 
-def refused(sensor: str, error: Exception, where: str = "") -> ResourceError:
+def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = False) -> ResourceError:
     """A library's error as one of enliven's, with what the library said where that is not known.
 
     Args:
         sensor: the driver's name, such as "oak".
         where: the device, where it is known.
+        rehearsed: a recording is played, so that no cable, port or other program is at fault.
     """
-    said = str(error).strip().rstrip(".") or type(error).__name__
+    said, where = in_a_line(error), where or f"sensor {sensor}"
+    if rehearsed:
+        return ResourceError(f"its library does not play the recording ({said})", where=where, mend=REHEARSE)
     for piece, (what, mend) in (*SAID.get(sensor, ()), *SYSTEM):
         if piece in said:
-            return ResourceError(what, where=where or f"sensor {sensor}", mend=mend)
+            return ResourceError(what, where=where, mend=mend)
     return ResourceError(
-        f"it cannot be used ({said})",
-        where=where or f"sensor {sensor}",
-        mend=f"Unplug it once and plug it in again, {_CHECK}",
+        f"it cannot be used ({said})", where=where, mend=f"Unplug it once and plug it in again, {_CHECK}"
     )
+
+
+def in_a_line(error: Exception) -> str:
+    """What an error says, in one line without a full stop."""
+    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
 def chosen(

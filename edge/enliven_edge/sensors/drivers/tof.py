@@ -9,7 +9,6 @@ from __future__ import annotations
 import queue
 import time
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,9 @@ from enliven.arrays import Float32, UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import Condition
-from enliven_edge.sensors.drivers.lens import known_or_typical, within
+from enliven.kernels import njit
+from enliven_edge.sensors.base import Condition, Sensor
+from enliven_edge.sensors.drivers.lens import known_or_typical, limits
 from enliven_edge.sensors.drivers.rehearsal import Rehearsal
 from enliven_edge.sensors.extras import library
 
@@ -28,8 +28,6 @@ _MODES = {2: 2000, 4: 4000}
 """The range control, millimetres, by the metres that it is asked for."""
 _STEP = 100.0
 """The library says its lens in hundredths of a pixel."""
-_WAITING = 4
-"""Images of a rehearsal that may wait."""
 _REASONS = {
     "ArducamNoPermission": (
         "your user may not open it",
@@ -57,7 +55,7 @@ class _Measured:
     lens: Intrinsics
 
 
-class TofSensor:
+class TofSensor(Sensor):
     """Arducam's camera at a Raspberry Pi's camera port, or the images of a recording in its place.
 
     Args:
@@ -65,11 +63,7 @@ class TofSensor:
         range: metres that are measured, 2 (finer) or 4.
         confidence: the least that a depth may have, 0 to 255; what has less counts as unknown.
         near, far: metres outside which a depth counts as unknown; 0: 0.2 m and the range.
-        rehearse: a recording that is played in place of a camera.
-
-    Raises:
-        InputError: for a range or recording that cannot be used.
-        ResourceError: where the library or the camera is missing, or the camera is in use.
+        others: as every driver has them, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
@@ -86,13 +80,13 @@ class TofSensor:
         if range not in _MODES:
             raise InputError(f"there is no range of {range} m", where="sensor tof", mend="Give 2 or 4.")
         self.name, self.fps = f"tof {device}", 30.0
-        self._confidence = confidence
-        self._within = within((near, far or (0.0 if rehearse else float(range))), _PROFILE, bool(rehearse))
+        self._confidence = float(confidence)
+        self._limits = limits((near, far or (0.0 if rehearse else float(range))), _PROFILE, bool(rehearse))
         self._number = 0
         self._camera: Any = None
         self._rehearsal: Rehearsal | None = None
         if rehearse:
-            self._played: queue.Queue[_Measured] = queue.Queue(_WAITING)
+            self._played: queue.SimpleQueue[_Measured] = queue.SimpleQueue()
             self._rehearsal = Rehearsal(rehearse, self._send, paced=True)
             self._lens, self._calibrated = self._rehearsal.first.intrinsics, True
             self.name, self.fps = "tof rehearsal", self._rehearsal.fps
@@ -122,7 +116,7 @@ class TofSensor:
         finally:
             self._release(frame)
         self._number = number + 1
-        return DepthFrame(self._within(depth), self._lens, time_ns, self.name, sequence=number)
+        return DepthFrame(depth, self._lens, time_ns, self.name, sequence=number)
 
     def condition(self) -> Condition:
         """That it is at a camera port, and whether it knows its lens: it tells nothing more."""
@@ -138,14 +132,6 @@ class TofSensor:
         if camera is not None:
             camera.stop()
             camera.close()
-
-    def __enter__(self) -> TofSensor:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _open(self, device: int, metres: int) -> None:
         """Opens and starts the camera; any call to one that did not open crashes the library."""
@@ -192,7 +178,7 @@ class TofSensor:
             self._camera.releaseFrame(frame)
 
     def _trusted(self, depth: Float32, confidence: Float32) -> UInt16:
-        """(H, W) uint16 millimetres, 0 where the confidence is too small or the depth is no number.
+        """(H, W) uint16 millimetres, 0 where the confidence is too small or the depth is out of reach.
 
         Raises:
             InputError: where the image has another size than the camera said.
@@ -201,14 +187,27 @@ class TofSensor:
         if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:
             what = f"an image has the shapes {depth.shape} and {confidence.shape}"
             raise InputError(what, where=self.name, mend=f"Expected {(lens.height, lens.width)}.")
-        good = (confidence >= self._confidence) & (depth > 0.0) & (depth < 65535.0)
-        return np.where(good, np.rint(np.where(good, depth, 0.0)), 0.0).astype(np.uint16)
+        trusted = np.empty(depth.shape, np.uint16)
+        _trust(depth, confidence, self._confidence, *self._limits, trusted)
+        return trusted
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         """An image of a recording, as the library would measure it: what is unknown has no confidence."""
         depth = frame.depth.astype(np.float32)
         sure = np.where(frame.depth > 0, np.float32(255.0), np.float32(0.0))
-        try:
-            self._played.put(_Measured(depth, sure, frame.time_ns, number, frame.intrinsics), timeout=1.0)
-        except queue.Full:
-            return
+        self._hand_over(_Measured(depth, sure, frame.time_ns, number, frame.intrinsics))
+
+    def _hand_over(self, measured: _Measured) -> None:
+        """An image in the library's place; a paced rehearsal sees to it that few wait."""
+        self._played.put(measured)
+
+
+@njit(cache=True, nogil=True)
+def _trust(depth: Any, confidence: Any, least: float, low: int, high: int, trusted: Any) -> None:
+    """Writes (H, W) millimetres, rounded; 0 where they are outside the limits or trusted too little."""
+    for i in range(depth.shape[0]):
+        for j in range(depth.shape[1]):
+            millimetres = np.rint(depth[i, j])
+            # A depth or confidence that is no number fails every comparison.
+            known = confidence[i, j] >= least and low <= millimetres <= high
+            trusted[i, j] = np.uint16(millimetres) if known else np.uint16(0)

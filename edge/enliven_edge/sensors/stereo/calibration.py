@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
+from enliven.files import write_file
 from enliven.settings import load_settings, setting
 
 VERSION = 1
@@ -83,19 +83,7 @@ def save_calibration(path: Path, calibration: StereoCalibration, remarks: list[s
     Raises:
         ResourceError: where it cannot be written; then what was there is untouched.
     """
-    fresh = path.with_name(path.name + ".new")
-    try:
-        with fresh.open("w", encoding="utf-8") as file:
-            file.write(_text(calibration, remarks))
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(fresh, path)
-    except OSError as error:
-        raise ResourceError(
-            f"it cannot be written ({error.strerror or error})",
-            where=str(path),
-            mend="Check the folder's permissions and the space on the disk.",
-        ) from None
+    write_file(path, _text(calibration, remarks))
 
 
 def _wrong(c: StereoCalibration) -> str:

@@ -28,8 +28,10 @@ from enliven_edge.tracking.work_budget import Budget, frame_budget
 _COVERED, _OUTSIDE = 0.55, 0.85
 _HANDICAP = 0.06
 """Metres: pixels that somebody in sight may have are not taken by somebody hidden."""
-_DARK, _LONG_DARK_NS = 0.01, 250_000_000
-"""Share of the pixels below which nothing is seen, and for how long until nobody may be as they were."""
+_DARK = 0.01
+"""Share of the pixels below which nothing is seen: a covered lens still shows a few."""
+_LONG_BLIND_NS = 250_000_000
+"""Nanoseconds of dark, or of the same image again, after which people are looked for anew: they moved on."""
 _DECIDE_NS = 1_500_000_000
 _DOUBT_NS = 4_000_000_000
 _WHOLE, _LOOSE = 0.12, 0.4
@@ -40,9 +42,10 @@ _ZONE_MARGIN = 0.15
 _ABOUT, _TALLER = 1.5, 0.12
 _WELL_KNOWN = 10
 """Frames after which somebody's proportions are known."""
-_ANEW, _LEAST = 1 / 4, 6
-"""What looking anew for people who are followed may cost, of what the search for new ones may; and the coarse
-fits that the latter may cost in every frame, however many groups of pixels are measured in it (one each)."""
+_ANEW, _LEAST, _MEASURED = 1 / 4, 6, 1 / 3
+"""What looking anew for people who are followed may cost, of what the search for new ones may; the coarse
+fits that the latter may cost in every frame, however many groups of pixels are measured in it; and what to
+measure one of these costs, in coarse fits."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
 """What of a step of a group's middle is one of the person's: its height changes with what is seen of them."""
 
@@ -75,13 +78,15 @@ class Crowd:
         self._fitter = fitter
         self._newcomers = Newcomers()
         self._turn = 0
-        self._dark_ns: int | None = None
+        self._blind_ns: int | None = None
+        self._before: Float | None = None
         self._dropped: list[Float] = []
         self._indexed: list[Person] = []
         self._doubles = Doubles()
         self._lookout = Lookout(Search(fitter, self._expecting))
         self._budget = Budget(0.0)
         self._before_ns: int | None = None
+        self._first = True
         self._threads: ThreadPoolExecutor | None = None
 
     @property
@@ -130,18 +135,24 @@ class Crowd:
     def follow(self, view: View, kind: UInt8) -> Segments:
         """Fits everybody who is known; whose the pixels of the frame are."""
         self._share_out(view.time_ns)
-        if np.count_nonzero(view.z > 0.0) < _DARK * view.z.size:
+        dark = np.count_nonzero(view.z > 0.0) < _DARK * view.z.size
+        frozen = self._before is not None and np.array_equal(view.z, self._before)
+        self._before = view.z
+        if self._blind_ns is None and (dark or frozen):
+            self._blind_ns = view.time_ns
+        if dark:
             return self._wait_in_the_dark(view, kind)
         handicap = np.array([_HANDICAP if p.hidden else 0.0 for p in self.people])
         expected = [p.expected() for p in self.people]
         segments = segmented(view, kind, expected, handicap)
         self._indexed = list(self.people)
-        if self._dark_ns is not None:
-            if view.time_ns - self._dark_ns > _LONG_DARK_NS:
+        if self._blind_ns is not None and not frozen:
+            if view.time_ns - self._blind_ns > _LONG_BLIND_NS:
                 for k, person in enumerate(self._indexed):
+                    person.seen_ns = min(person.seen_ns, self._blind_ns)
                     self._refind(person, k, view, segments)
                 expected = [p.expected() for p in self.people]
-            self._dark_ns = None
+            self._blind_ns = None
         fitted = self._fitted_now()
         glances = [self._glance(p, expected[k], k, view, segments) for k, p in enumerate(self._indexed)]
         self._fit_all([g for g in glances if not g.behind and (g.person in fitted or g.person.hidden)], view)
@@ -158,7 +169,7 @@ class Crowd:
     def _share_out(self, time_ns: int) -> None:
         """Gives the search for new people, and those who are looked for anew, their parts of the frame."""
         elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
-        self._before_ns = time_ns
+        self._before_ns, self._first = time_ns, elapsed is None
         whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
         looking = [p.follower for p in self.people if p.follower.looking]
         for person in self.people:
@@ -170,7 +181,6 @@ class Crowd:
 
     def _wait_in_the_dark(self, view: View, kind: UInt8) -> Segments:
         """A frame of a covered lens: everybody stays where they were going, as somebody hidden does."""
-        self._dark_ns = view.time_ns if self._dark_ns is None else self._dark_ns
         for person in list(self.people):
             person.hide(view.time_ns)
             if person.hidden_for(view.time_ns) > self.settings.people.hidden:
@@ -179,7 +189,7 @@ class Crowd:
         return segmented(view, kind, [])
 
     def _refind(self, person: Person, k: int, view: View, segments: Segments) -> None:
-        """Looks for somebody in any posture about where they were: much may have happened in the dark."""
+        """Looks for somebody in any posture about where they were: much may have happened unseen."""
         pixels = segments.pixels(k)
         reach = person.uncertainty(view.time_ns)
         for group in segments.loose:
@@ -272,7 +282,7 @@ class Crowd:
         newcomers = self._newcomers.update(
             view, kind, segments, self._admits, self._awaits, young=room.age < YOUNG
         )
-        self._budget.left -= len(newcomers)
+        self._budget.left -= _MEASURED * len(newcomers)
         if self.settings.estimator:
             recognise(newcomers, view, self._budget)
         hold = np.zeros(view.z.shape, bool)
@@ -286,7 +296,11 @@ class Crowd:
             self._lookout.stop()
         elif not self._lookout.busy:
             self._look_at(due, view)
-        self._budget.left = max(_LEAST, self._budget.left)
+        if not self._first:
+            self._budget.left = max(_LEAST, self._budget.left)
+        elif self._budget.left < np.inf:
+            # All that stands in the room was measured in this frame: the search begins in the next one.
+            self._budget.left = 0.0
         for sighting in self._lookout.go_on(self._budget):
             pixels = self._caught_up(sighting, view, kind, segments)
             if pixels is not None:
@@ -327,8 +341,11 @@ class Crowd:
 
     def sought(self, view: View) -> Bool:
         """(h, w) the pixels of those who may be people and are being looked at."""
-        pixels = [n.pixels for n in self._lookout.sought if n.seen_ns == view.time_ns]
-        return np.logical_or.reduce([np.zeros(view.z.shape, bool), *pixels])
+        made = np.zeros(view.z.shape, bool)
+        for newcomer in self._lookout.sought:
+            if newcomer.seen_ns == view.time_ns:
+                made |= newcomer.pixels
+        return made
 
     def _admits(self, place: Float) -> bool:
         """Whether somebody new at a place may be a performer."""

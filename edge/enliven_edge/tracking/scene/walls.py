@@ -5,56 +5,101 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.kernels import njit
+from enliven.kernels import njit, quantile
+from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import View
 
 _TRIALS, _SAMPLES = 150, 1500
 _LARGEST_WALLS = 4
 _AREA, _LENGTH, _FILLED, _BIN = 0.9, 0.9, 0.8, 0.15
 """Square metres and metres across of what is seen of the smallest upright plane that nobody can be."""
+_THICK, _THICKER = 0.03, 0.006
+"""Metres off its plane within which a point is a wall's, and how much more with the square of its depth."""
 _APART = 0.3
 """Metres between two points that a wall is guessed from."""
 
 
 def without_walls(view: View, mask: Bool, seed: int = 0) -> Bool:
     """The (h, w) mask without what lies in large upright planes; itself where there are none."""
-    rest = mask.copy()
+    pixels = pixels_of(mask)
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)
     random = np.random.default_rng(seed)
+    seen, squares = _seen_from_above(view.points, view.z, pixels)
     for _ in range(_LARGEST_WALLS):
-        flat, z = view.points[rest][:, [0, 2]], view.z[rest]
-        if z.dot(z) * pixel < _AREA:
+        if squares * pixel < _AREA:
             break
-        step = max(1, len(z) // _SAMPLES)
-        some, deep = np.ascontiguousarray(flat[::step]), np.ascontiguousarray(z[::step])
+        step = max(1, len(pixels) // _SAMPLES)
+        some = np.ascontiguousarray(seen[:2, ::step].T)
+        deep = np.ascontiguousarray(seen[2, ::step])
         pairs = random.integers(0, len(some), (_TRIALS, 2))
         line = _best_line(some, _thickness(deep), deep * deep * pixel * step, pairs)
-        on = np.abs(flat @ line[:2] + line[2]) < _thickness(z)
-        if not line.any() or (z[on] ** 2).sum() * pixel < _AREA:
+        on, along, flat = _lying_on(seen, line)
+        if not line.any() or flat * pixel < _AREA or not _is_wall(along):
             break
-        if not _is_wall(flat[on] @ np.array([-line[1], line[0]])):
-            break
-        rows, columns = np.nonzero(rest)
-        rest[rows[on], columns[on]] = False
-    return rest
+        rest = np.flatnonzero(~on)
+        pixels, seen, squares = pixels[rest], seen.take(rest, axis=1), squares - flat
+    left = np.zeros(mask.shape, bool)
+    left.ravel()[pixels] = True
+    return left
+
+
+@njit(cache=True, nogil=True)
+def _seen_from_above(points, z, pixels):  # type: ignore[no-untyped-def]
+    """(3, N) x and z in the world, and the depth, of (N,) places; the sum of the depths' squares.
+
+    Args:
+        points: (h, w, 3) metres, world frame.
+        z: (h, w) metres.
+    """
+    points, z = points.reshape(-1, 3), z.ravel()
+    out, squares = np.empty((3, len(pixels))), 0.0
+    for n in range(len(pixels)):
+        i = pixels[n]
+        out[0, n], out[1, n], out[2, n] = points[i, 0], points[i, 2], z[i]
+        squares += z[i] * z[i]
+    return out, squares
+
+
+@njit(cache=True, nogil=True)
+def _lying_on(seen, line):  # type: ignore[no-untyped-def]
+    """Which of (3, N) points lie on the plane over a line; metres along it of those; their depths' squares.
+
+    Args:
+        seen: as of :func:`_seen_from_above`.
+        line: as of :func:`_best_line`.
+    """
+    on, along = np.empty(seen.shape[1], np.bool_), np.empty(seen.shape[1])
+    count, squares = 0, 0.0
+    for n in range(len(on)):
+        x, z, deep = seen[0, n], seen[1, n], seen[2, n]
+        on[n] = abs(x * line[0] + z * line[1] + line[2]) < _THICK + _THICKER * deep * deep
+        # Written without asking, and overwritten by the next one unless it lies there.
+        along[count] = z * line[0] - x * line[1]
+        count += on[n]
+        squares += deep * deep if on[n] else 0.0
+    return on, along[:count], squares
 
 
 def _is_wall(along: Float) -> bool:
     """Whether points so many metres along a line are a long stretch, not two people who stand apart."""
-    low, high = np.percentile(along, [2, 98])
-    counts, _ = np.histogram(along, np.arange(low, high + _BIN, _BIN))
-    return bool(high - low > _LENGTH and np.mean(counts > 0.25 * counts.mean()) > _FILLED)
+    ordered = np.sort(along)
+    low, high = quantile(ordered, 0.02), quantile(ordered, 0.98)
+    if high - low <= _LENGTH:
+        return False
+    counts = np.diff(np.searchsorted(ordered, np.arange(low, high + _BIN, _BIN)))
+    return bool(np.mean(counts > 0.25 * counts.mean()) > _FILLED)
 
 
 def _thickness(z: Float) -> Float:
-    """Metres off its plane within which a point at this depth is a wall's."""
-    return np.asarray(0.03 + 0.006 * z * z)
+    """(N,) metres off its plane within which a point at each of (N,) depths is a wall's."""
+    return np.asarray(_THICK + _THICKER * z * z)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _best_line(points, thickness, weight, pairs):  # type: ignore[no-untyped-def]
     """(3,) the line a x + b z + c = 0 through two of the (N, 2) points on which most weight lies."""
     best, found = 0.0, np.zeros(3)
+    x, z = points[:, 0].copy(), points[:, 1].copy()
     for trial in range(len(pairs)):
         p, q = points[pairs[trial, 0]], points[pairs[trial, 1]]
         dx, dz = q[0] - p[0], q[1] - p[1]
@@ -64,9 +109,9 @@ def _best_line(points, thickness, weight, pairs):  # type: ignore[no-untyped-def
         a, b = -dz / length, dx / length
         c = -(a * p[0] + b * p[1])
         on = 0.0
-        for i in range(len(points)):
+        for i in range(len(x)):
             # Without a branch, so that many points are counted at once.
-            on += weight[i] if abs(a * points[i, 0] + b * points[i, 1] + c) < thickness[i] else 0.0
+            on += weight[i] if abs(a * x[i] + b * z[i] + c) < thickness[i] else 0.0
         if on > best:
             best = on
             found[0], found[1], found[2] = a, b, c

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from enliven.arrays import Bool, Float, UInt8
-from enliven.kernels import njit
+from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import View
 from enliven_edge.tracking.scene import BEFORE, ROOM, UNLIKELY, widened, without_walls
 from enliven_edge.tracking.segment.columns import parted
-from enliven_edge.tracking.segment.person_shape import SMALLEST_AREA, Shape, shape_of
-from enliven_edge.tracking.segment.segmentation import Loose, Segments, loose_groups
+from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, SMALLEST_AREA, Shape, shape_of
+from enliven_edge.tracking.segment.segmentation import Loose, Segments, groups_of
 
 _SAME, _FORGET_NS = 0.45, 400_000_000
 _MOST, _MOST_AT_FIRST = 8, 16
@@ -29,10 +30,19 @@ _CHECK_NS = 250_000_000
 _REFUSED, _REFUSED_NS = 0.4, 20_000_000_000
 _BEHIND, _PATIENCE_NS = 0.25, 800_000_000
 _BACK_OFF_NS, _LONGEST_NS = 150_000_000, 2_000_000_000
-_PARTED_AREA = 0.45
+_PARTED_AREA, _USUAL = 0.45, 0.5
+"""Square metres of the smallest group that is parted, and that are seen of a person, about."""
 _TOUCHING = 3
 """Pixels within which a fragment touches a group."""
+_GAP, _ARM = 0.6, 0.8
+"""Metres in depth between a fragment and what it touches, and from there to most of it, at most."""
 _TIGHTNESS, _PIECES = 0.35, 6
+_FEWEST = 30
+"""Pixels of the smallest part that is measured."""
+
+
+Part = tuple[Bool, Bool | None]
+"""(h, w) some pixels of a group, and those of the walls before which they are, where any are known."""
 
 
 class Newcomer:
@@ -121,12 +131,19 @@ class Newcomer:
         whole = self.shape.cut or (self.shape.crown > _TALL and stout)
         slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
         stands = self.shape.upright and whole and slim
-        known = self.recognised and self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
+        known = self.recognised and self._knowable
         return (stands or known) and self.area > _LEAST and not self.refused
+
+    @property
+    def _knowable(self) -> bool:
+        """Whether it convinces where the network takes it for a person: a panel never does."""
+        return self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
 
     def puzzles(self, time_ns: int) -> bool:
         """Whether its shape does not convince, so that the network is to be asked, now and then."""
         if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
+            return False
+        if not self._knowable:  # no answer would change anything
             return False
         if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_NS:
             return False
@@ -219,22 +236,19 @@ class Newcomers:
                 same.seen_ns = view.time_ns
                 present.append(same)
                 continue
-            mask = _all_of(segments, group, view)
+            mask, shape = _all_of(segments, group, view)
             if not mask.any():  # a person has taken all of it back
                 continue
             bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
-            parts: list[tuple[Bool, Bool | None]] = [(part, None) for part in bare]
-            if young and group.area > _PARTED_AREA and not shape_of(view, mask, 0.5).possible:
-                rest = without_walls(view, mask)
-                wall = mask & ~rest
-                parts += [(part, wall) for part in _before_walls(view, kind, rest, wall)]
-                parts += [(part, None) for part in _tight(view, kind, mask)]
+            parts: list[Part] = [(part, None) for part in bare]
+            if young and group.area > _PARTED_AREA:
+                shape = shape or shape_of(view, mask, group.area)
+                if not replace(shape, area=_USUAL).possible:
+                    parts += _beside_walls(view, kind, mask)
             for part, walls in parts:
-                if any(
-                    (part & other.pixels).sum() > 0.5 * part.sum() for other in present if other.convincing
-                ):
+                if any(_mostly(part, other.pixels) for other in present if other.convincing):
                     continue
-                found = self._one(view, kind, part, walls)
+                found = self._one(view, kind, part, walls, shape if part is mask else None)
                 if found is not None and found not in present:
                     found.parts = bare if walls is None else []
                     found.bystander = not admits(found.centre)
@@ -244,12 +258,20 @@ class Newcomers:
         self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
         return sorted(present, key=lambda n: -n.shape.likeness)
 
-    def _one(self, view: View, kind: UInt8, part: Bool, walls: Bool | None) -> Newcomer | None:
-        """The newcomer that a group of pixels is, None where it has not a person's size."""
-        if np.count_nonzero(part) < 30:
+    def _one(
+        self, view: View, kind: UInt8, part: Bool, walls: Bool | None, shape: Shape | None
+    ) -> Newcomer | None:
+        """The newcomer that a group of pixels is, None where it has not a person's size.
+
+        Args:
+            shape: of the group, where that was measured before, but for its area.
+        """
+        if np.count_nonzero(part) < _FEWEST:
             return None
         centre, area, shares = measured(view, part, kind)
-        shape = shape_of(view, part, area, walls)
+        if not SMALLEST_AREA < area < LARGEST_AREA:
+            return None
+        shape = shape_of(view, part, area, walls) if shape is None else replace(shape, area=area)
         # Everything is free before the walls that were taken away from it: it has to have a head as well.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None
@@ -266,6 +288,11 @@ class Newcomers:
         """Whether a thing is there that was taken for somebody."""
         self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_NS]
         return any(float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED for at, _ in self._refused)
+
+
+def _mostly(part: Bool, other: Bool) -> bool:
+    """Whether more than half of a part's pixels are another's too."""
+    return bool(np.count_nonzero(part & other) > 0.5 * np.count_nonzero(part))
 
 
 def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
@@ -293,17 +320,23 @@ def measured(view: View, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple
 @njit(cache=True, nogil=True)
 def _measured(points, z, kind, part):  # type: ignore[no-untyped-def]
     """See :func:`measured`; the sum of the depths' squares in place of the area."""
-    pixels = pixels_of(part)
-    centre, squares, before, plain, width = np.zeros(3), 0.0, 0, 0, part.shape[1]
-    for i in range(len(pixels)):
-        v, u = divmod(pixels[i], width)
-        for a in range(3):
-            centre[a] += points[v, u, a]
-        squares += z[v, u] * z[v, u]
-        before += kind[v, u] == BEFORE
-        plain += kind[v, u] != UNLIKELY
+    points, z, kind = points.reshape(-1, 3), z.ravel(), kind.ravel()
+    x, y, deep, squares, before, plain, pixels = 0.0, 0.0, 0.0, 0.0, 0, 0, pixels_of(part)
+    for i in pixels:
+        x, y, deep = x + points[i, 0], y + points[i, 1], deep + points[i, 2]
+        squares += z[i] * z[i]
+        before += kind[i] == BEFORE
+        plain += kind[i] != UNLIKELY
     count = max(1, len(pixels))
-    return centre / count, squares, before / count, plain / count
+    return np.array([x, y, deep]) / count, squares, before / count, plain / count
+
+
+def _beside_walls(view: View, kind: UInt8, mask: Bool) -> list[Part]:
+    """Parts of a group that may be people before a wall in it or beside one."""
+    rest = without_walls(view, mask)
+    walls = mask & ~rest
+    before: list[Part] = [(part, walls) for part in _before_walls(view, kind, rest, walls)]
+    return before + [(part, None) for part in _tight(view, kind, mask)]
 
 
 def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
@@ -311,7 +344,7 @@ def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool
     if not walls.any():
         return []
     parts = [part for group in _pieces(view, kind, rest, 1.0) for part in parted(view.points, group)]
-    return [part for part in parts if np.percentile(view.points[part][:, 1], 99) > _STANDS]
+    return [part for part in parts if quantile(np.sort(view.points[..., 1][part]), 0.99) > _STANDS]
 
 
 def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
@@ -321,24 +354,35 @@ def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
 
 def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
     """The largest parts of a mask that hang together, by steps in depth that small."""
-    inside = np.where(mask, kind, ROOM).astype(np.uint8)
-    labels, count = loose_groups(view.z, inside, np.full(mask.shape, -1), tightness)
-    size = np.bincount(labels.ravel(), minlength=count + 1)
-    size[0] = 0
+    places = pixels_of(mask & (kind != ROOM) & (kind != UNLIKELY))
+    labels, count = groups_of(view.z, places, tightness)
+    size = np.bincount(labels.ravel()[places], minlength=count + 1)
     return [labels == index for index in np.argsort(-size)[:_PIECES] if size[index] > 100]
 
 
-def _all_of(segments: Segments, main: Loose, view: View) -> Bool:
-    """The main group with the fragments that seem to be its own, unless it is more like a person without."""
-    bare, mask = segments.group(main), _with_fragments(segments, main, view)
-    if mask.sum() == bare.sum() or shape_of(view, mask, main.area).upright:
-        return mask
-    return bare if shape_of(view, bare, main.area).upright else mask
+def _all_of(segments: Segments, main: Loose, view: View) -> tuple[Bool, Shape | None]:
+    """The main group with the fragments that seem to be its own, unless it is more like a person without.
+
+    And its shape, where that was measured to tell.
+    """
+    bare = segments.group(main)
+    mask = _with_fragments(segments, main, bare, view)
+    if mask is bare or main.area >= LARGEST_AREA:
+        return mask, None
+    shape = shape_of(view, mask, main.area)
+    if shape.upright:
+        return mask, shape
+    without = shape_of(view, bare, main.area)
+    return (bare, without) if without.upright else (mask, shape)
 
 
-def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:
-    """The main group and smaller ones that touch it in the image within 0.6 m, a forearm held forward say."""
-    mask = segments.group(main)
+def _with_fragments(segments: Segments, main: Loose, bare: Bool, view: View) -> Bool:
+    """The main group and smaller ones that touch it within reach, a forearm held forward say.
+
+    Args:
+        bare: (h, w) the main group's pixels; returned where there are no others.
+    """
+    mask = bare
     top, left, bottom, right = main.box
     near = [
         other
@@ -358,13 +402,24 @@ def _with_fragments(segments: Segments, main: Loose, view: View) -> Bool:
         ]
         part, points = segments.labels[window] == other.label, view.points[window]
         contact = widened(part, _TOUCHING) & mask[window]
-        if contact.any():
-            gap = abs(float(np.median(points[part][:, 2]) - np.median(points[contact][:, 2])))
-            if gap < 0.6 and _reaches(points[part], points[contact]):
-                mask[window] |= part
+        if contact.any() and _reaches(points[part], points[contact]):
+            mask = mask.copy() if mask is bare else mask
+            mask[window] |= part
     return mask
 
 
 def _reaches(part: Float, contact: Float) -> bool:
-    """Whether a fragment stays within an arm's length of where it touches, unlike a wall."""
-    return bool(np.percentile(np.linalg.norm(part - contact.mean(0), axis=1), 90) < 0.8)
+    """Whether a fragment begins where it touches, and stays within an arm's length of that, unlike a wall.
+
+    Args:
+        part, contact: (N, 3) and (M, 3) metres, world frame, of the fragment and of what it touches.
+    """
+    gap = _median(part[:, 2]) - _median(contact[:, 2])
+    if abs(gap) >= _GAP:
+        return False
+    away = part - contact.mean(0)
+    return quantile(np.sort(np.sqrt((away * away).sum(1))), 0.9) < _ARM
+
+
+def _median(values: Float) -> float:
+    return float(quantile(np.sort(values), 0.5))

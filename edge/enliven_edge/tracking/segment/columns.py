@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit
+from enliven.masks import pixels_of
 from enliven_edge.tracking.segment.person_shape import samples
 
 _SAMPLES = 3000
@@ -32,22 +33,29 @@ def parted(points: Float, mask: Bool) -> list[Bool]:
     Args:
         points: (h, w, 3) world frame.
     """
-    columns = columns_of(samples(points, mask, _SAMPLES))
+    columns = columns_of(samples(points, pixels_of(mask), _SAMPLES))
     if len(columns) < 2:
         return [mask]
-    nearest = _nearest(points, mask, columns)
-    return [nearest == k for k in range(len(columns))]
+    return list(_nearest(points, mask, columns))
 
 
 def columns_of(points: Float) -> Float:
     """(N, 2) x and z of the people in (3, M) points: peaks of the height map over a filled column."""
-    flat = points[::2]
-    origin = flat.min(1)
-    cells = np.floor((flat - origin[:, None]) / _CELL).astype(int)
-    height = np.zeros(cells.max(1) + 1)
-    np.maximum.at(height, (cells[0], cells[1]), points[1])
+    height, origin = _seen_from_above(points)
     order = np.argsort(-height, axis=None)[:_PEAKS]
     return np.asarray(_columns(points, height, order, origin))
+
+
+@njit(cache=True, nogil=True)
+def _seen_from_above(points):  # type: ignore[no-untyped-def]
+    """(X, Z) metres, the highest of (3, M) points in each cell, at least 0; (2,) the first cell's corner."""
+    left, back = points[0].min(), points[2].min()
+    wide, deep = int((points[0].max() - left) / _CELL), int((points[2].max() - back) / _CELL)
+    height = np.zeros((wide + 1, deep + 1))
+    for n in range(points.shape[1]):
+        i, j = int((points[0, n] - left) / _CELL), int((points[2, n] - back) / _CELL)
+        height[i, j] = max(height[i, j], points[1, n])
+    return height, np.array([left, back])
 
 
 @njit(cache=True, nogil=True)
@@ -76,44 +84,55 @@ def _columns(points, height, order, origin):  # type: ignore[no-untyped-def]
     return kept[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _summit(points, x, z, top):  # type: ignore[no-untyped-def]
     """x and z of the middle of what is highest about a place, of a head say."""
     right, deep, count = 0.0, 0.0, 0
     for i in range(points.shape[1]):
-        if points[1, i] > top - _TOP:
-            dx, dz = points[0, i] - x, points[2, i] - z
-            if dx * dx + dz * dz < _HEAD * _HEAD:
-                right, deep, count = right + points[0, i], deep + points[2, i], count + 1
+        dx, dz = points[0, i] - x, points[2, i] - z
+        # Without a branch, so that many points are looked at at once.
+        on = (points[1, i] > top - _TOP) & (dx * dx + dz * dz < _HEAD * _HEAD)
+        right += points[0, i] if on else 0.0
+        deep += points[2, i] if on else 0.0
+        count += on
     return right / count, deep / count
 
 
 @njit(cache=True, nogil=True)
 def _filled(points, x, z, top):  # type: ignore[no-untyped-def]
     """Whether a person is under a peak: no shoulder, and most heights from the knees up are met."""
+    if _shoulder(points, x, z, top):
+        return False
     first, last = int(np.ceil(_KNEES * top / _LAYER)), int(np.floor(top / _LAYER))
     met = np.zeros(max(0, last - first), np.bool_)
     for i in range(points.shape[1]):
         dx, dz = points[0, i] - x, points[2, i] - z
-        away = dx * dx + dz * dz
-        if away < _NECK * _NECK and points[1, i] > top + _HIGHER:
-            return False
-        layer = int(np.floor(points[1, i] / _LAYER)) - first
-        if away < _RADIUS * _RADIUS and 0 <= layer < len(met):
-            met[layer] = True
+        if dx * dx + dz * dz < _RADIUS * _RADIUS:
+            layer = int(np.floor(points[1, i] / _LAYER)) - first
+            if 0 <= layer < len(met):
+                met[layer] = True
     return len(met) > 0 and np.count_nonzero(met) > _MET * len(met)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _shoulder(points, x, z, top):  # type: ignore[no-untyped-def]
+    """Whether something near a peak is so much higher that the peak is a shoulder."""
+    higher = 0
+    for i in range(points.shape[1]):
+        dx, dz = points[0, i] - x, points[2, i] - z
+        higher += (points[1, i] > top + _HIGHER) & (dx * dx + dz * dz < _NECK * _NECK)
+    return higher > 0
 
 
 @njit(cache=True, nogil=True)
 def _nearest(points, mask, columns):  # type: ignore[no-untyped-def]
-    """(h, w) which of (N, 2) columns is nearest to each of the masked points; -1 elsewhere."""
-    out = np.full(mask.shape, -1, np.int32)
-    for v in range(mask.shape[0]):
-        for u in range(mask.shape[1]):
-            if mask[v, u]:
-                least = np.inf
-                for k in range(len(columns)):
-                    dx, dz = points[v, u, 0] - columns[k, 0], points[v, u, 2] - columns[k, 1]
-                    if dx * dx + dz * dz < least:
-                        least, out[v, u] = dx * dx + dz * dz, k
-    return out
+    """(N, h, w) which of the masked points each of (N, 2) columns is the nearest to."""
+    points, out = points.reshape(-1, 3), np.zeros((len(columns), mask.size), np.bool_)
+    for i in pixels_of(mask):
+        least, nearest = np.inf, 0
+        for k in range(len(columns)):
+            dx, dz = points[i, 0] - columns[k, 0], points[i, 2] - columns[k, 1]
+            if dx * dx + dz * dz < least:
+                least, nearest = dx * dx + dz * dz, k
+        out[nearest, i] = True
+    return out.reshape((len(columns), mask.shape[0], mask.shape[1]))

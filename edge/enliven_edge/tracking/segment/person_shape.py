@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.kernels import njit
+from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import View
 
 SMALLEST_AREA, LARGEST_AREA = 0.06, 1.6
 _SHORTEST, _WIDEST, _DEEPEST = 0.3, 2.4, 1.6
 _TALLEST = 2.6
+_MUCH, _HIGH = 0.7, 1.8
+"""Square metres and metres beyond which more of a group is no more like a person."""
 _FLAT, _BROAD = 0.022, 0.35
 _BIN, _GRID = 0.04, 0.06
 _HEAD = 0.14
@@ -35,7 +37,8 @@ class Shape:
     """What a group of pixels looks like.
 
     Attributes:
-        likeness: how much it is like a person by its size alone; 0 where it cannot be one.
+        area: square metres that are seen, towards the sensor.
+        size: metres that it is tall, up to a person's height; 0 where its extents are not a person's.
         crown: metres above the floor of its top.
         thickness: metres, the standard deviation from its best plane.
         wide: metres across, the larger of its two horizontal extents.
@@ -49,7 +52,8 @@ class Shape:
         cut: whether it runs out of the image below.
     """
 
-    likeness: float
+    area: float
+    size: float
     crown: float
     thickness: float
     wide: float
@@ -60,6 +64,11 @@ class Shape:
     behind: float
     border: float
     cut: bool
+
+    @property
+    def likeness(self) -> float:
+        """How much it is like a person by its size alone; 0 where it cannot be one."""
+        return min(self.area, _MUCH) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
 
     @property
     def possible(self) -> bool:
@@ -100,51 +109,95 @@ def shape_of(view: View, mask: Bool, area: float, walls: Bool | None = None) -> 
     """The shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor.
 
     Args:
-        walls: (h, w) what is a wall: behind the mask, however near.
+        walls: (h, w) what is measured of a wall: behind the mask, however near.
     """
-    z = view.z if walls is None else np.where(walls & (view.z > 0), view.z + _WALL_BEHIND, view.z)
-    free, behind, border, cut = outline(z, mask)
-    points = samples(view.points, mask, _SAMPLES)
+    z = view.z if walls is None else view.z + _WALL_BEHIND * walls
+    pixels = pixels_of(mask)
+    free, behind, border, cut = _outline(z, mask, pixels)
+    points = samples(view.points, pixels, _SAMPLES)
+    thickness, along = _flattened(points)
     ordered = np.sort(points, axis=1)
-    wide, tall, deep = (_spread(axis, 0.03, 0.97) for axis in ordered)
-    fits = SMALLEST_AREA < area < LARGEST_AREA and tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST
-    likeness = float(min(area, 0.7) * min(tall, 1.8)) if fits else 0.0
-    centred = points - points.mean(1, keepdims=True)
-    covariance = centred @ centred.T / points.shape[1]
-    thickness = float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance)[0])))
-    along = np.linalg.eigh(covariance[::2, ::2])[1][:, 1] @ centred[::2]
-    crown = quantile(ordered[1], 0.99)
-    head, *shoulders = _widths(along, points[1], crown, _BANDS)
-    box = _spread(np.sort(along), 0.01, 0.99) * _spread(ordered[1], 0.01, 0.99)
-    fill = float(_cells(along, points[1]) * _GRID**2 / max(1e-6, box))
-    beside = max(*shoulders, _BIN)
+    wide, tall, deep, crown, head, head_width, fill = _built(points, along, ordered, np.sort(along), _BANDS)
+    size = min(tall, _HIGH) if tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST else 0.0
     wide = max(wide, deep)
-    return Shape(likeness, crown, thickness, wide, head / beside, head, fill, free, behind, border, cut)
+    return Shape(area, size, crown, thickness, wide, head, head_width, fill, free, behind, border, cut)
 
 
-def quantile(ordered: Float, share: float) -> float:
-    """The number below which a share in [0, 1] of (N,) rising values is, between two of them linearly."""
-    at = share * (len(ordered) - 1)
-    low = int(at)
-    high = min(low + 1, len(ordered) - 1)
-    return float(ordered[low] + (at - low) * (ordered[high] - ordered[low]))
-
-
-def _spread(ordered: Float, low: float, high: float) -> float:
+@njit(cache=True, nogil=True)
+def _spread(ordered, low, high):  # type: ignore[no-untyped-def]
     """How far apart two quantiles of (N,) rising values are."""
     return quantile(ordered, high) - quantile(ordered, low)
 
 
 @njit(cache=True, nogil=True)
-def samples(points, mask, most):  # type: ignore[no-untyped-def]
-    """(3, M) every k-th of the (h, w, 3) points on the (h, w) mask, in reading order; M < 2 ``most``."""
-    pixels = pixels_of(mask)
+def _flattened(points):  # type: ignore[no-untyped-def]
+    """Of (3, M) points: metres, the standard deviation from their best plane; (M,) along their longest way.
+
+    That way is level, and its coordinates are from the points' middle.
+    """
+    count, middle = points.shape[1], (points[0].mean(), points[1].mean(), points[2].mean())
+    xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        x, y, z = points[0, i] - middle[0], points[1, i] - middle[1], points[2, i] - middle[2]
+        xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
+        xy, xz, yz = xy + x * y, xz + x * z, yz + y * z
+    xx, yy, zz, xy, xz, yz = xx / count, yy / count, zz / count, xy / count, xz / count, yz / count
+    x, z = _longest(xx, zz, xz)
+    along = np.empty(count)
+    for i in range(count):
+        along[i] = x * (points[0, i] - middle[0]) + z * (points[2, i] - middle[2])
+    return np.sqrt(max(0.0, _least_eigenvalue(xx, yy, zz, xy, xz, yz))), along
+
+
+@njit(cache=True, nogil=True)
+def _longest(xx, zz, xz):  # type: ignore[no-untyped-def]
+    """The eigenvector (x, z) of the larger eigenvalue of a symmetric matrix, as LAPACK directs it."""
+    apart = xx - zz
+    root = np.sqrt(apart * apart + 4.0 * xz * xz)
+    x, z = (-apart - root, -2.0 * xz) if apart >= 0.0 else (2.0 * xz, root - apart)
+    length = np.sqrt(x * x + z * z)
+    return (x / length, z / length) if length > 0.0 else (0.0, 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _least_eigenvalue(xx, yy, zz, xy, xz, yz):  # type: ignore[no-untyped-def]
+    """The smallest eigenvalue of a symmetric 3 by 3 matrix, by the cosines that solve its cubic equation."""
+    mean = (xx + yy + zz) / 3.0
+    x, y, z = xx - mean, yy - mean, zz - mean
+    size = np.sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
+    if size == 0.0:
+        return mean
+    determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz)
+    angle = np.arccos(min(1.0, max(-1.0, determinant / (2.0 * size * size * size)))) / 3.0
+    return mean + 2.0 * size * np.cos(angle + 2.0 * np.pi / 3.0)
+
+
+@njit(cache=True, nogil=True)
+def _built(points, along, ordered, ordered_along, bands):  # type: ignore[no-untyped-def]
+    """Metres that (3, M) points are wide, tall, deep; crown, head, head_width, fill as of :class:`Shape`.
+
+    Args:
+        along: (M,) metres along the longest level way.
+        ordered, ordered_along: both with each row's values rising.
+        bands: (4, 2) as of ``_widths``, of the head and where the shoulders may be.
+    """
+    wide, tall = _spread(ordered[0], 0.03, 0.97), _spread(ordered[1], 0.03, 0.97)
+    deep = _spread(ordered[2], 0.03, 0.97)
+    crown = quantile(ordered[1], 0.99)
+    widths = _widths(along, points[1], crown, bands)
+    box = _spread(ordered_along, 0.01, 0.99) * _spread(ordered[1], 0.01, 0.99)
+    fill = _cells(along, points[1]) * _GRID**2 / max(1e-6, box)
+    return wide, tall, deep, crown, widths[0] / max(widths[1:].max(), _BIN), widths[0], fill
+
+
+@njit(cache=True, nogil=True)
+def samples(points, pixels, most):  # type: ignore[no-untyped-def]
+    """(3, M) every k-th of the (h, w, 3) points at (N,) places, in reading order; M < 2 ``most``."""
     step = max(1, len(pixels) // most)
-    out, width = np.empty((3, (len(pixels) + step - 1) // step)), mask.shape[1]
+    out, points = np.empty((3, (len(pixels) + step - 1) // step)), points.reshape(-1, 3)
     for i in range(out.shape[1]):
-        v, u = divmod(pixels[i * step], width)
         for a in range(3):
-            out[a, i] = points[v, u, a]
+            out[a, i] = points[pixels[i * step], a]
     return out
 
 
@@ -157,7 +210,10 @@ def _widths(along, height, crown, bands):  # type: ignore[no-untyped-def]
     """
     first = np.floor(along.min() / _BIN)
     met = np.zeros((len(bands), int(np.floor(along.max() / _BIN) - first) + 1), np.bool_)
+    lowest = crown - bands[:, 1].max()
     for i in range(len(along)):
+        if height[i] <= lowest:
+            continue
         place = int(np.floor(along[i] / _BIN) - first)
         for b in range(len(bands)):
             if crown - bands[b, 1] < height[i] <= crown - bands[b, 0]:
@@ -176,33 +232,56 @@ def _cells(along, height):  # type: ignore[no-untyped-def]
     return np.count_nonzero(met)
 
 
-@njit(cache=True, nogil=True)
-def outline(z, mask):  # type: ignore[no-untyped-def]
+def outline(z: Float, mask: Bool) -> tuple[float, float, float, bool]:
     """Of the mask's outline, sideways and above: the shares before farther, nearer and nothing; cut below.
 
     Beyond two pixels, because the first may lie on the edge itself. Unknown depth says nothing; what is
     surrounded by nothing else is free.
     """
+    farther, nearer, border, cut = _outline(z, mask, pixels_of(mask))
+    return farther, nearer, border, cut
+
+
+@njit(cache=True, nogil=True)
+def _outline(z, mask, pixels):  # type: ignore[no-untyped-def]
+    """See :func:`outline`; with the (N,) places of the mask's pixels, in reading order."""
     height, width = z.shape
-    farther, nearer, other, border, below, unknown = 0, 0, 0, 0, 0, 0
-    for v in range(height):
-        for u in range(width):
-            if not mask[v, u]:
+    farther, nearer, other, unknown = 0, 0, 0, 0
+    for i in _edges(mask, pixels):
+        v, u = i // width, i % width
+        for q, p, y, x in ((v, u - 1, v, u - 3), (v, u + 1, v, u + 3), (v - 1, u, v - 3, u)):
+            if q < 0 or p < 0 or p >= width or mask[q, p]:
                 continue
-            below += v >= height - 2
-            for q, p, y, x in ((v, u - 1, v, u - 3), (v, u + 1, v, u + 3), (v - 1, u, v - 3, u)):
-                if q < 0 or p < 0 or p >= width:
-                    border += 1
-                elif not mask[q, p] and y >= 0 and 0 <= x < width and not mask[y, x]:
-                    if z[y, x] == 0.0:
-                        unknown += 1
-                        continue
-                    step = 0.05 + 0.012 * z[v, u] * z[v, u]
-                    farther += z[y, x] > z[v, u] + step
-                    nearer += z[y, x] < z[v, u] - step
-                    other += abs(z[y, x] - z[v, u]) <= step
+            if y >= 0 and 0 <= x < width and not mask[y, x]:
+                if z[y, x] == 0.0:
+                    unknown += 1
+                    continue
+                step = 0.05 + 0.012 * z[v, u] * z[v, u]
+                farther += z[y, x] > z[v, u] + step
+                nearer += z[y, x] < z[v, u] - step
+                other += abs(z[y, x] - z[v, u]) <= step
+    border = np.count_nonzero(mask[0]) + np.count_nonzero(mask[:, 0]) + np.count_nonzero(mask[:, width - 1])
+    cut = np.count_nonzero(mask[height - 2 :]) > 0.05 * width
     total = max(1.0, farther + nearer + other + border)
-    telling = _TELLING if np.count_nonzero(z) > _OPEN * z.size else _TELLING_IN_THE_OPEN
-    if total < telling * (total + unknown):
-        return 1.0, 0.0, border / total, below > 0.05 * width
-    return farther / total, nearer / total, border / total, below > 0.05 * width
+    around = total + unknown
+    told = total >= _TELLING * around
+    if not told or (total < _TELLING_IN_THE_OPEN * around and np.count_nonzero(z) <= _OPEN * z.size):
+        return 1.0, 0.0, border / total, cut
+    return farther / total, nearer / total, border / total, cut
+
+
+@njit(cache=True, nogil=True)
+def _edges(mask, pixels):  # type: ignore[no-untyped-def]
+    """(M,) those of the (N,) masked places that have a neighbour beside or above them that is not masked.
+
+    Others at the image's border may be among them.
+    """
+    flat, width = mask.ravel(), mask.shape[1]
+    out, count = np.empty(len(pixels) + 1, np.int32), 0
+    for n in range(len(pixels)):
+        i = np.int64(pixels[n])
+        left, right = np.uintp(max(0, i - 1)), np.uintp(min(len(flat) - 1, i + 1))
+        above = np.uintp(max(0, i - width))
+        out[np.uintp(count)] = i
+        count += not (flat[left] and flat[right] and flat[above])
+    return out[:count]

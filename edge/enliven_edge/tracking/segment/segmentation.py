@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.kernels import njit
 from enliven.masks import pixels_of
-from enliven.union_find import join, root_of
+from enliven.union_find import root_of
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.frame import View
 from enliven_edge.tracking.scene import ROOM, UNLIKELY, UNSEEN
@@ -94,7 +94,8 @@ def segmented(
     """
     shape, count = kind.shape, len(postures)
     handicap = np.zeros(count) if handicap is None else handicap
-    owner, distance = np.full(shape, -1, np.int64), np.full(shape, np.inf)
+    owner = np.full(shape, -1, np.int64)
+    distance = np.full(shape if count else (0, 0), np.inf)
     if count:
         capsules = [posture.capsules() for posture in postures]
         ends, radii = np.stack([c[0] for c in capsules]), np.stack([c[1] for c in capsules])
@@ -105,7 +106,7 @@ def segmented(
     pixels = _candidates(kind, owner)
     labels, groups = _grouped(view.z, pixels, 1.0)
     loose, joined = _judged(_table(view, pixels, labels, groups, owner, count))
-    counts = _join(owner, labels, pixels, joined, count)
+    counts = _join(owner, labels, pixels, joined, count) if count else np.zeros(0, np.int64)
     if count > 1:
         kept, counts = counts, given_back(owner, view.z, counts)
         if (kept != counts).any():
@@ -128,7 +129,16 @@ def lying_on(view: View, postures: Sequence[Posture], above: float, reach: float
 
 def loose_groups(z: Float, kind: UInt8, owner: Int, tightness: float = 1.0) -> tuple[Int, int]:
     """(h, w) groups 1..n of nobody's candidate pixels that touch with a small step in depth, and n."""
-    labels, groups = _grouped(z, _candidates(kind, owner), tightness)
+    return groups_of(z, _candidates(kind, owner), tightness)
+
+
+def groups_of(z: Float, pixels: Int, tightness: float = 1.0) -> tuple[Int, int]:
+    """(h, w) groups 1..n of pixels that touch with a small step in depth, and n.
+
+    Args:
+        pixels: (M,) int32 their places in reading order.
+    """
+    labels, groups = _grouped(z, pixels, tightness)
     return np.asarray(labels), int(groups)
 
 
@@ -147,20 +157,27 @@ def _grouped(z, pixels, tightness):  # type: ignore[no-untyped-def]
     """(h, w) the number of the group of each of (M,) pixels, 0 for all others; how many groups there are."""
     shape, width, z = z.shape, z.shape[1], z.ravel()
     # Until the groups are numbered a pixel's label is its number among the pixels, from 1.
-    labels, parent = np.zeros(len(z), np.int64), np.arange(len(pixels))
+    labels, parent, row = np.zeros(len(z), np.int32), np.arange(len(pixels), dtype=np.int32), 0
     for n in range(len(pixels)):
         here = pixels[n]
         labels[here] = n + 1
+        while here >= row + width:
+            row += width
         step = (0.035 + 0.012 * z[here] * z[here]) * tightness
-        left, above = here - 1 if here % width > 0 else -1, here - width
+        left, above = here - 1 if here > row else -1, here - width
+        root = n
         if left >= 0 and labels[left] > 0 and abs(z[here] - z[left]) < step:
-            join(parent, n, n - 1)
+            root = root_of(parent, n - 1)
         if above >= 0 and labels[above] > 0 and abs(z[here] - z[above]) < step:
-            join(parent, n, labels[above] - 1)
+            other = root_of(parent, labels[above] - 1)
+            # A root is the first pixel of its group.
+            root, later = min(root, other), max(root, other)
+            parent[later] = root
+        parent[n] = root
     count = 0
     for n in range(len(pixels)):
         root = root_of(parent, n)
-        # A root is the first pixel of its group, so it was numbered before all others.
+        # It was numbered before all others of its group.
         count += root == n
         labels[pixels[n]] = count if root == n else labels[pixels[root]]
     return labels.reshape(shape), count
@@ -180,17 +197,26 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):  # type:
     out = np.zeros((groups + 1, 15 + people))
     out[:, 1:4], out[:, 4:7] = np.inf, -np.inf
     out[:, 11:13] = 1e9
+    depth, label, place, v = z.ravel(), labels.ravel(), points.reshape(-1, 3), 0
     for n in range(len(pixels)):
-        v, u = pixels[n] // width, pixels[n] % width
-        row = out[labels[v, u]]
-        row[0] += z[v, u] * z[v, u] * pixel
+        i = np.uintp(pixels[n])
+        while pixels[n] >= (v + 1) * width:
+            v += 1
+        u, row = pixels[n] - v * width, out[np.uintp(label[i])]
+        row[0] += depth[i] * depth[i] * pixel
         for a in range(3):
-            p = points[v, u, a]
-            row[1 + a], row[4 + a] = min(row[1 + a], p), max(row[4 + a], p)
+            p = place[i, a]
+            # Few pixels are a corner: what is not is not written again.
+            if p < row[1 + a]:
+                row[1 + a] = p
+            if p > row[4 + a]:
+                row[4 + a] = p
             row[7 + a] += p
         row[10] += 1.0
         row[11], row[12] = min(row[11], v), min(row[12], u)
         row[13], row[14] = max(row[13], v + 1.0), max(row[14], u + 1.0)
+        if people == 0:
+            continue
         step = 0.035 + 0.012 * z[v, u] * z[v, u]
         for q, p in ((v - 1, u), (v + 1, u), (v, u - 1), (v, u + 1)):
             if 0 <= q < height and 0 <= p < width and owner[q, p] >= 0 and abs(z[q, p] - z[v, u]) < step:
@@ -226,14 +252,13 @@ def _loose(g: int, row: Float) -> Loose:
 @njit(cache=True, nogil=True)
 def _join(owner, labels, pixels, joined, people):  # type: ignore[no-untyped-def]
     """Gives the (M,) pixels of joined groups to their owners, in place; each person's number of pixels."""
-    width = owner.shape[1]
-    for n in range(len(pixels)):
-        v, u = pixels[n] // width, pixels[n] % width
-        whose = joined[labels[v, u]]
+    owner, labels = owner.ravel(), labels.ravel()
+    for i in pixels:
+        whose = joined[labels[i]]
         if whose >= 0:
-            owner[v, u], labels[v, u] = whose, 0
+            owner[i], labels[i] = whose, 0
     counts = np.zeros(people, np.int64)
-    for k in owner.ravel():
+    for k in owner:
         if k >= 0:
             counts[k] += 1
     return counts

@@ -11,8 +11,6 @@ skeleton again.
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +19,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import GraphShape, Project, Shape
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
 from enliven.examples.baking import stretch_axes
 from enliven.exporters.gltf.puppet_gltf import add_puppet
 from enliven.exporters.gltf.puppet_performance import PuppetPerformance
@@ -34,6 +32,7 @@ from enliven.exporters.gltf.shape import (
     pivots_of,
     stretches_of,
 )
+from enliven.files import write_file
 from enliven.modeling.possessed import graph_pose
 from enliven.modeling.puppet import frame_times
 from enliven.motion.layers import Player
@@ -138,18 +137,7 @@ def write_gltf(path: Path | str, performances: Sequence[AnyPerformance], name: s
     path = Path(path)
     if path.suffix.lower() != ".glb":
         raise InputError("shapes are written as .glb", where=str(path), mend="End the name in .glb.")
-    data = glb_of(performances, name)
-    beside = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_bytes(data)
-        os.replace(beside, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            beside.unlink(missing_ok=True)
-        raise ResourceError(
-            f"cannot be written ({error.strerror})", where=str(path), mend="Choose another place."
-        ) from None
+    write_file(path, glb_of(performances, name), "Choose another place.")
 
 
 def glb_of(performances: Sequence[AnyPerformance], name: str = "enliven") -> bytes:

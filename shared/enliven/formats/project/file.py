@@ -7,10 +7,8 @@ previous file stays until the new one is complete.
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
-import os
 import struct
 import zipfile
 import zlib
@@ -23,8 +21,8 @@ import numpy as np
 from enliven import __version__
 from enliven.arrays import AnyArray
 from enliven.document import Project
-from enliven.errors import InputError, ResourceError
-from enliven.files import DAMAGE, read_file
+from enliven.errors import InputError
+from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
 from enliven.formats.project.values import name_of, packed, unpacked
 
@@ -52,22 +50,7 @@ def write_project(path: Path | str, project: Project) -> None:
     Raises:
         ResourceError: where the file cannot be written; one that was there stays.
     """
-    path = Path(path)
-    beside = path.with_name(f".{path.name}.part")
-    data = project_bytes(project)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with open(beside, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            beside.unlink(missing_ok=True)
-        raise ResourceError(
-            f"it cannot be written ({error.strerror})", where=str(path), mend="Save it elsewhere."
-        ) from None
+    write_file(Path(path), project_bytes(project), "Save it elsewhere.")
 
 
 def read_project(path: Path | str) -> Project:

@@ -18,7 +18,8 @@ from enliven.arrays import Bool, Float
 from enliven.document import SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.mesh.mesh_union import Union, united
+from enliven.modeling.mesh.boolean_union import Union
+from enliven.modeling.mesh.mesh_union import united
 
 Heal = Callable[[Mesh, SkinWeights, Bool], tuple[Mesh, SkinWeights]]
 """What makes a surface smooth and its weights good around a seam (V,)."""

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from enliven.arrays import Bool, Float, Int
 from enliven.document import Shape, SkinWeights
 from enliven.meshes import submesh, weld
-from enliven.modeling.mesh.mesh_cut import Piece
+from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.skinning import renumbered
 from enliven.rotation import rotate, to_matrix
 

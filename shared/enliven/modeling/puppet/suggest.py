@@ -13,7 +13,10 @@ from enliven.examples import guess_joints, partners_of, performed, reflected, su
 from enliven.mapping import Limb, anatomy_of
 from enliven.meshes import Mesh
 from enliven.modeling.mesh import extremities, plane_of_symmetry
-from enliven.modeling.puppet.edits import add_key_pose, add_point, make_puppet, play_take, set_symmetry
+from enliven.modeling.puppet.edits import make_puppet
+from enliven.modeling.puppet.layers import play_take
+from enliven.modeling.puppet.points import add_point
+from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 
 _LOW = 0.08
 """Share of the mesh's height below which a control point can be a foot."""

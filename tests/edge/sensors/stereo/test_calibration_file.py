@@ -60,10 +60,11 @@ def test_a_file_that_is_missing_says_how_it_is_made(tmp_path):
         load_calibration(tmp_path / "stereo.toml")
 
 
-def test_a_folder_that_is_not_there_is_no_loss(tmp_path):
+def test_a_place_that_is_no_folder_is_refused_and_a_new_folder_made(tmp_path):
+    (tmp_path / "file").write_text("")
     with pytest.raises(ResourceError, match="cannot be written"):
-        save_calibration(tmp_path / "missing" / "stereo.toml", GOOD, [])
-    path = tmp_path / "stereo.toml"
+        save_calibration(tmp_path / "file" / "stereo.toml", GOOD, [])
+    path = tmp_path / "new folder" / "stereo.toml"
     save_calibration(path, replace(GOOD, epipolar=0.5), [])
     save_calibration(path, GOOD, [])
-    assert load_calibration(path) == GOOD and [each.name for each in tmp_path.iterdir()] == ["stereo.toml"]
+    assert load_calibration(path) == GOOD and [each.name for each in path.parent.iterdir()] == ["stereo.toml"]

@@ -1,4 +1,3 @@
-from . import actions
 from .actions import STEP, Action, Click, Do, Drag, Key, Name, Say, Wait, play, steps
 from .desk_stage import DeskStage
 from .places import (
@@ -40,7 +39,6 @@ __all__ = [
     "Spot",
     "Wait",
     "Widget",
-    "actions",
     "play",
     "steps",
     "where",

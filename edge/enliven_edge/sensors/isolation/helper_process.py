@@ -1,0 +1,214 @@
+"""The edge's end of a helper process: what is said to it, and the frames that it says are there."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import multiprocessing
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any
+
+from enliven.camera import Intrinsics
+from enliven.errors import InputError, ResourceError
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.base import Sensor, SensorFault
+from enliven_edge.sensors.crash_reports import keep_text
+from enliven_edge.sensors.isolation.helper import serve
+from enliven_edge.sensors.isolation.last_words import LastWords
+from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
+
+SILENT = 1.0
+"""Seconds without an image after which a device is lost, whatever its library says: thirty images' time."""
+OPENING = 45.0
+"""Seconds that opening may take; a library that searches a network needs some twenty."""
+_CLOSING = 0.4
+"""Seconds that a driver has to let its device go, before its process is ended."""
+_MOST_WAITING = 3
+"""Images that may wait for the edge; of more the oldest are left out: a pause becomes no lag."""
+
+
+class HelperProcess:
+    """The process and what is said to it.
+
+    Raises:
+        ResourceError: where it cannot be started.
+    """
+
+    def __init__(
+        self, name: str, kind: Callable[..., Sensor], options: dict[str, Any], every_frame: bool = False
+    ) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._name, self._every = name, every_frame
+        self._pipe: Connection
+        self._pipe, far = context.Pipe()
+        self._words = LastWords(context)
+        arguments = (far, kind, options, every_frame, self._words.far)
+        self._process = context.Process(target=serve, args=arguments, name=f"sensor {name}", daemon=True)
+        try:
+            self._process.start()
+        except OSError as error:
+            raise ResourceError(f"its process cannot be started ({error})", where=name) from None
+        far.close()
+        self._words.started()
+        self._slots: FrameSlots | None = None
+        self._camera: Intrinsics | None = None
+        self._waiting: list[tuple[Any, ...]] = []
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.is_alive()
+
+    def open(self) -> tuple[str, float | None, dict[str, Any]]:
+        """Opens the device; returns the sensor's name and frame rate, and with what it is opened again.
+
+        Raises:
+            InputError, ResourceError: what the driver said, or that its process ended.
+        """
+        self._say("open")
+        message = self._answer(OPENING, "opened", "failed")
+        if message is None:
+            self.end()
+            raise ResourceError(
+                f"opening has taken more than {OPENING:.0f} s", where=self._name, mend="Unplug it once."
+            )
+        if message[0] == "failed":
+            raise told_error(message[1:], self._name, ResourceError)
+        name, fps, again = message[1:]
+        return name, fps, again
+
+    def go(self) -> None:
+        """Lets the frames come.
+
+        Raises:
+            SensorFault: where the process has ended.
+        """
+        self._say("go")
+
+    def receive(self, timeout: float) -> tuple[Any, ...] | None:
+        """The next message for the sensor within so many seconds; None where there is none.
+
+        Raises:
+            SensorFault: where the process has ended.
+        """
+        self._fetch(timeout)
+        frames = sum(message[0] == "frame" for message in self._waiting)
+        while self._waiting:
+            message = self._waiting.pop(0)
+            if message[0] != "frame":
+                return message
+            frames -= 1
+            if self._every or frames < _MOST_WAITING:
+                return message
+            self._skip(*message[1:])
+        return None
+
+    def frame(
+        self,
+        slots: FrameSlots,
+        slot: int,
+        shape: tuple[int, int],
+        colour: tuple[int, ...] | None,
+        camera: Intrinsics | None,
+        about: tuple[int, int | None, str, Any],
+    ) -> DepthFrame:
+        """The frame that a message tells of."""
+        self._camera = camera or self._camera
+        assert self._camera is not None
+        depth, seen = slots.read(slot, shape, colour)
+        time_ns, sequence, name, stand = about
+        return DepthFrame(depth, self._camera, time_ns, name, seen, stand, sequence)
+
+    def end(self) -> None:
+        """Lets the device go and ends the process, by force where it does not do so itself."""
+        with contextlib.suppress(SensorFault):
+            self._say("close")
+            self._answer(_CLOSING, "closed")
+        self._pipe.close()
+        self._words.close()
+        self._process.join(0.05)
+        for force in (self._process.terminate, self._process.kill):
+            if self._process.is_alive():
+                force()
+                self._process.join(0.2)
+
+    def _skip(
+        self, slots: FrameSlots, slot: int, _shape: Any, _colour: Any, camera: Intrinsics | None, _about: Any
+    ) -> None:
+        """A frame that came too long ago is not used; its camera may be new."""
+        self._camera = camera or self._camera
+        slots.release(slot)
+
+    def _say(self, *message: Any) -> None:
+        try:
+            self._pipe.send(message)
+        except OSError:
+            raise self._lost() from None
+
+    def _answer(self, seconds: float, *words: str) -> tuple[Any, ...] | None:
+        """The message that begins with one of some words; None where it does not come in time."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0:
+            message = self.receive(left)
+            if message is not None and message[0] in words:
+                return message
+        return None
+
+    def _fetch(self, timeout: float) -> None:
+        """Takes what has come; waits for the first message for so long."""
+        while self._pipe.poll(0 if self._waiting else timeout):
+            try:
+                message = self._pipe.recv()
+            except (EOFError, OSError):
+                if self._waiting:
+                    return
+                raise self._lost() from None
+            match message:
+                case ("log", name, level, text):
+                    logging.getLogger(name).log(level, "%s", text)
+                case ("wants", size):
+                    self._make_room(size)
+                case ("attached",):
+                    pass
+                case ("frame", *about):
+                    # Where its image lies: there may be other memory by the time that it is wanted.
+                    self._waiting.append(("frame", self._slots, *about))
+                case _:
+                    self._waiting.append(message)
+
+    def _make_room(self, size: int) -> None:
+        """Shared memory for images of so many bytes; those of before stay until they are not used."""
+        count = slots_for_all(size) if self._every else SLOTS
+        self._slots = FrameSlots.make(size, count)
+        self._say("memory", self._slots.name, size, count)
+        while self._pipe.poll(_CLOSING + SILENT):
+            try:
+                message = self._pipe.recv()
+            except (EOFError, OSError):
+                raise self._lost() from None
+            if message == ("attached",):
+                break
+            self._waiting.append(message)
+        self._slots.forget()
+
+    def _lost(self) -> SensorFault:
+        """The process has ended."""
+        self._process.join(_CLOSING)
+        code = self._process.exitcode
+        why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
+        if code and code < 0 and (said := self._words.read()):
+            keep_text(self._name, said, -code)
+        return SensorFault(why, where=self._name, mend="It is started again by itself; see the log.")
+
+
+def told_error(
+    said: tuple[str, str, str, str], name: str, kind: type[InputError] | type[ResourceError]
+) -> InputError | ResourceError:
+    """What a driver's error is to the edge: of its own kind where it was one of the two."""
+    of, what, where, mend = said
+    made = {"InputError": InputError, "ResourceError": kind}.get(of, kind)
+    if kind is InputError:
+        made = InputError
+    return made(what, where=where or name, mend=mend)

@@ -1,0 +1,90 @@
+"""What is left of somebody beside them is kept out of a room that is new: they are not wholly seen yet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from enliven.camera import Intrinsics, world_from_level_camera
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.people.follower import Follower
+from enliven_edge.tracking.people.identity import Looks
+from enliven_edge.tracking.people.people import Crowd
+from enliven_edge.tracking.people.person import Person
+from enliven_edge.tracking.scene.room import UNSEEN, Room
+from enliven_edge.tracking.segment.candidates import YOUNG, _reaches
+from enliven_edge.tracking.segment.segmentation import segmented
+from enliven_edge.tracking.settings import TrackerSettings
+
+CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
+MOUNT = world_from_level_camera(1.2)
+SOMEBODY = (-0.25, 0.25, 0.1, 1.7)
+"""Left, right, bottom and top, metres in the world, 2.4 m before the sensor."""
+SHANK, BENCH = (0.4, 0.52, 0.25, 0.6), (0.35, 1.15, 0.1, 0.35)
+"""Something small beside somebody, and something too large and too low to be anybody."""
+
+
+def drawn(*boxes) -> View:
+    """Flat boxes before nothing."""
+    z = np.zeros((60, 80))
+    x, y = CAMERA.ray[..., 0] * 2.4, 1.2 - CAMERA.ray[..., 1] * 2.4
+    for left, right, bottom, top in boxes:
+        z[(x > left) & (x < right) & (y > bottom) & (y < top)] = 2.4
+    return View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+
+
+def held(view: View, somebody_at: float | None, age: float = 0.0) -> np.ndarray:
+    """(h, w) what the room is not to learn, with somebody followed so many metres to the right, or nobody."""
+    settings = TrackerSettings(estimator=False)
+    fitter = Fitter(settings.fit)
+    crowd = Crowd(settings, fitter)
+    if somebody_at is not None:
+        posture = Posture(np.array([somebody_at, 0.95, -2.4]), standing(), lengths_for_height(1.75))
+        crowd.people.append(Person(1, Follower(settings, fitter, posture), Looks(), 0))
+    room = Room(view.z.shape)
+    room.age = age
+    kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
+    return crowd.look(view, kind, segmented(view, kind, []), room, believe=False)
+
+
+def test_a_shank_beside_somebody_is_held():
+    view = drawn(SHANK)
+    np.testing.assert_array_equal(held(view, 0.1), view.z > 0)
+
+
+@pytest.mark.parametrize("somebody_at", [None, -0.4, 1.3])
+def test_a_shank_far_from_everybody_is_not_held(somebody_at):
+    assert not held(drawn(SHANK), somebody_at).any()
+
+
+def test_something_large_beside_somebody_is_not_held():
+    assert not held(drawn(BENCH), 0.3).any()
+
+
+def test_nothing_is_held_in_a_room_that_is_known():
+    assert not held(drawn(SHANK), 0.1, age=YOUNG).any()
+
+
+def test_a_shank_beside_who_is_yet_to_be_found_is_held():
+    view = drawn(SOMEBODY, SHANK)
+    np.testing.assert_array_equal(held(view, None), view.z > 0)
+    assert not held(drawn(SOMEBODY, (1.0, 1.12, 0.25, 0.6)), None)[:, 65:].any()
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=40, deadline=None)
+def test_a_fragment_reaches_as_its_median_and_percentile_say(seed):
+    random = np.random.default_rng(seed)
+    part = random.normal(0.0, random.uniform(0.1, 0.6), (random.integers(1, 40), 3))
+    contact = random.normal(random.uniform(-0.8, 0.8), 0.1, (random.integers(1, 9), 3))
+    gap = abs(np.median(part[:, 2]) - np.median(contact[:, 2]))
+    away = np.percentile(np.linalg.norm(part - contact.mean(0), axis=1), 90)
+    assume(abs(gap - 0.6) > 1e-9 and abs(away - 0.8) > 1e-9)
+    assert _reaches(part, contact) == (gap < 0.6 and away < 0.8)

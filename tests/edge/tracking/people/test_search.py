@@ -1,0 +1,186 @@
+"""Which groups of pixels turn out to be somebody: raised arms are no people, and nobody floats."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from postures_seen_for_tests import CAMERA, MOUNT, picture
+
+from enliven.camera import Intrinsics
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
+from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.people import person, search
+from enliven_edge.tracking.people.follower import Follower
+from enliven_edge.tracking.people.identity import Looks
+from enliven_edge.tracking.people.person import Person
+from enliven_edge.tracking.people.search import Found, Search
+from enliven_edge.tracking.scene.room import BEFORE, UNLIKELY
+from enliven_edge.tracking.segment.candidates import Newcomer, _unions, measured
+from enliven_edge.tracking.segment.person_shape import shape_of
+from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.work_budget import whole
+
+SETTINGS = TrackerSettings()
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """(view, (h, w) pixels) of somebody who holds both arms out and up."""
+    z, mask = picture(posture_of(standing(arm_raise=2.0, elbow=0.2)))
+    return view_of(z), mask
+
+
+def posture_of(rotations: np.ndarray) -> Posture:
+    return Posture(np.array([0.0, 0.95, -2.5]), rotations, lengths_for_height(1.7))
+
+
+def view_of(z: np.ndarray) -> View:
+    camera = WorkingCamera(Intrinsics(160, 120, *CAMERA), 160)
+    return View(0, z, world_points(z, camera.ray, MOUNT), camera, MOUNT)
+
+
+def newcomer(view: View, pixels: np.ndarray) -> Newcomer:
+    """A group of pixels as it is found in the first frame."""
+    made = Newcomer(view.points[pixels].mean(0), 0)
+    area = area_of(view, pixels)
+    made.update(pixels, made.centre, shape_of(view, pixels, area), area, (0.0, 1.0), 0)
+    return made
+
+
+def area_of(view: View, pixels: np.ndarray) -> float:
+    """Square metres towards the sensor."""
+    return measured(view, pixels, np.zeros(pixels.shape, np.uint8))[1]
+
+
+def halves(view: View, mask: np.ndarray) -> list[np.ndarray]:
+    left = view.points[..., 0] < 0.0
+    return [mask & left, mask & ~left]
+
+
+def searched(view: View, newcomers: list[Newcomer]):
+    made: list[Found] = []
+    whole(looking().found(view, newcomers, made, alone=True))
+    return made
+
+
+def looking() -> Search:
+    return Search(Fitter(SETTINGS.fit), lambda *_: SETTINGS)
+
+
+def test_both_halves_of_somebody_are_one(scene):
+    view, mask = scene
+    parts = halves(view, mask)
+    two = [newcomer(view, part) for part in parts]
+    for one, part in zip(two, parts, strict=True):
+        one.pixels, one.parts = part, parts
+    found = searched(view, two)
+    assert [made[0] for made in found] == [two[0]]
+    np.testing.assert_array_equal(two[0].pixels, mask)
+    np.testing.assert_allclose(two[0].centre, view.points[mask].mean(0))
+    assert two[0].shape == newcomer(view, mask).shape
+    assert abs(float(found[0][1].posture.position[0])) < 0.1
+
+
+def test_two_who_hold_hands_are_two():
+    """One body does not explain both of them, so what was parted stays parted."""
+    z, mask = picture(posture_of(standing(arm_raise=0.5)))
+    parts = [np.roll(mask, shift, 1) for shift in (-23, 23)]
+    view = view_of(np.minimum(np.roll(z, -23, 1), np.roll(z, 23, 1)))
+    parts[1] &= ~parts[0]
+    two = [newcomer(view, part) for part in parts]
+    for one, part in zip(two, parts, strict=True):
+        one.pixels, one.parts = part, parts
+    found = searched(view, two)
+    assert len(found) == 2
+    apart = found[0][1].posture.position - found[1][1].posture.position
+    assert 0.7 < float(np.linalg.norm(apart)) < 1.1
+
+
+@given(st.integers(1, 5), st.integers(0, 1000))
+@settings(max_examples=30, deadline=None)
+def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
+    random = np.random.default_rng(seed)
+    whose = random.integers(-1, count, (8, 8))
+    parts = [whose == k for k in range(count)]
+    part = parts[seed % count]
+    made = _unions(part, parts)
+    assert len(made) == (0 if count == 1 else 1 if count == 2 else count)
+    sizes = [int(union.sum()) for union in made[1:]]
+    assert sizes == sorted(sizes, reverse=True)
+    assert all((union | ~part).all() for union in made)
+    if made:
+        np.testing.assert_array_equal(made[0], whose >= 0)
+    assert _unions(part.copy(), parts) == [], "of what is none of the parts"
+
+
+def test_nobody_is_guessed_high_up_a_wall(scene, monkeypatch):
+    view, mask = scene
+    looks = looking()
+    assert whole(looks.best_guess(view, [newcomer(view, mask)], alone=True))
+    lifted = MOUNT.copy()
+    lifted[1, 3] += 0.6
+    high = replace(view, points=world_points(view.z, view.camera.ray, lifted), world_from_camera=lifted)
+    monkeypatch.setattr(search, "_likely", lambda *_: True)
+    assert not whole(looks.best_guess(high, [newcomer(high, mask)], alone=True))
+
+
+def test_an_area_is_that_of_the_pixels_themselves(scene):
+    """A part that is nearer than the rest covers less than its share of the pixels says."""
+    view, mask = scene
+    for part in halves(view, mask):
+        expected = sum(view.z[v, u] ** 2 / (CAMERA[0] * CAMERA[1]) for v, u in np.argwhere(part))
+        assert area_of(view, part) == pytest.approx(expected)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=20, deadline=None)
+def test_what_is_measured_of_a_group_is_that_of_its_pixels(scene, seed):
+    """Its middle, and the shares that stand before the known room, and before what is known or guessed."""
+    view, mask = scene
+    random = np.random.default_rng(seed)
+    kind, part = (
+        random.integers(0, 4, mask.shape).astype(np.uint8),
+        mask & (random.uniform(size=mask.shape) < 0.5),
+    )
+    centre, _, shares = measured(view, part, kind)
+    np.testing.assert_allclose(centre, view.points[part].mean(0), atol=1e-9)
+    assert shares == pytest.approx((np.mean(kind[part] == BEFORE), np.mean(kind[part] != UNLIKELY)))
+
+
+@pytest.mark.parametrize(("plain_frames", "vague"), [(0, True), (9, True), (10, False)])
+def test_who_was_plainly_a_person_for_long_stays_one(plain_frames, vague, scene):
+    """The network may doubt later postures; who it never took for a person is let go."""
+    view, mask = scene
+    follower = Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing()))
+    someone = Person(1, follower, Looks(), 0)
+    someone.follower.follow = lambda *_: False  # type: ignore[method-assign]
+    someone.follower.confidence = np.ones(20)
+    for frame in range(plain_frames + 30):
+        someone.follower.somebody = 0.95 if frame < plain_frames else 0.1
+        someone.follow(view, mask, whole=True)
+    assert someone.vague == vague
+    assert person._PLAIN_FRAMES == 10
+
+
+def test_the_network_is_asked_where_its_answer_tells(scene):
+    """Of a person with raised arms, now and then; not of a panel, which no answer makes a person."""
+    view, pixels = scene
+    raised = newcomer(view, pixels)
+    raised.shape = replace(raised.shape, head=1.0)
+    assert not raised.convincing
+    assert [raised.puzzles(ns) for ns in (0, 100_000_000, 300_000_000)] == [True, False, True]
+    raised.recognised = True
+    assert raised.convincing
+    panel = newcomer(view, pixels)
+    panel.shape = replace(panel.shape, head=1.0, thickness=0.01, wide=0.5)
+    assert not panel.puzzles(0)
+    panel.recognised = True
+    assert not panel.convincing
