@@ -1,4 +1,4 @@
-"""What an edge needs of this machine: sensors, their recording, their permissions."""
+"""The edge's checks of this machine: sensors, recordings, permissions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven_edge.sensors import attached, crash_reports, profile_names, sensor_
 
 
 def checks() -> list[Check]:
-    """The sensors that are known, the profiles, the shipped recording, and each depth camera on USB."""
+    """Checks the known sensors, the profiles, the shipped recording, and each depth camera on USB."""
     return [
         Check("sensors", True, ", ".join(sensor_names())),
         Check(
@@ -26,26 +26,26 @@ def checks() -> list[Check]:
 
 
 def _shipped_recording() -> Check:
-    """The recording that ``enliven run`` replays."""
+    """Checks the recording that ``enliven run`` replays."""
     path = shipped_recording()
     mend = "Make it again: enliven synthesize -o chair.mcap"
     return Check("shipped recording", path.is_file(), path.name if path.is_file() else "not found", mend)
 
 
 def _crashes() -> Check:
-    """The reports of crashes that are kept; that there are some is no lack of this machine."""
+    """Lists the reports of crashes that are kept; their existence is no failure of this machine."""
     kept = crash_reports.reports()
     detail = "\n".join([f"{len(kept)} kept in {crash_reports.folder()}", *map(str, kept)])
     return Check("crash reports", True, detail if kept else "none kept")
 
 
 def shipped_recording() -> Path:
-    """The path of the recording that comes with the package."""
+    """Returns the path of the recording that comes with the package."""
     return Path(str(resources.files("enliven_edge") / "assets" / "chair.mcap"))
 
 
 def _cameras() -> list[Check]:
-    """One check for each depth camera on USB, as far as the system shows them."""
+    """Checks each depth camera on USB, as far as the system shows them."""
     checks = []
     for camera in attached():
         troubles = camera.troubles()

@@ -1,4 +1,4 @@
-"""The edge as a program: sense, track, drive, publish, until the sensor ends or somebody stops it."""
+"""The edge's loop: senses, tracks, drives and publishes until the sensor ends or the edge is stopped."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from enliven.person import Body
 from enliven.wire import Look, Possess
 from enliven_edge.controls import Controls, Lamps, lamps_of
 from enliven_edge.fusion.live import FusedFrame, FusedSensors
-from enliven_edge.network import Outlet, Pace
+from enliven_edge.network import FrameRate, Outlet
 from enliven_edge.sensors import Sensor, SensorFault, condition_of
 from enliven_edge.stage import Opening, Stage
 from enliven_edge.tracking import Tracker
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _PATIENCE = 0.1
-"""Seconds to wait for a frame before looking whether somebody said something."""
+"""Seconds to wait for a frame before polling viewers and controls."""
 
 
 class Edge:
@@ -40,9 +40,9 @@ class Edge:
 
     Args:
         possess_at: seconds after the first frame at which the first performer takes hold, or None.
-        parts: what of the body takes hold then; of several performers, divided by "/".
+        parts: the parts of the body that take hold then; those of several performers are divided by "/".
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
-        health: says what is wrong; None makes one.
+        health: monitors the sensor and the tracking; None makes one.
         physics: loose things among the characters, or None.
         controls: pedals and the like, beside the viewers; the caller closes them.
         once: end at the first fault of the sensor, in place of going on with its next good frame.
@@ -66,7 +66,7 @@ class Edge:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
         self.health, self.physics = health or HealthMonitor(), physics
         self.controls = controls or Controls([])
-        self.pace = Pace()
+        self.pace = FrameRate()
         self.frames = 0
         self._heard = time.monotonic()
         self._opening, self._stop_after = Opening(stage, possess_at, parts), stop_after
@@ -88,11 +88,11 @@ class Edge:
             self._listen()
 
     def stop(self) -> None:
-        """Ends :meth:`run` after the frame in hand; safe to call from a signal handler."""
+        """Ends :meth:`run` after the current frame; safe to call from a signal handler."""
         self._stopped = True
 
     def wait_for_viewer(self, seconds: float) -> None:
-        """Lets nothing happen until a viewer is there, so that it misses nothing; gives up after a while."""
+        """Waits until a viewer is there, so that it misses nothing; gives up after so many seconds."""
         deadline = time.monotonic() + seconds
         while not self.outlet.viewers and not self._stopped and not parent_is_gone():
             if time.monotonic() > deadline:
@@ -102,13 +102,13 @@ class Edge:
             time.sleep(0.02)
 
     def step(self, frame: Frame) -> None:
-        """One frame's way through the edge; one that is out of order goes no further."""
+        """Takes one frame from the sensor to the viewers; a frame out of order is dropped."""
         read_ns, self._heard = time.time_ns(), time.monotonic()
         if isinstance(frame, FusedFrame):
             read_ns = frame.read_ns
         if not self.health.admit(frame, getattr(self.sensor, "fps", None)):
             self._end_at_fault()
-            self.outlet.ail(self._ails())
+            self.outlet.set_health(self._health_states())
             return
         if self._is_over(frame):
             self.stop()
@@ -120,13 +120,13 @@ class Edge:
         self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns, props, self.stage.boards())
         self.pace.took(read_ns, time.time_ns())
         self.frames += 1
-        self.outlet.ail(self._ails())
+        self.outlet.set_health(self._health_states())
         self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies), self.sensor.name)
         first = frame.time_ns if self._first_ns is None else self._first_ns
         self._opening.take_hold((frame.time_ns - first) * 1e-9)
 
     def _frames(self) -> Iterator[Frame | None]:
-        """The sensor's frames, and None whenever none is due."""
+        """Yields the sensor's frames, and None whenever none is due."""
         while not self._stopped and not parent_is_gone():
             try:
                 frame = self.sensor.read(_PATIENCE)
@@ -143,19 +143,19 @@ class Edge:
             yield frame
 
     def _end_at_fault(self) -> None:
-        """Ends where the sensor had a fault and that was asked for."""
+        """Raises the sensor's fault where ``once`` was asked for."""
         if self._once and self.health.fault:
             mend = "Mend the sensor, or start without --once, which goes on with the next good frame."
             raise ResourceError(self.health.fault, where=self.sensor.name, mend=mend)
 
     def _is_over(self, frame: Frame) -> bool:
-        """Whether the time that was asked for has passed, by the sensor's clock."""
+        """Returns whether ``stop_after`` has passed, by the sensor's clock."""
         if self._first_ns is None:
             self._first_ns = frame.time_ns
         return self._stop_after is not None and frame.time_ns - self._first_ns >= self._stop_after * 1e9
 
     def _bodies(self, frame: Frame) -> list[Body]:
-        """Who is in the frame: tracked in depth, or as the sensor saw them itself."""
+        """Returns the people in the frame: tracked in depth, or as the sensor tracked them itself."""
         self._output.latency = self.pace.latency_ms(50) * 1e-3
         match frame:
             case DepthFrame():
@@ -173,27 +173,27 @@ class Edge:
         return bodies
 
     def _props(self, poses: list[Pose], bodies: list[Body], time_ns: int) -> Props | None:
-        """What is loose among them, where there are physics."""
+        """Returns the loose things among them, where there are physics."""
         if self.physics is None:
             return None
         return self.physics.step(poses, bodies, self.stage.holders, time_ns)
 
     def _wait(self) -> None:
-        """No frame is due: says so where that lasts."""
+        """Reports that no frame comes where that lasts."""
         self.health.silent(time.monotonic() - self._heard)
-        self.outlet.ail(self._ails())
+        self.outlet.set_health(self._health_states())
 
-    def _ails(self) -> list[HealthState]:
-        """What is wrong, with each of several sensors as well."""
+    def _health_states(self) -> list[HealthState]:
+        """Returns the health states, with those of each of several sensors."""
         if isinstance(self.sensor, FusedSensors):
-            return worst_first([*self.health.states, *self.sensor.ails])
+            return worst_first([*self.health.states, *self.sensor.health_states])
         return self.health.states
 
     def _listen(self) -> None:
-        """Carries out what viewers and controls asked for; what cannot be done is refused with its reason."""
-        self.controls.obey(self.stage, self._possess, self._lock)
+        """Carries out the requests of viewers and controls; one that fails is refused with its reason."""
+        self.controls.apply_commands(self.stage, self._possess, self._lock)
         self.controls.show(self._lamps())
-        self.outlet.hear(
+        self.outlet.poll_requests(
             possess=lambda asked: self._attempt(lambda: self._possess(asked)),
             release=lambda character, body: self._attempt(lambda: self.stage.release(character, body)),
             smooth=lambda body, amount: self._attempt(lambda: self._output.smooth(body, amount)),
@@ -203,7 +203,8 @@ class Edge:
         )
 
     def _lamps(self) -> Lamps:
-        """What the lamps of the controls show: the stage, and the same health as viewers are told."""
+        """Returns the patterns of the controls' lamps: the state of the stage and the health that viewers
+        get."""
         told = self.outlet.publisher.status.health
         return lamps_of(
             present=self.stage.occupied,
@@ -213,7 +214,7 @@ class Edge:
         )
 
     def _lock(self, on: bool) -> None:
-        """Only who is followed now performs from now on, or everybody who comes."""
+        """Keeps the cast from now on: only people who are followed now perform; or ends that."""
         if not self._by_depth:
             raise InputError(
                 "only the performers of one depth sensor can be locked",
@@ -226,12 +227,12 @@ class Edge:
             self.tracker.unlock()
 
     def _look(self, asked: Look) -> None:
-        """From where a viewer looks."""
+        """Sets the direction from which a viewer looks."""
         eye = None if asked.eye is None else np.array(asked.eye)
         self.stage.look(ScreenView(np.array(asked.direction), np.array(asked.up), eye))
 
     def _possess(self, asked: Possess) -> None:
-        """A viewer's wish that somebody take hold, or that it be shown what they would hold."""
+        """Lets a person take hold for a viewer, or previews what they would hold."""
         if asked.mode == "preview":
             self.stage.preview(asked.character, asked.body, asked.parts)
         else:
@@ -239,14 +240,14 @@ class Edge:
 
     @property
     def _output(self) -> Output:
-        """What smooths the bodies that are published."""
+        """The filter of the bodies that are published."""
         if isinstance(self.sensor, FusedSensors) and self.sensor.output is not None:
             return self.sensor.output
         return self.tracker.output
 
     @staticmethod
     def _attempt(action: Callable[[], None]) -> str:
-        """Why the action could not be done, or an empty string."""
+        """Runs an action; returns why it failed, or an empty string."""
         try:
             action()
         except EnlivenError as error:

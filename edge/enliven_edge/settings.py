@@ -1,4 +1,4 @@
-"""Everything of the edge that a TOML file may set: ``enliven edge --settings edge.toml``."""
+"""All settings of the edge in one TOML file: ``enliven edge --settings edge.toml``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from enliven_edge.tracking.health import HealthSettings
 
 @dataclass(frozen=True)
 class WireSettings:
-    """Where the edge listens."""
+    """Name, addresses and ports of the edge."""
 
     name: str = setting("edge", "The edge's name on the network, unique on this machine.")
     host: str = setting("127.0.0.1", "Address to listen on; 0.0.0.0 for every interface.")
@@ -43,7 +43,7 @@ class WireSettings:
 
 @dataclass(frozen=True)
 class EdgeSettings:
-    """The edge."""
+    """The settings of the edge."""
 
     nodes: int = setting(128, "Nodes of a deformation graph.", low=4, high=4096)
     drive: Literal["graph", "skeleton"] = setting(

@@ -1,7 +1,8 @@
-"""Where frames come from, as a user says it: a sensor's name or a recording, with a name of one's own or not.
+"""The sources of frames as a user names them: a sensor's name or a recording, with an optional name of its
+own.
 
-One word says it on the command line, ``synthetic``, ``take.mcap``, ``left=synthetic``; a table of the
-settings file says more.
+The command line takes one word, ``synthetic``, ``take.mcap``, ``left=synthetic``; a table of the settings
+file holds more.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ class SourceSettings:
 
 @dataclass(frozen=True)
 class Source:
-    """One sensor that is to be opened.
+    """A sensor that is to be opened.
 
     Attributes:
-        name: what the user calls it; None for the sensor's own identity.
+        name: the user's name for it; None for the sensor's own identity.
         sensor: a name of :func:`enliven_edge.sensors.registry.sensor_names`.
-        options: what its class takes.
-        scene: what of its image may be a person, where the settings say it for this sensor alone.
+        options: the arguments of its class.
+        scene: the scene settings of this sensor alone, or None for the common ones.
     """
 
     name: str | None
@@ -49,7 +50,7 @@ class Source:
 
 
 def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] | None = None) -> Source:
-    """The source that a word of the command line means.
+    """Returns the source of a word of the command line.
 
     Args:
         word: a sensor's name or the path of a recording, after ``NAME=`` where it is to be called so.
@@ -79,7 +80,7 @@ def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] |
 
 
 def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None) -> list[Source]:
-    """The sources of a settings file; a recording's path counts from the file's ``folder``."""
+    """Returns the sources of a settings file; a recording's path counts from the file's ``folder``."""
     sources = []
     for name, table in tables.items():
         options = dict(table.options)
@@ -91,10 +92,11 @@ def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None)
 
 
 def opened(sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False) -> dict[str, Sensor]:
-    """By identity, the sensors opened, and opened anew when they fail; ``stack`` closes them.
+    """Opens the sensors and returns them by identity; they are reopened when they fail, and ``stack`` closes
+    them.
 
     Args:
-        wait: live sensors need not be there yet, and are waited for; those without a name are called by kind.
+        wait: live sensors may still be missing, and are waited for; those without a name are called by kind.
 
     Raises:
         InputError: where two have one identity.

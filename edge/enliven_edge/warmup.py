@@ -1,4 +1,4 @@
-"""Compiles every kernel of the recipe before the first frame is due: no frame waits for a compiler."""
+"""Compiles every kernel of tracking before the first frame is due, so that no frame waits for a compiler."""
 
 from __future__ import annotations
 
@@ -15,48 +15,54 @@ from enliven_edge.tracking import SceneSettings, Tracker, TrackerSettings
 from enliven_edge.tracking.scene import corrected, world_from_floor
 
 _STEP_NS = 33_333_333
-_ALONE, _TOGETHER, _EMPTY = 3, 3, 1
-"""Frames with one person, with two, and with nobody: who is new, known, doubted, met and lost runs once."""
+"""Nanoseconds between the frames: those of a sensor at 30 Hz."""
+_ALONE = 3
+"""Frames with one person: a new, a confirmed and a followed one."""
+_TOGETHER = 3
+"""Frames with two people: the second is new, confirmed and followed, and they touch."""
+_EMPTY = 1
+"""Frames without people: both are lost."""
+
 _ASIDE = 1 / 6
-"""Of the picture's width, between the two people: so near that it must be said whose each surface is."""
+"""Share of the picture's width between the two people: so near that their surfaces must be told apart."""
 
 
 @cache
 def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
-    """Tracks the start of the shipped recording: somebody comes, a second person too, and both are gone.
+    """Tracks the start of the shipped recording: a person comes, a second person too, and both are gone.
 
     Kernels stay in the process: with settings that were warmed up before there is nothing to do.
     """
     settings = settings or TrackerSettings()
     # The user's own mounting and zone would hide the recorded person from view.
     tracker = Tracker(dataclasses.replace(settings, scene=SceneSettings()))
-    for frame in _rehearsal():
+    for frame in _warm_up_frames():
         tracker.track(frame)
         tracker.surfaces()
-    _look_at_a_floor()
+    _fit_a_floor()
 
 
-def _rehearsal() -> Iterator[DepthFrame]:
-    """The frames to be tracked, at the usual pace."""
+def _warm_up_frames() -> Iterator[DepthFrame]:
+    """Yields the frames to be tracked, at the usual rate."""
     frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
     count = _ALONE + _TOGETHER + _EMPTY
     for i, frame in zip(range(count), frames, strict=False):
         depth = frame.depth
         if i >= _ALONE:
-            depth = _beside_themselves(depth)
+            depth = _with_duplicate(depth)
         if i >= _ALONE + _TOGETHER:
             depth = np.zeros_like(depth)
         yield dataclasses.replace(frame, depth=depth, time_ns=i * _STEP_NS)
 
 
-def _look_at_a_floor() -> None:
-    """A floor is found and kept in place; the recorded sensor knows itself where it stands."""
+def _fit_a_floor() -> None:
+    """Fits a floor and keeps it in place: the recorded sensor knows its own place and would not do it."""
     x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
     world_from_floor(np.stack([x, np.ones_like(x), z], -1).reshape(-1, 3))
     corrected(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
 
 
-def _beside_themselves(depth):  # type: ignore[no-untyped-def]
-    """(H, W) the same person twice: the nearer of the picture and the picture moved aside."""
+def _with_duplicate(depth):  # type: ignore[no-untyped-def]
+    """Returns (H, W) the same person twice: the nearer of the picture and the picture moved aside."""
     moved = np.roll(depth, round(_ASIDE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)

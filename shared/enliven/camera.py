@@ -14,7 +14,8 @@ from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 
 LEVEL_WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])
-"""(4, 4) a level camera at the world's origin: it looks along -Z of the world, whose +Y is up."""
+"""(4, 4) world_from_camera of a level camera at the world's origin, which looks along -Z; the world's +Y is
+up."""
 
 
 @dataclass(frozen=True)

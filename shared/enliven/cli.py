@@ -17,9 +17,10 @@ import typer
 from enliven import __version__
 from enliven.commands import LazyCommands
 from enliven.errors import EnlivenError
-from enliven.logs import keep_going_unheard, start_logging
+from enliven.logs import ignore_broken_stderr, start_logging
 
 _INTERRUPTED = 130
+"""Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), as shells count it."""
 _COLLECT_EVERY = 20_000
 """New objects after which Python looks for unreachable ones among them: loading modules makes some 10^5 that
 stay, and Python's own 700 costs 0.1 s of each start."""
@@ -48,7 +49,7 @@ def main() -> None:
     """Runs the command line and ends the process with its exit code."""
     gc.set_threshold(_COLLECT_EVERY, *gc.get_threshold()[1:])
     arguments = sys.argv[1:]
-    keep_going_unheard()
+    ignore_broken_stderr()
     start_logging(as_json="--log-json" in arguments)
     code = run([a for a in arguments if a != "--log-json"])
     # Python would look through every object for unreachable ones as it ends: 0.25 s for what ends anyway.
@@ -57,7 +58,7 @@ def main() -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """The exit code of one command line; user errors are printed, not raised."""
+    """Runs one command line and returns its exit code; user errors are printed, not raised."""
     try:
         code = application()(arguments, standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
@@ -73,7 +74,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _other_failure(error: Exception) -> int:
-    """The exit code of wrong usage, or of a fault of our own.
+    """Returns the exit code of wrong usage, or of an internal fault.
 
     Usage errors are known by what they can do: their class is click's in some versions of typer and typer's
     own copy in others.
@@ -88,7 +89,7 @@ def _other_failure(error: Exception) -> int:
 
 
 def application() -> Any:
-    """The command group with every installed command."""
+    """Builds the command group of every installed command."""
     app = typer.Typer(
         cls=LazyCommands,
         help=HELP,
@@ -107,5 +108,5 @@ def _root(version: bool = typer.Option(False, "--version", help="Print the versi
 
 
 def _complain(message: str) -> None:
-    """One line on standard error."""
+    """Writes one line to standard error."""
     typer.echo(f"enliven: {message}", err=True)

@@ -13,11 +13,13 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 DEFAULT_PORTS = (5580, 5581)
+"""TCP ports of the streams and of the commands: those of :mod:`enliven.wire.sockets`, not imported since
+pyzmq may be missing here."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at: whether it is well, what was seen, and how to mend it where not."""
+    """One check of the machine: whether it passed, what was found, and the remedy where it failed."""
 
     name: str
     ok: bool
@@ -26,7 +28,7 @@ class Check:
 
 
 def all_checks() -> list[Check]:
-    """Every installed package's checks, the library's own first."""
+    """Runs every installed package's checks, the library's own first."""
     found = sorted(entry_points(group="enliven.checks"), key=lambda e: (e.name != "shared", e.name))
     made: list[Check] = []
     for entry in found:
@@ -39,7 +41,7 @@ def all_checks() -> list[Check]:
 
 
 def checks() -> list[Check]:
-    """Python, the compiler cache, the ports."""
+    """Checks Python, the compiler cache and the ports."""
     return [_python(), _compiler_cache(), *(_port(port) for port in DEFAULT_PORTS)]
 
 
@@ -55,7 +57,7 @@ def _python() -> Check:
 
 
 def _compiler_cache() -> Check:
-    """Numba keeps compiled kernels beside the sources, or in the user's cache folder."""
+    """Checks that Numba can keep compiled kernels, beside the sources or in the user's cache folder."""
     spec = importlib.util.find_spec("enliven")
     folder = Path(spec.origin).parent if spec and spec.origin else Path.cwd()
     try:
@@ -69,7 +71,7 @@ def _compiler_cache() -> Check:
 
 
 def _port(port: int) -> Check:
-    """Whether an edge could listen here now."""
+    """Checks whether an edge could listen on this port now."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         try:
             probe.bind(("127.0.0.1", port))

@@ -1,7 +1,7 @@
-"""Files that others made: their size is looked at before they are read, and what they name lies beside.
+"""Reads files from other programs: checks their size before reading, and opens only what lies beside them.
 
-A file is read whole by :func:`read_file`, and one of our own written whole by :func:`write_file`. Every file
-that a file names (buffers and pictures of a glTF, materials and textures of an OBJ) goes through one door,
+A file is read whole by :func:`read_file`, and a file of our own is written whole by :func:`write_file`. Every
+file that a file names (buffers and pictures of a glTF, materials and textures of an OBJ) is opened by
 :class:`Beside`: regular files of that file's own folder or below it, of a bounded size. Pipes, devices, links
 that lead elsewhere and paths that climb out are refused in a sentence.
 """
@@ -30,8 +30,8 @@ DAMAGE = (
     MemoryError,
     RecursionError,
 )
-"""What code raises where the numbers of a damaged file point anywhere; a check for each of them would be most
-of a reader."""
+"""The exceptions that parsers raise on a damaged file's numbers; a check for each number would be most of a
+reader."""
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """A pipe without a writer is opened and refused, not waited for."""
 _ROOM = "Check the folder's permissions and the space on the disk."
@@ -39,13 +39,13 @@ _TOGETHER = "Keep the files of the model in one folder."
 
 
 def own_folder() -> Path:
-    """The user's own place for what programs remember."""
+    """Returns the user's own folder for data that programs keep between runs."""
     given = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
     return (Path(given) if given else Path.home() / ".local" / "state") / "enliven"
 
 
 def open_file(path: Path) -> BinaryIO:
-    """A regular file, opened for reading.
+    """Opens a regular file for reading.
 
     Raises:
         InputError: where there is none, it may not be read, or it is a folder, a pipe or a device.
@@ -67,7 +67,7 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
-    """The bytes of a regular file of at most ``most`` bytes.
+    """Reads the bytes of a regular file of at most ``most`` bytes.
 
     Raises:
         InputError: as :func:`open_file`, and for a file that is larger.
@@ -109,18 +109,18 @@ def write_file(path: Path, data: bytes | str, mend: str = _ROOM) -> None:
 
 
 class Beside:
-    """The files that one file names: only those of its own folder or below.
+    """Opens the files that one file names: only those of its own folder or below.
 
     Args:
         path: of the file that names the others.
-        most: bytes of all that is read of them, so that one file named a thousand times counts as often.
+        most: bytes of all reads together: one file named a thousand times counts a thousand times.
     """
 
     def __init__(self, path: Path, most: int = MOST_BYTES) -> None:
         self._path, self._left = path, most
 
     def uri(self, uri: str) -> bytes:
-        """The bytes of a data URI, or of the file that a percent-encoded relative URI names.
+        """Returns the bytes of a data URI, or of the file that a percent-encoded relative URI names.
 
         Raises:
             InputError: as :meth:`file`, and for data that is not what the URI says.
@@ -134,7 +134,7 @@ class Beside:
             raise self._wrong(uri, f"cannot be decoded ({error})", "Export the model again.") from None
 
     def file(self, name: str) -> bytes:
-        """The bytes of a file by its name, relative to the folder.
+        """Returns the bytes of a file by its name, relative to the folder.
 
         Raises:
             InputError: where it lies outside of the folder, is missing or no regular file, or is too large

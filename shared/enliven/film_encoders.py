@@ -38,7 +38,7 @@ AUTO = "auto"
 
 
 def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), wanted: str = AUTO) -> FilmEncoder:
-    """The wanted encoder, or the first that opens for pictures of this size.
+    """Returns the wanted encoder, or the first that opens for pictures of this size.
 
     Args:
         av: PyAV, which this library does not need otherwise.
@@ -61,7 +61,8 @@ def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), wanted: 
 
 
 def _opens(av: ModuleType, encoder: FilmEncoder, size: tuple[int, int]) -> bool:
-    """Whether the encoder does: one can be listed whose hardware or system library is missing."""
+    """Returns whether the encoder opens: one may be listed although its hardware or system library is
+    missing."""
     if encoder.name not in av.codecs_available:
         return False
     try:

@@ -1,4 +1,4 @@
-"""What a sensor delivers: a depth image, or bodies where the sensor tracks people itself."""
+"""The frames that a sensor delivers: a depth image, or bodies where the sensor tracks people itself."""
 
 from __future__ import annotations
 

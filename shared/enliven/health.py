@@ -1,4 +1,4 @@
-"""What may be wrong with a sensor or a performance, as typed states: what, since when, what to do."""
+"""What may be wrong with a sensor or a performance, as typed states: kind, time of onset, remedy."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class HealthKind(StrEnum):
     TAKE_GAPS = "take incomplete"
 
 
-NOBODY = -1
-"""In place of a performer's id, where a state is about nobody in particular."""
+NO_PERFORMER = -1
+"""In place of a performer's id: the state is about the sensor or the whole scene."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,12 @@ class HealthState:
     """One thing that is wrong.
 
     Attributes:
-        kind: what; a :class:`HealthKind`, or a later program's word for something this one does not know.
+        kind: a :class:`HealthKind`, or a later program's word for something that this one does not know.
         severity: how much it hurts.
         since_ns: when it began, the sensor's clock.
         what: what is wrong, one sentence.
         mend: what to do about it, one sentence.
-        performer: whom it is about, or :data:`NOBODY`.
+        performer: the id of the performer that it is about, or :data:`NO_PERFORMER`.
     """
 
     kind: str
@@ -69,7 +69,7 @@ class HealthState:
     since_ns: int
     what: str
     mend: str
-    performer: int = NOBODY
+    performer: int = NO_PERFORMER
 
     def __str__(self) -> str:
         return f"{self.what} {self.mend}"

@@ -17,9 +17,9 @@ def njit(**options: Any) -> Any:
 
 @njit(cache=True, nogil=True)
 def copy_row(target: Any, source: Any) -> None:
-    """Writes (N,) into (N,); the lengths are not looked at.
+    """Writes (N,) into (N,); the lengths are not checked.
 
-    ``target[:] = source`` looks at them, and Numba compiles the words of that error, joined strings, into the
+    ``target[:] = source`` checks them, and Numba compiles the text of that error, joined strings, into the
     kernel and again into each one that calls it: a quarter of the time that the tracker's kernels took.
     """
     for i in range(target.shape[0]):

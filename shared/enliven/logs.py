@@ -33,7 +33,7 @@ class JsonLines(logging.Formatter):
 
 
 class Sentences(logging.Formatter):
-    """Who says it, and what; a warning of Python's is a sentence like any other."""
+    """Formats a record as its logger and its message; a warning of Python's becomes one sentence."""
 
     def format(self, record: logging.LogRecord) -> str:
         name = "enliven" if record.name == "py.warnings" else record.name
@@ -41,12 +41,12 @@ class Sentences(logging.Formatter):
 
 
 def _sentence(message: Warning | str, *place: object, **more: object) -> str:
-    """A warning without the line of source that raised it."""
+    """Returns a warning without the line of source that raised it."""
     return str(message)
 
 
 class _Lossy(io.FileIO):
-    """Standard error that never fails: what its gone reader or full disk cannot take is dropped."""
+    """A standard error that never fails: text that a closed pipe or a full disk refuses is dropped."""
 
     def write(self, data: Any) -> int:
         try:
@@ -55,8 +55,8 @@ class _Lossy(io.FileIO):
             return memoryview(data).nbytes
 
 
-def keep_going_unheard() -> None:
-    """Lets nothing that is said on standard error end the process or change its exit code."""
+def ignore_broken_stderr() -> None:
+    """Keeps a failure of standard error from ending the process or changing its exit code."""
     try:
         stream = io.BufferedWriter(_Lossy(sys.stderr.fileno(), "w", closefd=False))
         sys.stderr = io.TextIOWrapper(
@@ -67,7 +67,7 @@ def keep_going_unheard() -> None:
 
 
 def start_logging(*, as_json: bool = False, level: int = logging.INFO) -> None:
-    """Sends the log of everything called enliven to standard error."""
+    """Sends the log of every logger under "enliven" to standard error."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines() if as_json else Sentences())
     for name in ("enliven", "enliven_edge", "enliven_viewer", "py.warnings"):

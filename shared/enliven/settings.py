@@ -1,6 +1,6 @@
 """Typed settings: every user-facing number has a default, a unit, a range and one sentence.
 
-A group of settings is a frozen dataclass whose fields are made by :func:`setting`; groups nest. TOML files
+A group of settings is a frozen dataclass with fields made by :func:`setting`; groups nest. TOML files
 override the defaults, and an unknown key is an error that names the nearest known one.
 """
 
@@ -87,13 +87,13 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def _inside(value: Any) -> list[Any]:
-    """The tables and arrays in a table or an array."""
+    """Returns the tables and arrays inside a table or an array."""
     inner = value.values() if isinstance(value, dict) else value
     return [one for one in inner if isinstance(one, (dict, list))]
 
 
 def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) -> T:
-    """One settings group from a mapping; ``prefix`` is the dotted path of the group."""
+    """Builds one settings group from a mapping; ``prefix`` is the dotted path of the group."""
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = typing.get_type_hints(kind)
     for key in values:
@@ -140,7 +140,7 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
 
 
 def _named(kind: Any, table: Any, where: str, path: str) -> Any:
-    """One of several settings groups that a file names as it likes."""
+    """Builds one of several settings groups that a file names freely."""
     if not isinstance(table, Mapping):
         raise InputError(f"{path} must be a table", where=where)
     return _build(kind, table, where, path + ".")

@@ -22,7 +22,7 @@ from enliven_edge.fusion.calibration.collecting import Collector
 from enliven_edge.fusion.calibration.tracks import stream_of
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.measures import agreement, jitter_mm
-from enliven_edge.fusion.live.merge import eyes, fused, in_world, untouched
+from enliven_edge.fusion.live.merge import eyes, fused, in_world, settings_before_fusion
 from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
 from enliven_edge.fusion.placement.space import Space
 from enliven_edge.importing.base import ImportOptions
@@ -73,7 +73,7 @@ def _synthetic() -> Iterator[Figure]:
     collectors = []
     for seed, name in enumerate(PLACES):
         reel = _Reel(View(name, (performer,), seed=20 + seed))
-        collector = Collector(name, reel, Tracker(untouched(TrackerSettings())))
+        collector = Collector(name, reel, Tracker(settings_before_fusion(TrackerSettings())))
         collector.start()
         while not collector.ended:
             time.sleep(0.05)
@@ -166,7 +166,7 @@ def _cost() -> Iterator[Figure]:
         ]
         start = time.perf_counter()
         for view, bodies in zip(fuser.views, told, strict=True):
-            fuser.hear(view.name, bodies, now)
+            fuser.update(view.name, bodies, now)
         fuser.bodies(now)
         took.append(time.perf_counter() - start)
     yield Figure(f"{NAME}.fusion_us_2x6", 1e6 * float(np.median(took[50:])), "us")

@@ -14,7 +14,7 @@ from two_views import CLOCKS, RATE, View, left_from_right_camera, walker
 from enliven.cli import run
 from enliven.recording import Recorder, Recording
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
-from enliven_edge.fusion.live.merge import untouched
+from enliven_edge.fusion.live.merge import settings_before_fusion
 from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
 from enliven_edge.fusion.placement.space import load_space
 from enliven_edge.sensors.replay import ReplaySensor
@@ -66,7 +66,7 @@ class TrackedOnce(Tracker):
     """A tracker of a recording: a frame that any of them tracked before is not tracked again."""
 
     def __init__(self, file, found):
-        super().__init__(untouched(TrackerSettings()))
+        super().__init__(settings_before_fusion(TrackerSettings()))
         self._file, self._found, self._now = file, found, None
 
     @property

@@ -1,4 +1,4 @@
-"""What ships with the edge: a recording to watch before anyone has a camera, and what was learnt."""
+"""The files that ship with the edge: a recording to try it without a camera, and the trained network."""
 
 from __future__ import annotations
 
@@ -9,4 +9,4 @@ CHAIR = Path(__file__).resolve().parent / "chair.mcap"
 ``enliven synthesize -o chair.mcap`` and made again by it bit for bit."""
 
 ESTIMATOR = Path(__file__).resolve().parent / "estimator.onnx"
-"""The network that says where the joints are; made by ``enliven train-estimator -o estimator.onnx``."""
+"""The network that estimates the joints; made by ``enliven train-estimator -o estimator.onnx``."""

@@ -22,13 +22,14 @@ from enliven.settings import load_settings
 from enliven_edge.sensors import sensor_options
 
 if TYPE_CHECKING:
-    from enliven_edge.fusion.calibration import Calibration, Collector, Pair
+    from enliven_edge.fusion.calibration import Calibration, Collector, SensorPair
     from enliven_edge.settings import EdgeSettings
 
 log = logging.getLogger(__name__)
 
 _EVERY = 4.0
-"""Seconds between two looks at what live sensors have seen so far."""
+"""Seconds between two evaluations of what live sensors have seen: a calibration takes time that the trackers
+need."""
 
 
 def calibrate(
@@ -91,9 +92,9 @@ def calibrate(
 
 
 def _collectors(sensors, scenes, chosen, seconds) -> list[Collector]:  # type: ignore[no-untyped-def]
-    """One for each sensor, with its own tracker."""
+    """Returns a collector for each sensor, with its own tracker."""
     from enliven_edge.fusion.calibration import Collector
-    from enliven_edge.fusion.live import untouched
+    from enliven_edge.fusion.live import settings_before_fusion
     from enliven_edge.tracking import Tracker
 
     made = []
@@ -101,12 +102,12 @@ def _collectors(sensors, scenes, chosen, seconds) -> list[Collector]:  # type: i
         tracker = chosen.tracker
         if scenes[name] is not None:
             tracker = dataclasses.replace(tracker, scene=scenes[name])
-        made.append(Collector(name, sensor, Tracker(untouched(tracker)), seconds))
+        made.append(Collector(name, sensor, Tracker(settings_before_fusion(tracker)), seconds))
     return made
 
 
 def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
-    """Looks until the recordings end, or live sensors have seen enough, or Ctrl-C."""
+    """Collects bodies until the recordings end, live sensors have seen enough, or Ctrl-C."""
     from enliven_edge.fusion.calibration import calibrate as calibrated
     from enliven_edge.warmup import warm_up_tracking
 
@@ -138,7 +139,7 @@ def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
 
 @contextlib.contextmanager
 def _interrupted() -> Iterator[threading.Event]:
-    """An event that Ctrl-C sets: what was seen until then is still compared."""
+    """Yields an event that Ctrl-C sets: the bodies seen until then are still compared."""
     stop = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield stop
@@ -150,8 +151,8 @@ def _interrupted() -> Iterator[threading.Event]:
         signal.signal(signal.SIGINT, before)
 
 
-def _sentence(pair: Pair) -> str:
-    """What two sensors told of each other."""
+def _sentence(pair: SensorPair) -> str:
+    """Describes the result of a pair of sensors."""
     q = pair.quality
     if pair.fit is None:
         return f"{pair.a} - {pair.b}: {q.verdict}"
@@ -164,7 +165,7 @@ def _sentence(pair: Pair) -> str:
 
 
 def _write(found: Calibration, collectors: list[Collector], output: Path, accept_doubt: bool) -> None:
-    """Writes the file where the result is good; otherwise says why not and leaves the file as it was."""
+    """Writes the file where the result is good; otherwise prints why not and leaves the file as it was."""
     from enliven_edge.fusion.placement import save_space
 
     doubt = [] if found.good else ["NOT GOOD ENOUGH: " + "; ".join(found.advice)]

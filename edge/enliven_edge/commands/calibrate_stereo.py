@@ -87,7 +87,7 @@ def _print(board: Board, path: Path) -> None:
 
 
 def _calibrate(board: Board, folder: Path, output: Path, accept_doubt: bool) -> None:
-    """Solves, tells, and writes where it is good enough."""
+    """Solves, prints the result, and writes it where it is good enough."""
     from enliven_edge.sensors.stereo import judge, save_calibration, solve
 
     sightings, size = _seen(board, folder)
@@ -111,7 +111,7 @@ def _calibrate(board: Board, folder: Path, output: Path, accept_doubt: bool) -> 
 
 
 def _seen(board: Board, folder: Path) -> tuple[list[Sighting], tuple[int, int]]:
-    """The sightings of a folder's pairs, and the (width, height) of the images."""
+    """Finds the board in a folder's pairs; returns the sightings and the (width, height) of the images."""
     from enliven_edge.sensors.stereo import Sighting, image_pairs, read_grey
 
     sightings, size = [], (0, 0)
@@ -128,7 +128,7 @@ def _seen(board: Board, folder: Path) -> tuple[list[Sighting], tuple[int, int]]:
 
 
 def _take(board: Board, folder: Path, names: tuple[str, str], size: tuple[int, int], pairs: int) -> None:
-    """Keeps pairs of live cameras in a folder."""
+    """Saves pairs of live images in a folder."""
     from PIL import Image
 
     from enliven_edge.sensors.drivers import LibcameraImages
@@ -166,7 +166,7 @@ def _take(board: Board, folder: Path, names: tuple[str, str], size: tuple[int, i
 
 
 def _tell(judgement: Judgement) -> None:
-    """What was found, on the terminal."""
+    """Prints the result on the terminal."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     table.add_row("calibration", judgement.verdict)
     for fact in judgement.facts:
@@ -177,7 +177,7 @@ def _tell(judgement: Judgement) -> None:
 
 
 def _size(words: str, where: str) -> tuple[int, int]:
-    """The two numbers of 640x400.
+    """Parses the two numbers of 640x400.
 
     Raises:
         InputError: where it is none.

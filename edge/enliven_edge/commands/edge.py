@@ -20,7 +20,7 @@ from enliven.settings import load_settings
 if TYPE_CHECKING:
     from enliven.document import Character
     from enliven_edge.fusion.live import FusedSensors
-    from enliven_edge.landmarks import ColourEye
+    from enliven_edge.landmarks import ColourPoseEstimator
     from enliven_edge.physics import PhysicsSettings, Playground
     from enliven_edge.sensors import Sensor
     from enliven_edge.settings import EdgeSettings
@@ -138,7 +138,7 @@ def serve(
     once: bool = False,
     wait_for_sensor: bool = False,
 ) -> None:
-    """Opens everything, serves, and closes everything; heavy modules are imported only here."""
+    """Opens everything, runs the loop, and closes everything; heavy modules are imported only here."""
     from enliven_edge.commands.preparing import prepared
     from enliven_edge.controls import open_controls
     from enliven_edge.network import Outlet, need_free
@@ -188,17 +188,20 @@ def serve(
         log.info("%d frames, %.1f ms at the median", service.frames, service.pace.latency_ms(50))
 
 
-def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourEye | None:
-    """What looks at the colour image, where the settings ask for it."""
+def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourPoseEstimator | None:
+    """Returns the source of colour landmarks, where the settings ask for one."""
     if not chosen.colour.use:
         return None
-    from enliven_edge.landmarks import ColourEye, MediaPipeSource
+    from enliven_edge.landmarks import ColourPoseEstimator, MediaPipeSource
 
-    return ColourEye(stack.enter_context(MediaPipeSource(chosen.colour.mediapipe)), chosen.colour.lift)
+    return ColourPoseEstimator(
+        stack.enter_context(MediaPipeSource(chosen.colour.mediapipe)), chosen.colour.lift
+    )
 
 
 def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool) -> Playground | None:
-    """The loose things, ready for the first frame, or None; a recording gives the same every time."""
+    """Returns the physics, ready for the first frame, or None; a recording gives the same result every
+    time."""
     if chosen.world == "none":
         return None
     from enliven_edge.physics import Playground
@@ -211,7 +214,7 @@ def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool
 
 
 def _settings(path: Path | None, **overrides: str | int | bool | None) -> EdgeSettings:
-    """The settings of the file, with what the command line says on top."""
+    """Returns the settings of the file, overridden by the command line's."""
     from enliven_edge.settings import EdgeSettings, WireSettings
 
     loaded = load_settings(EdgeSettings, path) if path else EdgeSettings()
@@ -232,7 +235,7 @@ def _sources(
     chosen: EdgeSettings,
     folder: Path | None,
 ) -> list[Source]:
-    """What was asked for: on the command line, else in the settings, else the shipped recording."""
+    """Returns the sources of the command line, else of the settings, else the shipped recording."""
     from enliven_edge.doctor import shipped_recording
     from enliven_edge.sensors import sensor_options
     from enliven_edge.sources import source_of, sources_of
@@ -248,7 +251,7 @@ def _sources(
 
 
 def _one_of(sensors: dict[str, Sensor], sources: list[Source], chosen: EdgeSettings, once: bool) -> Sensor:
-    """The sensor; several are watched at once, and fused into one of bodies."""
+    """Returns the one sensor; several are fused into one that delivers bodies."""
     if len(sensors) == 1:
         return next(iter(sensors.values()))
     if not chosen.space:
@@ -263,8 +266,8 @@ def _one_of(sensors: dict[str, Sensor], sources: list[Source], chosen: EdgeSetti
 def _fused(
     sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettings, once: bool
 ) -> FusedSensors:
-    """Several sensors as one."""
-    from enliven_edge.fusion.live import FusedSensors, untouched, warm_up_fusion
+    """Returns several sensors as one."""
+    from enliven_edge.fusion.live import FusedSensors, settings_before_fusion, warm_up_fusion
     from enliven_edge.fusion.placement import load_space
     from enliven_edge.tracking import Tracker
     from enliven_edge.tracking.health import HealthMonitor
@@ -273,7 +276,7 @@ def _fused(
     trackers, health = {}, {}
     for source, (name, sensor) in zip(sources, sensors.items(), strict=True):
         scene = source.scene or chosen.tracker.scene
-        trackers[name] = Tracker(untouched(dataclasses.replace(chosen.tracker, scene=scene)))
+        trackers[name] = Tracker(settings_before_fusion(dataclasses.replace(chosen.tracker, scene=scene)))
         fps = getattr(sensor, "fps", None)
         health[name] = HealthMonitor(chosen.health, fps=fps, far=scene.far, name=name)
     warm_up_fusion()
@@ -283,7 +286,7 @@ def _fused(
 
 @contextlib.contextmanager
 def _stopped_by_signals(stop) -> Iterator[None]:  # type: ignore[no-untyped-def]
-    """Ctrl-C and SIGTERM end the loop after the frame in hand."""
+    """Makes Ctrl-C and SIGTERM end the loop after the current frame."""
     before = {s: signal.signal(s, lambda *_: stop()) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield

@@ -1,4 +1,4 @@
-"""``enliven import``: foreign recordings become recordings of enliven."""
+"""``enliven import``: converts recordings of other programs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Found:
-    """What an import has met so far."""
+    """Counts of what an import has read so far."""
 
     frames: int = 0
     people: int = 0
@@ -34,7 +34,7 @@ class Found:
     size: str = ""
 
     def add(self, frame: Frame) -> None:
-        """Count one frame."""
+        """Counts one frame."""
         from enliven.frames import DepthFrame
 
         self.first_ns = frame.time_ns if not self.frames else self.first_ns
@@ -109,7 +109,7 @@ def import_recording(
 def write_recording(
     frames: Iterator[Frame], reader: Reader, output: Path, level: int, overwrite: bool, console: Console
 ) -> Found:
-    """Write all frames under a passing name, and give the file its name when it is whole.
+    """Writes all frames under a temporary name, and renames the file when it is complete.
 
     Raises:
         InputError: where the output exists already, or a file cannot be understood; nothing is left behind.

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from enliven_edge.inspection import Inspector, SensorLog
 
 _USUAL_RATE = 30.0
+"""Frames a second of a recording with too few frames to tell: that of depth cameras."""
 
 
 def inspect(
@@ -75,17 +76,18 @@ def _film(
     rates: tuple[float, float],
     count: int,
 ) -> None:
-    """The film, and the sheet where one is wanted; ``rates`` are those of the recording and of the film."""
+    """Writes the film, and the sheet where one is wanted; ``rates`` are those of the recording and of the
+    film."""
     import numpy as np
     from PIL import Image
 
-    from enliven_edge.inspection import Film, Inspector, contact_sheet
+    from enliven_edge.inspection import DepthFilm, Inspector, contact_sheet
     from enliven_edge.tracking import Tracker
 
     inspector = Inspector(Tracker(), width, rates[0])
     kept: list[UInt8] = []
     picked = set(np.linspace(0, count - 1, min(12, count)).round().astype(int))
-    with Film(output, rates[1]) as film:
+    with DepthFilm(output, rates[1]) as film:
         numbered = zip(range(count), _pictures(source, log, inspector), strict=False)
         for n, picture in track(numbered, "Filming", total=count, transient=True):
             film.add(picture)
@@ -97,7 +99,7 @@ def _film(
 
 
 def _pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:
-    """A picture for every depth frame."""
+    """Yields a picture for every depth frame."""
     from enliven.frames import DepthFrame
     from enliven_edge.sensors import Moments
 
@@ -110,6 +112,6 @@ def _pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterat
 
 
 def _rate(source: Recording, count: int) -> float:
-    """Frames a second of a recording, from its times."""
+    """Returns the frames a second of a recording, from its times."""
     seconds = source.info.duration
     return min(max((count - 1) / seconds, 1.0), 240.0) if seconds > 0 and count > 1 else _USUAL_RATE

@@ -1,4 +1,4 @@
-"""What an edge makes ready before its first frame, with what it does said on a terminal."""
+"""Prepares the edge before its first frame, and shows the step under way on a terminal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def prepared(mesh: str, chosen: EdgeSettings) -> Actor:
-    """The actor, with every kernel compiled: most of a minute the first time, a second later on."""
+    """Returns the actor with every kernel compiled: most of a minute the first time, a second later on."""
     with _steps(f"Preparing {mesh}: sampling, linking, weighting", total=3) as then:
         actor = _cast(mesh, chosen)
         then("Compiling the solver (kept for the next start)")
@@ -28,7 +28,7 @@ def prepared(mesh: str, chosen: EdgeSettings) -> Actor:
 
 
 def _cast(mesh: str, chosen: EdgeSettings) -> Actor:
-    """The actor of what was asked for; only what that needs is loaded."""
+    """Returns the actor that was asked for; only the modules that it needs are loaded."""
     if is_puppet(mesh):
         from enliven_edge.stage.puppet import cast_puppet
 
@@ -42,7 +42,7 @@ def _cast(mesh: str, chosen: EdgeSettings) -> Actor:
 
 @contextlib.contextmanager
 def _steps(first: str, total: int) -> Iterator[Callable[[str], None]]:
-    """Shows the step under way on a terminal, and what begins the next one; elsewhere nothing is shown."""
+    """Yields a function that names the next step; on a terminal the step under way is shown."""
     if not sys.stderr.isatty():
         yield lambda step: None
         return

@@ -7,7 +7,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 
 def frame_progress(console: Console) -> Progress:
-    """What is done, how many frames, how long; tasks need the field ``count``."""
+    """Returns a bar with the share done, the frames and the time; tasks need the field ``count``."""
     return Progress(
         SpinnerColumn(),
         TextColumn("{task.description}: {task.fields[count]} frames"),

@@ -1,4 +1,4 @@
-"""``enliven record``: what a sensor delivers, into a file."""
+"""``enliven record``: writes what a sensor delivers to a file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _PATIENCE = 0.25
-"""Seconds to wait for a frame before looking whether to stop and handing what there is to the disk."""
+"""Seconds to wait for a frame before checking for an end and handing the written data to the disk."""
 
 
 def record(
@@ -107,7 +107,7 @@ def record_stream(
 
 @contextlib.contextmanager
 def _stop_on_interrupt() -> Iterator[threading.Event]:
-    """An event that Ctrl-C sets, so that the file is finished; a second Ctrl-C interrupts at once."""
+    """Yields an event that Ctrl-C sets, so that the file is completed; a second Ctrl-C interrupts at once."""
     stop = threading.Event()
 
     def interrupted(number: int, frame: object) -> None:

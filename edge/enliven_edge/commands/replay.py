@@ -1,4 +1,4 @@
-"""enliven replay: a recording through the edge, as if it were happening now."""
+"""enliven replay: sends a recording through the edge in its own time, like a live sensor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``enliven sensors``: which there are, and what one of them sees."""
+"""``enliven sensors``: lists the sensors, or shows what one of them sees."""
 
 from __future__ import annotations
 
@@ -69,16 +69,16 @@ def sensors(
         table.add_row(*fact)
     console.print(table)
     if way is not None:
-        from enliven_edge.terminal import shown
+        from enliven_edge.terminal import encoded_picture
 
-        typer.echo(shown(_picture(frames[-1]), way, console.width), nl=False, color=True)
+        typer.echo(encoded_picture(_picture(frames[-1]), way, console.width), nl=False, color=True)
     if output is not None:
         _draw(frames[-1], output, [f"{what}: {value}" for what, value in facts[:4]])
         typer.echo(f"{output}: its depth, near is bright")
 
 
 def _list(console: Console) -> None:
-    """What may be named, and what is plugged in."""
+    """Lists the names of sensors, and the devices that are plugged in."""
     from enliven_edge.sensors import attached, sensor_names
     from enliven_edge.sensors.drivers import listed_cameras
 
@@ -100,7 +100,7 @@ def _list(console: Console) -> None:
 
 
 def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
-    """The depth frames of so many seconds, at least one."""
+    """Returns the depth frames of so many seconds, at least one."""
     from enliven.frames import DepthFrame
     from enliven_edge.sensors import SensorFault
 
@@ -130,7 +130,7 @@ def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
 
 
 def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, str]]:  # type: ignore[no-untyped-def]
-    """What is worth to know of a sensor, each with its name."""
+    """Returns facts about a sensor, each with its name."""
     import numpy as np
 
     from enliven.camera import rays, unproject
@@ -162,7 +162,7 @@ def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, st
 
 
 def _condition_facts(condition, down) -> list[tuple[str, str]]:  # type: ignore[no-untyped-def]
-    """What the device says of itself."""
+    """Returns what the device reports about itself."""
     import numpy as np
 
     facts = []
@@ -181,15 +181,15 @@ def _condition_facts(condition, down) -> list[tuple[str, str]]:  # type: ignore[
 
 
 def _way(word: str) -> Way | None:
-    """How the terminal is shown a picture; None where it is not, or where there is none.
+    """Returns the image protocol of the terminal; None where no picture is to be drawn.
 
     Raises:
         InputError: for a word that names no way.
     """
-    from enliven_edge.terminal import WAYS, way_of
+    from enliven_edge.terminal import WAYS, image_protocol
 
     if word in ("auto", "none"):
-        return way_of(sys.stdout, sys.stdin) if word == "auto" else None
+        return image_protocol(sys.stdout, sys.stdin) if word == "auto" else None
     if word not in WAYS:
         known = ", ".join(("auto", "none", *WAYS))
         raise InputError(f"there is no way {word!r} to draw", where="--picture", mend=f"Give {known}.")
@@ -197,7 +197,7 @@ def _way(word: str) -> Way | None:
 
 
 def _picture(frame: DepthFrame) -> UInt8:
-    """(H, W, 3) a frame's depth, and its colour beside it where there is one."""
+    """Returns (H, W, 3) a frame's depth, with its colour beside it where it has one."""
     import numpy as np
     from PIL import Image
 
@@ -211,7 +211,7 @@ def _picture(frame: DepthFrame) -> UInt8:
 
 
 def _draw(frame: DepthFrame, output: Path, lines: list[str]) -> None:
-    """A picture of a frame, in a file."""
+    """Writes a picture of a frame to a file."""
     from PIL import Image
 
     from enliven_edge.inspection import captioned

@@ -1,4 +1,4 @@
-"""A control in a thread of its own: reads, tells presses from bounces, finds its device again."""
+"""Reads a control in a thread of its own: debounces its keys and reopens its device after unplugging."""
 
 from __future__ import annotations
 
@@ -16,44 +16,44 @@ from enliven_edge.controls.lamps import Lamps
 log = logging.getLogger(__name__)
 
 PATIENCE = 0.1
-"""Seconds to wait for a press before looking whether to stop."""
+"""Seconds to wait for a press before checking whether to stop."""
 
 _WAITING = 32
-"""Words that wait for the edge; older ones are dropped, nobody means them any more."""
+"""Commands that wait for the edge; older ones are dropped, since they answer a stage that has changed."""
 
 _STRANGERS = 16
-"""Unknown keys that are said in the log, one by one, for whoever writes the map."""
+"""Unknown keys that are logged one by one, as a help for writing the map."""
 
 
 class Control(Protocol):
-    """Something that says words now and then."""
+    """A source of commands: a pedal, a panel, a clicker or a microphone."""
 
     name: str
 
     @property
     def there(self) -> bool:
-        """Whether its device is, and listened to."""
+        """Whether its device is present and read."""
         ...
 
     def poll(self) -> list[Word]:
-        """What was said since the last call, the oldest first; never waits."""
+        """Returns the commands since the last call, the oldest first; never waits."""
         ...
 
     def show(self, lamps: Lamps) -> None:
-        """What its lamps are to show from now on, where it has any."""
+        """Sets what its lamps show from now on, where it has any."""
         ...
 
     def close(self) -> None:
-        """Ends it and lets the device go."""
+        """Ends it and releases the device."""
         ...
 
 
 class Device(ABC):
-    """What a :class:`Reader` reads, from its thread alone."""
+    """The device that a :class:`ControlReader` reads, from its thread alone."""
 
     @abstractmethod
     def open(self) -> None:
-        """Opens it anew.
+        """Opens the device anew.
 
         Raises:
             Exception: of the library's own, mostly an OSError, where it is not there.
@@ -61,7 +61,7 @@ class Device(ABC):
 
     @abstractmethod
     def read(self) -> list[str]:
-        """The keys that went down, after :data:`PATIENCE` at the latest.
+        """Returns the keys that went down, after :data:`PATIENCE` at the latest.
 
         Raises:
             Exception: likewise, where it is gone.
@@ -70,22 +70,22 @@ class Device(ABC):
 
     @property
     def answers(self) -> bool:
-        """Whether the device behind an open port has answered as it should; only then it is there."""
+        """Whether the device behind an open port has answered as expected; only then it counts as present."""
         return True
 
     def show(self, lamps: Lamps) -> None:  # noqa: B027 (most devices have no lamps)
-        """What its lamps are to show from now on; called from another thread than the rest."""
+        """Sets what its lamps show from now on; called from another thread than the rest."""
 
     @abstractmethod
     def close(self) -> None:
-        """Lets it go; may be called at any time, also twice."""
+        """Releases the device; may be called at any time, also twice."""
 
 
 class Debouncer:
-    """Takes a key that comes again at once for the same press.
+    """Drops a key that repeats at once for the same press.
 
     Args:
-        seconds: a key counts anew after it was still for so long; a contact bounces for some 10 ms.
+        seconds: a key must be still for so long to count anew; a contact bounces for some 10 ms.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -93,7 +93,7 @@ class Debouncer:
         self._last: dict[str, float] = {}
 
     def counts(self, key: str, now: float) -> bool:
-        """Whether this is a press of its own.
+        """Returns whether this is a new press.
 
         Args:
             now: seconds, of a clock that never goes back.
@@ -103,12 +103,12 @@ class Debouncer:
         return before is None or now - before >= self._seconds
 
 
-class Reader:
-    """Reads a device in a daemon thread until :meth:`close`, through unplugging and plugging in.
+class ControlReader:
+    """Reads a device in a daemon thread until :meth:`close`, also after unplugging and plugging in.
 
     Args:
-        name: what the user calls it.
-        words: from its keys to what they mean.
+        name: the user's name of the control.
+        words: the command of each key.
         debounce: seconds for which a key must be still to count anew.
         retry: seconds between two tries to open it.
     """
@@ -128,27 +128,27 @@ class Reader:
 
     @property
     def there(self) -> bool:
-        """Whether its device is, and listened to: what is pressed before is lost."""
+        """Whether its device is present and read: earlier presses are lost."""
         return self._there
 
     def poll(self) -> list[Word]:
-        """What was said since the last call, the oldest first; never waits."""
+        """Returns the commands since the last call, the oldest first; never waits."""
         said = []
         while self._said:
             said.append(self._said.popleft())
         return said
 
     def show(self, lamps: Lamps) -> None:
-        """What the device's lamps are to show from now on."""
+        """Sets what the device's lamps show from now on."""
         self._device.show(lamps)
 
     def close(self) -> None:
-        """Ends the thread, which lets the device go."""
+        """Ends the thread, which releases the device."""
         self._stopped.set()
         self._thread.join(timeout=2.0)
 
     def _run(self) -> None:
-        """Opens, reads until it is gone, waits, and again; says each change once."""
+        """Opens the device, reads until it is gone, waits, and repeats; logs each change once."""
         told = False
         while not self._stopped.is_set():
             try:
@@ -168,7 +168,7 @@ class Reader:
             self._stopped.wait(self._retry)
 
     def _read(self) -> None:
-        """Until it is gone or :meth:`close`."""
+        """Reads until the device is gone or :meth:`close`."""
         while not self._stopped.is_set():
             if not self._there and self._device.answers:
                 log.info("control %s is there", self.name)
@@ -178,7 +178,8 @@ class Reader:
                     self._press(key)
 
     def _press(self, key: str) -> None:
-        """A key is what it means, or is said once, so that it can be written into the map."""
+        """Queues the command of a key; an unknown key is logged once, so that it can be written into the
+        map."""
         word = self._words.get(key)
         if word is not None:
             log.debug("control %s: %r, %s", self.name, key, word)

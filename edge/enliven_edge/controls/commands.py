@@ -1,4 +1,4 @@
-"""The words that a control may say, and what each does on the stage."""
+"""The commands that a control may give, and their effects on the stage."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ Word = Literal["possess", "join", "extend", "release", "next", "previous", "foll
 WORDS: tuple[Word, ...] = get_args(Word)
 
 _STEPS = {"next": 1, "previous": -1, "follow": 0}
+"""Places that each command moves on in the ranking of matches; 0 follows the pose again."""
 _MODES: dict[str, Literal["alone", "join", "extend"]] = {
     "possess": "alone",
     "join": "join",
@@ -23,7 +24,7 @@ _MODES: dict[str, Literal["alone", "join", "extend"]] = {
 
 
 def checked_map(given: Mapping[str, str], where: str) -> dict[str, Word]:
-    """From what a control sends to the word that it means.
+    """Returns the map from a control's keys to commands after checking every command.
 
     Raises:
         InputError: for an unknown word, with the nearest known one.
@@ -39,7 +40,7 @@ def checked_map(given: Mapping[str, str], where: str) -> dict[str, Word]:
 def actions(
     word: Word, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]
 ) -> list[Callable[[], None]]:
-    """What a word asks for: the same as a viewer would, of every character.
+    """Returns the calls that carry out a command: the same as a viewer's, for every character.
 
     Args:
         possess: carries out a viewer's wish to possess.
@@ -53,7 +54,7 @@ def actions(
 def _of_one(
     word: Word, character: str, stage: Stage, possess: Callable[[Possess], None]
 ) -> Callable[[], None]:
-    """What a word asks of one character."""
+    """Returns the call that carries out a command for one character."""
     if word == "release":
         return lambda: stage.release(character)
     if word in _STEPS:

@@ -1,4 +1,4 @@
-"""All controls of an edge: opened by its settings, heard between two frames."""
+"""All controls of an edge: opened by its settings, polled between two frames."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import TracebackType
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import Possess
-from enliven_edge.controls.base import Control, Device, Reader
+from enliven_edge.controls.base import Control, ControlReader, Device
 from enliven_edge.controls.commands import WORDS, Word, actions, checked_map
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
@@ -19,13 +19,15 @@ log = logging.getLogger(__name__)
 
 
 class Controls:
-    """What is said by any of some controls is done on the stage."""
+    """Carries out the commands of several controls on the stage."""
 
     def __init__(self, controls: Sequence[Control]) -> None:
         self._controls = list(controls)
 
-    def obey(self, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]) -> None:
-        """Carries out what was said since the last call; what cannot be done is said in the log.
+    def apply_commands(
+        self, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]
+    ) -> None:
+        """Carries out the commands since the last call; a command that fails is logged.
 
         Args:
             possess: carries out a viewer's wish to possess.
@@ -41,22 +43,22 @@ class Controls:
                         log.warning("%s: %s was refused: %s", control.name, word, error)
 
     def show(self, lamps: Lamps) -> None:
-        """Shows the state of the stage; a lamp goes to "no edge" where this is not called for a second."""
+        """Shows the state of the stage; a lamp changes to "no edge" where this is not called for a second."""
         for control in self._controls:
             control.show(lamps)
 
     @property
     def missing(self) -> list[str]:
-        """The names of those whose devices are looked for."""
+        """The names of the controls that search for their devices."""
         return [control.name for control in self._controls if not control.there]
 
     def forget(self) -> None:
-        """What was said so far is nothing: the stage was not ready."""
+        """Drops the commands so far: the stage was not ready."""
         for control in self._controls:
             control.poll()
 
     def close(self) -> None:
-        """Lets all devices go."""
+        """Releases all devices."""
         for control in self._controls:
             control.close()
 
@@ -70,7 +72,7 @@ class Controls:
 
 
 def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None = None) -> Controls:
-    """Begins to listen to all controls of a settings file.
+    """Opens all controls of a settings file.
 
     Args:
         folder: of the file, where its paths begin.
@@ -82,12 +84,15 @@ def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None =
     """
     ready = [(name, one, device_of(name, one, folder)) for name, one in settings.items()]
     return Controls(
-        [Reader(name, device, words_of(name, one), one.debounce, one.retry) for name, one, device in ready]
+        [
+            ControlReader(name, device, words_of(name, one), one.debounce, one.retry)
+            for name, one, device in ready
+        ]
     )
 
 
 def words_of(name: str, settings: ControlSettings) -> dict[str, Word]:
-    """What a control's keys mean; without a map it sends the commands themselves.
+    """Returns the command of each of a control's keys; without a map the keys are the commands.
 
     Raises:
         InputError: for an unknown command, or a voice without phrases.
@@ -99,7 +104,7 @@ def words_of(name: str, settings: ControlSettings) -> dict[str, Word]:
 
 
 def device_of(name: str, settings: ControlSettings, folder: Path | None = None) -> Device:
-    """What a control is read from, not opened yet; its library is imported only here."""
+    """Returns a control's device, not opened yet; its library is imported only here."""
     where = f"controls.{name}"
     refuse_other_kinds(settings, where)
     words = words_of(name, settings)

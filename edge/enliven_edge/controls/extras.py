@@ -1,4 +1,4 @@
-"""Whether the libraries of the controls are here: they are extras, asked for only where one is used."""
+"""Checks that the optional libraries of the controls are installed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enliven.errors import ResourceError
 
 
 def need(module: str, extra: str, where: str) -> None:
-    """Says what to install where a library is missing.
+    """Raises an error that names the missing package.
 
     Raises:
         ResourceError: where it is.

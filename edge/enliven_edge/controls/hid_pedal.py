@@ -15,15 +15,16 @@ from enliven_edge.controls.hid_reports import Edges
 from enliven_edge.controls.settings import ControlSettings
 
 _OPENING = threading.Lock()
-"""The library's list of devices is not made for two threads at once."""
+"""Held while devices are listed: hidapi's list is not safe for two threads at once."""
 
 _LONGEST_REPORT = 64
+"""Bytes of a report that are read: the most that USB's full speed sends in one."""
 _KEYBOARD = (1, 6)
 """Usage page and usage: generic desktop, keyboard."""
 
 
 class HidPedal(Device):
-    """One HID device, found by its numbers.
+    """One HID device, found by its vendor and product numbers.
 
     Raises:
         InputError: where it has no vendor and product.
@@ -57,7 +58,7 @@ class HidPedal(Device):
             self._device = None
 
     def _path(self, hid: Any) -> bytes:
-        """Where the interface is that was asked for; of several, one that says it is a keyboard.
+        """Returns the path of the wanted interface; of several, one that declares itself a keyboard.
 
         Raises:
             OSError: where there is none.
@@ -75,6 +76,6 @@ class HidPedal(Device):
 
 
 def _library() -> Any:
-    """The kernel's own way to HID devices where there is one, which knows Bluetooth too; else libusb's."""
+    """Imports the kernel's own HID interface where it exists, which supports Bluetooth too; else libusb's."""
     raw = sys.platform.startswith("linux") and importlib.util.find_spec("hidraw") is not None
     return importlib.import_module("hidraw" if raw else "hid")

@@ -1,4 +1,4 @@
-"""What the reports of a pedal or a clicker say is down; pure functions over bytes.
+"""Decodes which keys the reports of a pedal or a clicker state as down; pure functions over bytes.
 
 A keyboard's report is the boot report (Device Class Definition for HID 1.11, appendix B.1): one byte of
 modifiers, one reserved, then up to six key codes (HID Usage Tables, page 7). A panel's has a bit a button.
@@ -10,7 +10,7 @@ from typing import Literal
 
 _MODIFIERS = ("ctrl", "shift", "alt", "meta", "right ctrl", "right shift", "right alt", "right meta")
 _ROLL_OVER = 3
-"""Codes up to this one are no keys, but say that more are down than a report can hold."""
+"""Codes up to this one are no keys: they state that more keys are down than a report can hold."""
 
 _NAMES = {
     **{4 + i: chr(ord("a") + i) for i in range(26)},
@@ -32,10 +32,11 @@ _NAMES = {
     0x51: "down",
     0x52: "up",
 }
+"""Name of each key code of a US keyboard (HID Usage Tables, page 7)."""
 
 
 def keys_down(report: bytes) -> frozenset[str] | None:
-    """The keys that a keyboard's report says are down; None where it says that there are too many.
+    """Returns the keys that a keyboard's report states as down; None where it states too many.
 
     Keys have the names of a US keyboard: a, 1, f5, enter, page down, ...; those without one are such as 0x65.
     """
@@ -49,14 +50,15 @@ def keys_down(report: bytes) -> frozenset[str] | None:
 
 
 def buttons_down(report: bytes) -> frozenset[str]:
-    """The bits that are set, as "byte.bit", both from 0: "0.2" is the third button of the first byte."""
+    """Returns the bits that are set, as "byte.bit", both from 0: "0.2" is the third button of the first
+    byte."""
     return frozenset(
         f"{place}.{bit}" for place, byte in enumerate(report) for bit in range(8) if byte >> bit & 1
     )
 
 
 class Edges:
-    """From reports, which say what is down, to the keys that went down since the last.
+    """Converts reports, which state the keys that are down, to the keys that went down since the last one.
 
     Args:
         report: what they hold.
@@ -70,7 +72,7 @@ class Edges:
         self._down: frozenset[str] = frozenset()
 
     def feed(self, report: bytes) -> list[str]:
-        """The keys that went down with this report, by name; a broken one changes nothing."""
+        """Returns the keys that went down with this report, by name; a broken report changes nothing."""
         if self._number and report[:1] != bytes([self._number]):
             return []
         rest = report[self._skip + (self._number > 0) :]
@@ -81,5 +83,5 @@ class Edges:
         return sorted(new)
 
     def forget(self) -> None:
-        """The device is opened anew: nothing is down."""
+        """Resets the state after the device was opened anew: no key is down."""
         self._down = frozenset()

@@ -1,4 +1,4 @@
-"""What the lamps of a control show: a pattern for each of four lamps, from the state of the stage."""
+"""The patterns of a control's four lamps, from the state of the stage."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Lamps:
 
 
 def lamps_of(*, present: bool, held: bool, locked: bool, worst: int) -> Lamps:
-    """The patterns that show a state of the stage.
+    """Returns the patterns that show a state of the stage.
 
     Args:
         present: whether a performer is in view.

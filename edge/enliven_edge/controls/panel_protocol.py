@@ -1,4 +1,4 @@
-"""The lines between an edge and its button panel, as docs/panel.md has them; nothing here waits or raises."""
+"""The messages between an edge and its button panel, as in docs/panel.md; nothing here waits or raises."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ VERSION = "01"
 """The protocol that this edge speaks, two digits of the panel's greeting."""
 
 ASK = "?"
-"""The body of a message that asks for the panel's greeting."""
+"""The body of a message that requests the panel's greeting."""
 
 _LONGEST = 64
 """Bytes of a body and its checksum; what is longer is noise. The panel's longest are 19."""
 
 _MOST_BEATS = 12
-"""The panel beats four times a second; where more beats are missing, it was started again or not heard."""
+"""The panel beats four times a second; where more beats are missing, it restarted or was not received."""
 
 _MOST_PRESSES = 7
-"""No one presses a button so often between two messages; more is a panel that was started again."""
+"""Presses between two messages, at most: more cannot be a person's and mean that the panel restarted."""
 
 _CODES = {"off": "-", "steady": "S", "breathing": "B", "flashing": "F"}
 _GREETING = re.compile(r"H(\d\d)([PEBW?])")
@@ -29,7 +29,8 @@ _PRESSES = re.compile(r"P([0-9A-F]{4})([0-9A-F]{1,16})")
 
 
 def encode(body: str) -> bytes:
-    """A message: ``$``, the body, ``*``, the body's CRC-16 (XMODEM) as four hexadecimal digits, a line feed.
+    """Returns a message: ``$``, the body, ``*``, the body's CRC-16 (XMODEM) as four hexadecimal digits, a
+    line feed.
 
     Args:
         body: printable ASCII without ``$`` and ``*``.
@@ -39,18 +40,18 @@ def encode(body: str) -> bytes:
 
 
 def lamps_body(lamps: Lamps) -> str:
-    """The body of a message that sets the lamps: L and a character for each."""
+    """Returns the body of a message that sets the lamps: L and a character for each."""
     return "L" + "".join(_CODES[pattern] for pattern in astuple(lamps))
 
 
 class Decoder:
-    """Finds the messages in a stream of bytes: each begins anew at its ``$``, whatever came before."""
+    """Finds the messages in a stream of bytes: each begins at a ``$``, whatever came before."""
 
     def __init__(self) -> None:
         self._line: bytearray | None = None
 
     def feed(self, data: bytes) -> list[str]:
-        """The bodies of the messages that have ended in these bytes, and whose checksums are right."""
+        """Returns the bodies of the messages that end in these bytes and have right checksums."""
         bodies = []
         for byte in data:
             if byte == ord("$"):
@@ -70,7 +71,7 @@ class Decoder:
 
 
 def _checked(line: bytes) -> str:
-    """The body of a line whose checksum is right, else an empty string."""
+    """Returns the body of a line with a right checksum, else an empty string."""
     body, _, checksum = line.rpartition(b"*")
     if checksum != b"%04X" % binascii.crc_hqx(body, 0) or not body.isascii():
         return ""
@@ -78,7 +79,7 @@ def _checked(line: bytes) -> str:
 
 
 class PanelKeys:
-    """What a panel says: its greeting and its buttons, ``1``, ``2``, ... for each press.
+    """Decodes a panel's messages: its greeting and its buttons, ``1``, ``2``, ... for each press.
 
     The panel sends how often each button was pressed so far, so that the next message makes good a lost one.
 
@@ -93,13 +94,13 @@ class PanelKeys:
         self.forget()
 
     def forget(self) -> None:
-        """The port is opened anew: what was pressed before is nothing."""
+        """Resets the state after the port was opened anew: earlier presses are dropped."""
         self._decoder = Decoder()
         self._beat = 0
         self.version, self.cause, self.heard, self.counts = "", "", 0, ""
 
     def feed(self, data: bytes) -> list[str]:
-        """The buttons that were pressed, as these bytes say."""
+        """Returns the buttons that were pressed, as these bytes state."""
         keys, self.cause = [], ""
         for body in self._decoder.feed(data):
             self.heard += 1
@@ -110,7 +111,8 @@ class PanelKeys:
         return keys
 
     def _pressed(self, beat: int, counts: str) -> list[str]:
-        """The presses since the message before; none where this is the first since the panel was started."""
+        """Returns the presses since the last message; none where this is the first since the panel
+        started."""
         beats = (beat - self._beat) % 0x10000
         more = [(int(new, 16) - int(old, 16)) % 16 for new, old in zip(counts, self.counts, strict=False)]
         follows = len(counts) == len(self.counts) and beats <= _MOST_BEATS and max(more) <= _MOST_PRESSES

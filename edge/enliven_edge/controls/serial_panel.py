@@ -14,22 +14,23 @@ from enliven_edge.controls.settings import ControlSettings
 log = logging.getLogger(__name__)
 
 _WAIT = 0.03
-"""Seconds to wait for the panel's first byte before looking whether the lamps change."""
+"""Seconds to wait for the panel's first byte before checking whether the lamps change."""
 
 _BEAT = 0.25
 """Seconds between two messages to the panel, which takes 1 s without one for an edge that is gone."""
 
 _STALE = 1.0
-"""Seconds after which the state of the stage is old: an edge that hangs is as silent as one that is gone."""
+"""Seconds after which the state of the stage is too old to show: a hanging edge is as silent as a dead
+one."""
 
 _SILENCE = 2.0
-"""Seconds without a message of the panel until it is looked for anew: noise has not spoilt eight in a row."""
+"""Seconds without a message of the panel until it is opened anew: noise has not spoilt eight in a row."""
 
 _STUCK = 1.0
-"""Seconds to wait for a port that takes no byte."""
+"""Seconds to wait for a port that accepts no byte."""
 
 _GREETING = 4.0
-"""Seconds until a panel must have spoken: opening the port resets an Arduino, whose boot loader takes 2 s."""
+"""Seconds until a panel must have greeted: an Arduino resets when its port opens, which takes 2 s."""
 
 _CAUSES = {
     "W": "its firmware hung, and its watchdog started it again",
@@ -37,11 +38,12 @@ _CAUSES = {
     "E": "its reset pin was pulled",
     "P": "it had no power",
 }
-"""What a greeting of a panel says that was there already; a boot loader may hide it (docs/panel.md)."""
+"""The reasons for a restart in the greeting of a panel that was there already; a boot loader may hide them
+(docs/panel.md)."""
 
 
 class SerialPanel(SerialPedal):
-    """One panel: presses in, the patterns of its lamps out, heartbeats both ways."""
+    """One panel: receives presses, sends the lamps' patterns, and exchanges heartbeats."""
 
     def __init__(self, settings: ControlSettings, where: str) -> None:
         super().__init__(settings, where)
@@ -75,11 +77,11 @@ class SerialPanel(SerialPedal):
         return keys if self.answers else []
 
     def _forget(self) -> None:
-        """The port is opened anew."""
+        """Resets the state after the port was opened anew."""
         self._quiet, self._said, self._said_at = 0.0, "", float("-inf")
 
     def _say(self) -> None:
-        """Sends the lamps where they change or a beat is due; asks for a greeting that was missed."""
+        """Sends the lamps where they change or a beat is due; requests a greeting that was missed."""
         now = time.monotonic()
         body = lamps_body(self._wanted) if self.answers else ASK
         if self.answers and now - self._wanted_at > _STALE:
@@ -89,7 +91,7 @@ class SerialPanel(SerialPedal):
             self._said, self._said_at = body, now
 
     def _judge_silence(self, began: float, heard: bool) -> None:
-        """Counts only time in which the port was read, so that a machine that slept does not lose its panel.
+        """Counts only time in which the port was read, so that a machine that slept keeps its panel.
 
         Raises:
             ResourceError: where the panel is silent, or speaks another protocol.

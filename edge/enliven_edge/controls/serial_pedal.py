@@ -11,18 +11,18 @@ from enliven_edge.controls.extras import need
 from enliven_edge.controls.settings import ControlSettings
 
 _LONGEST_LINE = 64
-"""Bytes; what goes on for longer is no press, but another speed or another device."""
+"""Bytes of a line: a longer one is another baud rate or another device."""
 
 
 class Keys(Protocol):
-    """Finds the keys in what a port sends."""
+    """Finds the keys in the bytes of a port."""
 
     def feed(self, data: bytes) -> list[str]:
-        """The keys in some bytes."""
+        """Returns the keys in some bytes."""
         ...
 
     def forget(self) -> None:
-        """The port is opened anew: half a key of before is nothing."""
+        """Resets the state after the port was opened anew: an incomplete key is dropped."""
         ...
 
 
@@ -49,7 +49,7 @@ class SerialPedal(Device):
         self._port = serial.Serial(self._settings.port, self._settings.baud, timeout=PATIENCE, exclusive=True)
 
     def read(self) -> list[str]:
-        """Waits for the first byte alone: a press is heard at once, however short it is."""
+        """Waits for the first byte alone: a press is reported at once, however short it is."""
         data = self._port.read(1)
         if data and self._port.in_waiting:
             data += self._port.read(self._port.in_waiting)
@@ -62,24 +62,24 @@ class SerialPedal(Device):
 
 
 class ByteKeys:
-    """Each byte is a key: its character where it can be printed, else such as ``0x1b``."""
+    """Reads each byte as a key: its character where it can be printed, else its number such as ``0x1b``."""
 
     def feed(self, data: bytes) -> list[str]:
-        """The keys in some bytes."""
+        """Returns the keys in some bytes."""
         return [chr(byte) if 0x20 <= byte < 0x7F else f"0x{byte:02x}" for byte in data]
 
     def forget(self) -> None:
-        """The port is opened anew."""
+        """Does nothing: a byte is never incomplete."""
 
 
 class LineKeys:
-    """Each line is a key, without the blanks around it; empty lines are nothing."""
+    """Reads each line as a key, without the blanks around it; empty lines are ignored."""
 
     def __init__(self) -> None:
         self._line = bytearray()
 
     def feed(self, data: bytes) -> list[str]:
-        """The lines that have ended, by a carriage return or a line feed or both."""
+        """Returns the lines that have ended, by a carriage return or a line feed or both."""
         keys = []
         for byte in data:
             if byte not in b"\r\n":
@@ -93,5 +93,5 @@ class LineKeys:
         return keys
 
     def forget(self) -> None:
-        """The port is opened anew: half a line of before is nothing."""
+        """Resets the state after the port was opened anew: an incomplete line is dropped."""
         self._line.clear()

@@ -1,4 +1,4 @@
-"""Where the sound of spoken commands comes from: a microphone, or a recording in its place."""
+"""The sound of spoken commands: from a microphone, or from a recording for rehearsals."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from enliven.errors import InputError, ResourceError
 from enliven_edge.controls.extras import need
 
 RATE = 16000
-"""Samples a second, of 16 bits, one channel: what the model was trained on."""
+"""Samples a second, of 16 bits, one channel: the speech model was trained on these."""
 
 
-class Recording:
-    """A WAV that is heard as if it were spoken now, for rehearsals.
+class SoundRecording:
+    """Plays a WAV file in its own time in place of a microphone, for rehearsals.
 
     Args:
         sleep: waits until a frame is due.
@@ -28,7 +28,7 @@ class Recording:
         self._sound, self._place, self._bytes, self._began = b"", 0, 0, 0.0
 
     def open(self, frame_bytes: int) -> None:
-        """From its beginning.
+        """Opens the file at its beginning.
 
         Raises:
             InputError: where it is no 16 kHz mono WAV of 16 bits.
@@ -47,7 +47,7 @@ class Recording:
         self._place, self._bytes, self._began = 0, frame_bytes, time.monotonic()
 
     def read(self) -> bytes:
-        """The next frame, when it is due; EOFError at the end."""
+        """Returns the next frame when it is due; raises EOFError at the end."""
         frame = self._sound[self._place : self._place + self._bytes]
         if len(frame) < self._bytes:
             raise EOFError
@@ -56,7 +56,7 @@ class Recording:
         return frame
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Does nothing: no device is open."""
 
 
 class Microphone:
@@ -81,7 +81,7 @@ class Microphone:
         self._samples, self._opened = 0, False
 
     def open(self, frame_bytes: int) -> None:
-        """Listens from now on; raises PortAudio's own error where there is no microphone."""
+        """Opens the microphone; raises PortAudio's own error where there is none."""
         if self._opened:
             # PortAudio lists the devices once; only a new start finds what was plugged in since.
             self._library._terminate()
@@ -94,12 +94,12 @@ class Microphone:
         self._stream.start()
 
     def read(self) -> bytes:
-        """The next frame, when it was spoken."""
+        """Returns the next frame when it is complete."""
         data, _ = self._stream.read(self._samples)
         return bytes(data)
 
     def close(self) -> None:
-        """Lets it go."""
+        """Releases the microphone."""
         if self._stream is not None:
             self._stream.close()
             self._stream = None

@@ -1,4 +1,4 @@
-"""Spoken commands, offline: PocketSphinx listens for a few phrases and for nothing else."""
+"""Recognises spoken commands offline: PocketSphinx listens for a few phrases only."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from enliven.errors import InputError
 from enliven_edge.controls.base import Device
 from enliven_edge.controls.extras import need
 from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.controls.sound import RATE, Microphone, Recording
+from enliven_edge.controls.sound import RATE, Microphone, SoundRecording
 
 log = logging.getLogger(__name__)
 
 _LONGEST = 3.0
-"""Seconds; who speaks for longer says no command."""
+"""Seconds of an utterance: a longer one is no command."""
 
 
 _TALK = (
@@ -25,11 +25,12 @@ _TALK = (
     "will one there so just about out up if now then time look did could please hello yes no stop go come "
     "here more once again next week left right over who why"
 )
-"""With these talk begins; a phrase that does not begin with its name is heard as one of them."""
+"""Words that begin ordinary talk: an utterance that does not begin with a phrase's first word is recognised
+as talk."""
 
 
 class Recogniser:
-    """From sound to phrases, by a grammar of them and of talk that they must be likelier than.
+    """Recognises phrases in sound, by a grammar of the phrases and of ordinary talk.
 
     A phrase counts where the whole of what was said between two silences is it. Sound is decoded while it
     comes in, a few milliseconds at a time, so that the tracker beside it does not wait. Posterior
@@ -63,11 +64,11 @@ class Recogniser:
 
     @property
     def frame_bytes(self) -> int:
-        """How much sound :meth:`feed` takes at once."""
+        """Bytes of sound that :meth:`feed` takes at once."""
         return int(self._ends.frame_bytes)
 
     def feed(self, frame: bytes) -> str | None:
-        """The phrase that has ended with this frame, or None.
+        """Returns the phrase that ended with this frame, or None.
 
         Args:
             frame: :attr:`frame_bytes` of sound at :data:`RATE`.
@@ -86,13 +87,13 @@ class Recogniser:
         return None
 
     def forget(self) -> None:
-        """The sound comes from elsewhere now: what was being said is nothing."""
+        """Resets the state after the sound's source changed: an unfinished utterance is dropped."""
         if self._ends.in_speech:
             self._decoder.end_utt()
         self._ends = type(self._ends)()
 
     def _ended(self) -> str | None:
-        """What was said since the last silence, if it is a phrase."""
+        """Returns the utterance since the last silence, if it is a phrase."""
         self._decoder.end_utt()
         found = self._decoder.hyp()
         if found is None or self._bytes >= _LONGEST * RATE * 2:
@@ -102,7 +103,7 @@ class Recogniser:
 
 
 def _grammar(phrases: Sequence[str]) -> str:
-    """The phrases in the JSpeech Grammar Format, and what is like them but begins with other words.
+    """Returns the phrases in the JSpeech Grammar Format, and similar talk with other first words.
 
     A grammar must find something in whatever is said. Talk finds the phrases that begin otherwise, which
     are no commands.
@@ -118,7 +119,7 @@ def _grammar(phrases: Sequence[str]) -> str:
 
 
 class Voice(Device):
-    """A microphone, or a recording in its place, and what is said there.
+    """Listens to a microphone, or a recording in its place, for phrases.
 
     Raises:
         InputError: for a phrase with an unknown word.
@@ -129,9 +130,9 @@ class Voice(Device):
         self, settings: ControlSettings, phrases: Sequence[str], where: str, folder: Path | None = None
     ) -> None:
         self._recogniser = Recogniser(phrases, where)
-        self._source: Recording | Microphone
+        self._source: SoundRecording | Microphone
         if settings.wav:
-            self._source = Recording((folder or Path()) / settings.wav)
+            self._source = SoundRecording((folder or Path()) / settings.wav)
         else:
             self._source = Microphone(settings.microphone, where)
 

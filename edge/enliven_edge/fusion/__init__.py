@@ -1,4 +1,4 @@
-"""Several sensors on one space: where each stands, and one set of bodies out of what all see."""
+"""Several sensors in one space: the place of each, and one set of bodies from all of them."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The numbers of calibration and fusion that a user may change."""
+"""The settings of calibration and fusion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.settings import setting
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """How sensors are found from people walking about, and what is good enough."""
+    """Settings of the calibration: how people are matched, and when the result is good enough."""
 
     floor_known: bool = setting(True, "Each sensor has found its floor: up is up, and y = 0 is the floor.")
     tilt: float = setting(1.5, "Doubt of a sensor's floor.", unit="deg", low=0.01, high=45.0)
@@ -34,7 +34,7 @@ class CalibrationSettings:
 
 @dataclass(frozen=True)
 class FusionSettings:
-    """How bodies of several sensors become one set."""
+    """Settings of the fusion of several sensors' bodies."""
 
     gate: float = setting(0.45, "Bodies farther apart are two people.", unit="m", low=0.05, high=3.0)
     loyalty: float = setting(

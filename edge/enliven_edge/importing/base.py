@@ -1,4 +1,4 @@
-"""What a reader of foreign recordings is, and what the readers share."""
+"""The interface of a reader of foreign recordings, and what the readers share."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MOST_TEXT = 1 << 28
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """What the user may say about files that do not say it themselves.
+    """The user's options for files that do not state these themselves.
 
     Attributes:
         fps: frames a second where the files hold no times; None for the layout's usual rate.
@@ -29,7 +29,7 @@ class ImportOptions:
     device: str | None = None
 
     def times_ns(self, usual_fps: float) -> Iterator[int]:
-        """Evenly spaced times from 0, for files without their own."""
+        """Yields evenly spaced times from 0, for files without their own."""
         fps = self.fps or usual_fps
         frame = 0
         while True:
@@ -42,9 +42,9 @@ DEFAULT_OPTIONS = ImportOptions()
 
 @runtime_checkable
 class Reader(Protocol):
-    """One layout of foreign recordings.
+    """Reads one layout of foreign recordings.
 
-    ``name`` is what ``--reader`` takes; ``description`` is one line; ``note`` says what the files leave
+    ``name`` is what ``--reader`` takes; ``description`` is one line; ``note`` states what the files leave
     open and what was assumed instead (empty where nothing was).
     """
 
@@ -53,11 +53,11 @@ class Reader(Protocol):
     note: str
 
     def can_read(self, paths: Sequence[Path]) -> bool:
-        """Whether these files hold this layout, judged by their content; never raises."""
+        """Returns whether these files have this layout, judged by their content; never raises."""
         ...
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[Frame]:
-        """The frames, in the order of time.
+        """Yields the frames, in the order of time.
 
         Raises:
             InputError: naming the file (and line) that cannot be understood.
@@ -66,12 +66,12 @@ class Reader(Protocol):
 
 
 def natural_order(path: Path) -> tuple[str, list[int], str]:
-    """Sorts frame_9 before frame_10."""
+    """Returns a key that sorts frame_9 before frame_10."""
     return str(path.parent), [int(digits) for digits in re.findall(r"\d+", path.name)], path.name
 
 
 def head_of(path: Path, size: int = 4096) -> bytes:
-    """The first bytes of a file; empty where it cannot be read."""
+    """Returns the first bytes of a file; empty where it cannot be read."""
     try:
         with open_file(path) as file:
             return file.read(size)
@@ -80,7 +80,7 @@ def head_of(path: Path, size: int = 4096) -> bytes:
 
 
 def text_of(path: Path) -> str:
-    """The text of a file.
+    """Returns the text of a file.
 
     Raises:
         InputError: where it cannot be read as UTF-8.
@@ -92,7 +92,7 @@ def text_of(path: Path) -> str:
 
 
 def only_one(paths: Sequence[Path]) -> Path:
-    """The one recording among files of a layout that has a file for each recording.
+    """Returns the only recording among the files, for a layout with one file for each recording.
 
     Raises:
         InputError: where there are several.

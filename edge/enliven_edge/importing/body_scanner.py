@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
-from enliven_edge.importing.skeletons import KINECT2_NAMES, TRACKED, Moment, frames_in_world, observed
+from enliven_edge.importing.skeletons import KINECT2_NAMES, TRACKED, SkeletonMoment, frames_in_world, observed
 from enliven_edge.importing.tables import first_lines, numbers_of, rows_of
 
 _HEADER = ["Joints", "X", "Y", "Z"]
@@ -41,7 +41,7 @@ class BodyScannerReader:
         joints = np.array([named[name] for name in KINECT2_NAMES])
         body = Body(0, *observed(joints, np.full(len(joints), TRACKED)))
         level = level_from_tilted(math.radians(float(named[_TILT][0])))
-        return frames_in_world([Moment(0, [body])], options.device or "kinect2", level, str(path))
+        return frames_in_world([SkeletonMoment(0, [body])], options.device or "kinect2", level, str(path))
 
 
 def level_from_tilted(tilt: float) -> Float:

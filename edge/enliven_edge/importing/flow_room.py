@@ -19,22 +19,27 @@ from enliven_edge.importing.skeletons import (
     KINECT2_ORDER,
     TRACKED,
     WORLD_FROM_KINECT_SPACE,
-    Moment,
+    SkeletonMoment,
     frames_in_world,
 )
 
-FOCAL, CENTRE_U, CENTRE_V = 365.5, 256.0, 212.0
-"""The usual depth camera of a Kinect v2 (512x424), pixels."""
+FOCAL = 365.5
+"""Focal length of a Kinect v2's depth camera (512x424), pixels: the usual one, since the files hold none."""
+CENTRE_U = 256.0
+"""Column of the image's centre, pixels."""
+CENTRE_V = 212.0
+"""Row of the image's centre, pixels."""
 STATURE = 1.70
-"""Metres of the average person from the ankles to the head joint's crown, which sets the distance."""
+"""Metres from the ankles to the crown of an average person, which sets the distance."""
 _METRES_PER_Z = 0.0036
 """No unit is stated. With this one bones keep their lengths best while they turn towards the sensor, and all
 people in the known recordings agree on it; with millimetres they would be as flat as cut-outs."""
 _INVALID = -500
+"""Value of z at or below which a point was not measured: the files use large negative numbers."""
 _LONGEST = 0.4
-"""Metres of depth between neighbouring joints above which the background was hit instead of the body."""
+"""Metres of depth between neighbouring joints above which a joint was measured on the background."""
 _HEAD_TO_ANKLE = 0.88
-"""The head joint's height above the ankles as a part of the stature."""
+"""The head joint's height above the ankles as a share of the stature."""
 
 
 class _Point(msgspec.Struct):
@@ -73,7 +78,7 @@ class FlowRoomReader:
         ids: dict[str, int] = {}
         moments = []
         for frame, points, time_ns in zip(frames, pixels, options.times_ns(30.0), strict=False):
-            moment = Moment(time_ns)
+            moment = SkeletonMoment(time_ns)
             for skeleton, (uvz, good) in zip(frame, points, strict=True):
                 number = ids.setdefault(skeleton.trackingId, len(ids))
                 moment.bodies.append(
@@ -99,7 +104,7 @@ def _frames(path: Path) -> list[list[_Skeleton]]:
 
 
 def _cleaned(skeleton: _Skeleton) -> tuple[Float, Bool]:
-    """(20, 3) u, v, z and (20,) whether z was measured; elsewhere z is the parent's."""
+    """Returns (20, 3) u, v, z and (20,) whether z was measured; elsewhere z is the parent's."""
     points = np.array([(p.x, p.y, p.z) for p in skeleton.joints], float)[list(KINECT2_ORDER)]
     good = points[:, 2] > _INVALID
     middle = float(np.median(points[good, 2])) if good.any() else 0.0
@@ -111,7 +116,7 @@ def _cleaned(skeleton: _Skeleton) -> tuple[Float, Bool]:
 
 
 def _distance(bodies: Sequence[Float], path: Path) -> float:
-    """Metres from the sensor to z = 0, from the people's median height in pixels."""
+    """Returns metres from the sensor to z = 0, from the people's median height in pixels."""
     heights = [
         float(max(uvz[Joint.ANKLE_LEFT, 1], uvz[Joint.ANKLE_RIGHT, 1]) - uvz[Joint.HEAD, 1]) for uvz in bodies
     ]
@@ -125,7 +130,7 @@ def _distance(bodies: Sequence[Float], path: Path) -> float:
 
 
 def _in_metres(uvz: Float, distance: float) -> Float:
-    """(20, 3) the joints in the Kinect's skeleton space."""
+    """Returns (20, 3) the joints in the Kinect's skeleton space."""
     z = distance + uvz[:, 2] * _METRES_PER_Z
     joints = np.empty((J, 3))
     joints[:, 0] = (uvz[:, 0] - CENTRE_U) / FOCAL * z

@@ -14,7 +14,7 @@ from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of,
 from enliven_edge.importing.skeletons import (
     TRACKED,
     WORLD_FROM_KINECT_SPACE,
-    Moment,
+    SkeletonMoment,
     frames_in_world,
     observed,
 )
@@ -49,7 +49,9 @@ class GaitReader:
             xyz = np.full((len(Joint), 3), np.nan)
             xyz[joints[start:end]] = values[start:end]
             if np.isfinite(xyz[:, 0]).any():
-                moments.append(Moment(time_ns, [Body(0, *observed(xyz, np.full(len(Joint), TRACKED)))]))
+                moments.append(
+                    SkeletonMoment(time_ns, [Body(0, *observed(xyz, np.full(len(Joint), TRACKED)))])
+                )
         return frames_in_world(moments, options.device or "kinect1", WORLD_FROM_KINECT_SPACE, str(path))
 
 

@@ -14,27 +14,28 @@ from enliven_edge.importing.base import head_of
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 KINECT1 = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
-"""The focal length that drivers of the Kinect v1 assume where nobody has calibrated it."""
+"""The Kinect v1's camera as drivers assume it without a calibration."""
 _COLOUR = ("PNG", "JPEG")
-"""What the layouts have; other readers of the library start programs or are not made for strangers' bytes."""
+"""Image formats of the layouts; Pillow's other decoders start programs or are not hardened against hostile
+bytes."""
 _MOST_PIXELS = 1 << 26
-"""Of one image, 8192 x 8192: a few kilobytes can state as many as they like."""
+"""Pixels of one image, 8192 x 8192: a few kilobytes can state any number."""
 
 
 def is_depth_png(path: Path) -> bool:
-    """Whether a file is a PNG of one 16-bit channel, by its header."""
+    """Returns whether a file is a PNG of one 16-bit channel, by its header."""
     head = head_of(path, 33)
     return head.startswith(PNG_MAGIC) and len(head) == 33 and head[24] == 16 and head[25] == 0
 
 
 def png_size(path: Path) -> tuple[int, int]:
-    """Width and height in the header of a PNG file."""
+    """Returns width and height from the header of a PNG file."""
     head = head_of(path, 33)
     return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
 
 
 def read_depth_png(path: Path) -> UInt16:
-    """(H, W) uint16 millimetres of a 16-bit PNG.
+    """Reads (H, W) uint16 millimetres from a 16-bit PNG.
 
     Raises:
         InputError: where the file is missing, damaged, or not of one 16-bit channel.
@@ -57,7 +58,7 @@ def read_depth_png(path: Path) -> UInt16:
 
 
 def read_colour(path: Path) -> UInt8 | None:
-    """(h, w, 3) uint8 sRGB, or None where there is no such file.
+    """Reads (h, w, 3) uint8 sRGB; None where there is no such file.
 
     Raises:
         InputError: where the image is damaged.
@@ -74,7 +75,7 @@ def read_colour(path: Path) -> UInt8 | None:
 
 
 def _opened(path: Path, formats: tuple[str, ...]) -> Image.Image:
-    """An image that is not decoded yet: its size is looked at before.
+    """Opens an image without decoding it, and checks the size that it states.
 
     Raises:
         ValueError: where it states more pixels than any sensor has.

@@ -15,14 +15,16 @@ from enliven_edge.importing.skeletons import (
     CONFIDENCE_OF_STATE,
     KINECT2_ORDER,
     WORLD_FROM_KINECT_SPACE,
-    Moment,
+    SkeletonMoment,
     frames_in_world,
     observed,
 )
 from enliven_edge.importing.tables import are_numbers, first_lines, numbers_of, rows_of
 
 _COLUMNS = 101
+"""Numbers of a row: the time, then x, y, z and the tracking state of 25 joints."""
 _TICK_NS = 100
+"""Nanoseconds of a tick, the Kinect SDK 2's unit of time."""
 
 
 class LabanotationReader:
@@ -44,7 +46,7 @@ class LabanotationReader:
             raise InputError("a tracking state is not 0, 1 or 2, or a time is missing", where=str(path))
         confidence = CONFIDENCE_OF_STATE[states.astype(int)]
         moments = [
-            Moment(int(ticks) * _TICK_NS, [Body(0, *observed(xyz, seen))])
+            SkeletonMoment(int(ticks) * _TICK_NS, [Body(0, *observed(xyz, seen))])
             for ticks, xyz, seen in zip(values[:, 0], joints[..., :3], confidence, strict=True)
         ]
         return frames_in_world(moments, options.device or "kinect2", WORLD_FROM_KINECT_SPACE, str(path))

@@ -1,4 +1,4 @@
-"""Left and right swapped: some drivers deliver the image that a mirror would show."""
+"""Exchanges left and right: some drivers deliver mirrored images."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from enliven.person import Joint
 from enliven.person import mirrored as reflected
 
 _ACROSS = np.array([1.0, 0.0, 0.0])
+"""(3,) the normal of the mirror: x of the bodies' world."""
 OTHER_SIDE = [
     Joint[name.replace("LEFT", "?").replace("RIGHT", "LEFT").replace("?", "RIGHT")]
     for name in Joint.__members__
@@ -20,7 +21,7 @@ OTHER_SIDE = [
 
 
 def mirrored(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """Every frame as a mirror shows it; the sensor stays where it is."""
+    """Yields every frame mirrored; the sensor stays where it is."""
     for frame in frames:
         yield _depth(frame) if isinstance(frame, DepthFrame) else _bodies(frame)
 

@@ -15,7 +15,7 @@ from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
 from enliven.takes import Roles, find_roles, half_way, limb_rotations
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
-from enliven_edge.importing.skeletons import TRACKED, Moment, frames_in_world
+from enliven_edge.importing.skeletons import TRACKED, SkeletonMoment, frames_in_world
 from enliven_edge.importing.tables import are_numbers, first_lines
 
 _BONE_LIMBS = (
@@ -25,8 +25,9 @@ _BONE_LIMBS = (
     Limb.PELVIS, Limb.THIGH_LEFT, Limb.SHANK_LEFT, Limb.FOOT_LEFT,
     Limb.PELVIS, Limb.THIGH_RIGHT, Limb.SHANK_RIGHT, Limb.FOOT_RIGHT,
 )  # fmt: skip
-"""(20,) the limb whose frame is the orientation of the bone that ends at each joint."""
+"""(20,) the limb that gives the orientation of the bone ending at each joint."""
 _Y_UP_FROM_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""(3, 3) rotation that brings +Z up to +Y up."""
 _HEAD_CENTRE = 0.075
 """Metres along the skull from the joint that turns it to the middle of the head, where sensors put it."""
 
@@ -56,7 +57,7 @@ class MotionCaptureReader:
         seconds = 1.0 / options.fps if options.fps else capture.seconds
         sure = np.full(J, TRACKED)
         moments = [
-            Moment(round(n * seconds * 1e9), [Body(0, xyz, sure, turn)])
+            SkeletonMoment(round(n * seconds * 1e9), [Body(0, xyz, sure, turn)])
             for n, (xyz, turn) in enumerate(zip(joints, turns, strict=True))
         ]
         return frames_in_world(moments, options.device or "mocap", np.eye(3), str(path))
@@ -86,14 +87,14 @@ def bodies_of(capture: Capture, roles: Roles) -> tuple[Float, Float]:
 def _fill(
     joints: Float, positions: Float, first: tuple[Joint, Joint], chain: tuple[tuple[int, int], ...]
 ) -> None:
-    """Both limbs of a pair, from the joint that each begins with."""
+    """Fills both limbs of a pair, each from its first joint."""
     for side in (0, 1):
         for k, pair in enumerate(chain):
             joints[:, first[side] + k] = positions[:, pair[side]]
 
 
 def _upright(capture: Capture, roles: Roles) -> Capture:
-    """The capture with +Y up: of files with +Z up the heads are over the ankles along Z."""
+    """Returns the capture with +Y up; the heads of files with +Z up are above the ankles along Z."""
     p = capture.positions
     tall = np.median(p[:, roles.head] - p[:, list(roles.ankles)].mean(1), axis=0)
     if abs(tall[2]) <= abs(tall[1]):

@@ -12,7 +12,12 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body, Joint
 from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one, text_of
-from enliven_edge.importing.skeletons import WORLD_FROM_KINECT_SPACE, Moment, frames_in_world, observed
+from enliven_edge.importing.skeletons import (
+    WORLD_FROM_KINECT_SPACE,
+    SkeletonMoment,
+    frames_in_world,
+    observed,
+)
 from enliven_edge.importing.tables import are_numbers, first_lines
 
 ORDER = (
@@ -37,12 +42,18 @@ ORDER = (
     Joint.FOOT_RIGHT,
     Joint.HEAD,
 )
-"""(20,) the joint in each row of a frame. Right is the side that the subjects were told to act with."""
+"""(20,) the joint in each row of a frame. Right is the side that the subjects were told to use."""
 
-FOCAL, CENTRE_U, CENTRE_V = 285.0, 160.0, 120.0
-"""The depth camera of the pixel form: 320x240, focal length as the two forms agree on."""
+FOCAL = 285.0
+"""Focal length of the pixel form's depth camera (320x240), pixels, for which both forms agree."""
+CENTRE_U = 160.0
+"""Column of the image's centre, pixels."""
+CENTRE_V = 120.0
+"""Row of the image's centre, pixels."""
 _METRES_PER_DEPTH = 0.004
+"""Metres of one unit of depth in the pixel form, for which both forms agree."""
 _FPS = 15.0
+"""Frames a second of the data set, which its files do not state."""
 
 
 class MsrAction3dReader:
@@ -63,14 +74,14 @@ class MsrAction3dReader:
         joints[:, ORDER] = in_metres(rows[..., :3])
         confidence[:, ORDER] = rows[..., 3]
         moments = [
-            Moment(time_ns, [Body(0, *observed(xyz, seen))])
+            SkeletonMoment(time_ns, [Body(0, *observed(xyz, seen))])
             for time_ns, xyz, seen in zip(options.times_ns(_FPS), joints, confidence, strict=False)
         ]
         return frames_in_world(moments, options.device or "kinect1", WORLD_FROM_KINECT_SPACE, str(path))
 
 
 def in_metres(rows: Float) -> Float:
-    """(F, 20, 3) the joints in the Kinect's skeleton space, from either form."""
+    """Returns (F, 20, 3) the joints in the Kinect's skeleton space, from either form."""
     if float(np.median(rows[..., 2])) < 20.0:
         return rows
     z = rows[..., 2] * _METRES_PER_DEPTH

@@ -17,14 +17,14 @@ from enliven_edge.importing.skeletons import (
     KINECT2_NAMES,
     TRACKED,
     WORLD_FROM_KINECT_SPACE,
-    Moment,
+    SkeletonMoment,
     frames_in_world,
     observed,
 )
 from enliven_edge.importing.tables import first_lines, numbers_of, rows_of
 
 _TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
-"""Nanoseconds of one count of the computer's clock, common to all Kinects, and of each Kinect's own."""
+"""Nanoseconds of one count: of the computer's clock, common to all Kinects, and of each Kinect's own."""
 _KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
 
 
@@ -68,18 +68,18 @@ class MultiTrackReader:
         return frames_in_world(moments, f"kinect2-{device}", WORLD_FROM_KINECT_SPACE, str(path))
 
 
-def _moments(values: Float, ours: Bool, tick: float) -> list[Moment]:
-    """Rows of time, person and 20 x 3 joints by time; others' rows give the time alone.
+def _moments(values: Float, ours: Bool, tick: float) -> list[SkeletonMoment]:
+    """Groups rows of time, person and 20 x 3 joints by time; another Kinect's rows give the time alone.
 
     Args:
         tick: nanoseconds of one count of the time.
     """
     order = np.argsort(values[:, 0], kind="stable")
-    moments: list[Moment] = []
+    moments: list[SkeletonMoment] = []
     for row, our in zip(values[order], ours[order], strict=True):
         time_ns = round((row[0] - values[order[0], 0]) * tick)
         if not moments or moments[-1].time_ns != time_ns:
-            moments.append(Moment(time_ns))
+            moments.append(SkeletonMoment(time_ns))
         if our and int(row[1]) not in [body.id for body in moments[-1].bodies]:
             joints, confidence = observed(row[2:].reshape(20, 3), np.full(20, TRACKED))
             moments[-1].bodies.append(Body(int(row[1]), joints, confidence))
@@ -87,7 +87,7 @@ def _moments(values: Float, ours: Bool, tick: float) -> list[Moment]:
 
 
 def _chosen(devices: Counter[str], wanted: str | None, path: Path) -> str:
-    """The Kinect to read; among equals the first in the file."""
+    """Returns the Kinect to read; among equals the first in the file."""
     if not devices:
         raise InputError("it holds a header and no rows", where=str(path))
     if wanted is None:

@@ -17,6 +17,7 @@ from enliven_edge.importing.images import is_depth_png, png_size, read_colour, r
 _SUFFIX = ".depth.png"
 _CAMERA = "camera-intrinsics.txt"
 _LENS = ((0, 0), (1, 1), (0, 2), (1, 2))
+"""Rows and columns of fx, fy, cx, cy in the camera matrix."""
 
 
 class PosedDepthReader:
@@ -55,7 +56,7 @@ def _pose_file(depth: Path) -> Path:
 
 
 def _matrix(path: Path, side: int) -> Float:
-    """(side, side) numbers of a text file."""
+    """Reads (side, side) numbers from a text file."""
     try:
         values = np.array([float(word) for word in text_of(path).split()])
     except ValueError as error:
@@ -68,7 +69,7 @@ def _matrix(path: Path, side: int) -> Float:
 
 
 def _rigid(matrix: Float, path: Path) -> Float:
-    """(4, 4) the matrix, where it is a rotation and a translation."""
+    """Returns (4, 4) the matrix after checking that it is a rotation and a translation."""
     turn = matrix[:3, :3]
     if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0:
         raise InputError(

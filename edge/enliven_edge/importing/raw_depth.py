@@ -14,11 +14,13 @@ from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, natural_
 from enliven_edge.importing.images import KINECT1
 
 _BYTES = KINECT1.width * KINECT1.height * 2
+"""Bytes of a file: two for each pixel."""
 _FARTHEST = 10_000
+"""Millimetres: farther values are no distances of a Kinect v1."""
 
 
 class RawKinectReader:
-    """Files of exactly 614,400 bytes whose values are possible distances of a Kinect v1."""
+    """Reads files of exactly 614,400 bytes that hold possible distances of a Kinect v1."""
 
     name = "raw-kinect1"
     description = "headerless Kinect v1 depth images (640x480 uint16 millimetres)"
@@ -40,7 +42,7 @@ def _images(paths: Sequence[Path]) -> list[Path]:
 
 
 def _plausible(values: UInt16) -> bool:
-    """Whether numbers look like distances: something is near enough, and hardly anything too far."""
+    """Returns whether numbers look like distances: some are near enough, and hardly any too far."""
     known = values[values > 0]
     return known.size > 100 and float(np.mean(known > _FARTHEST)) < 0.001
 

@@ -1,4 +1,4 @@
-"""The readers that are known, and the one that fits some files."""
+"""The known readers, and the search for the one that fits some files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven.errors import InputError
 from enliven_edge.importing.base import Reader
 
 ENTRY_POINTS = "enliven.readers"
-"""Other packages add readers through this group: an entry point names a class like those here."""
+"""The entry-point group by which other packages add readers: each names a class like those here."""
 
 _BUILT_IN = (
     "bags.reader:BagReader",
@@ -31,11 +31,11 @@ _BUILT_IN = (
     "motion_capture:MotionCaptureReader",
     "plain_depth:PlainDepthReader",
 )
-"""Asked in this order; the one that asks least comes last."""
+"""The built-in readers in the order of asking; the least demanding one comes last."""
 
 
 def readers() -> dict[str, Reader]:
-    """Every reader by name: the built-in ones, then those of other packages."""
+    """Returns every reader by name: the built-in ones, then those of other packages."""
     made: list[Reader] = []
     for place in _BUILT_IN:
         module, _, kind = place.partition(":")
@@ -49,7 +49,7 @@ def readers() -> dict[str, Reader]:
 
 
 def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
-    """The reader called ``name``, or the first that recognises the files.
+    """Returns the reader called ``name``, or the first that recognises the files.
 
     Raises:
         InputError: naming the nearest reader where the name is unknown, or where no reader fits.
@@ -72,7 +72,7 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
 
 
 def find_files(names: Sequence[str]) -> list[Path]:
-    """The files that are meant by files, folders (those directly inside) and patterns, each once.
+    """Returns the files named by files, folders (those directly inside) and patterns, each once.
 
     Raises:
         InputError: for a name that means no file.

@@ -51,27 +51,33 @@ KINECT2_NAMES = [
 ]
 """(20,) the names of the Kinect SDK 2 for each of :class:`enliven.person.body.Joint`."""
 
-TRACKED, INFERRED, NOT_TRACKED = 1.0, 0.4, 0.0
+TRACKED = 1.0
+"""Confidence of a joint that the SDK reports as tracked."""
+INFERRED = 0.4
+"""Confidence of a joint that the SDK inferred from others: it pulls less than a measured one."""
+NOT_TRACKED = 0.0
+"""Confidence of a joint that the SDK does not know."""
 CONFIDENCE_OF_STATE = np.array([NOT_TRACKED, INFERRED, TRACKED])
 """(3,) the confidence of the SDKs' tracking states 0, 1 and 2."""
 
 FOOT_ABOVE_SOLE = 0.02
+"""Metres from the foot joint to the sole of an average adult."""
 _FEET = (Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
 _ANKLES = (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT)
 
 
 @dataclass(frozen=True)
-class Moment:
-    """The bodies of one time, still in the sensor's space."""
+class SkeletonMoment:
+    """The bodies of one time, in the sensor's space."""
 
     time_ns: int
     bodies: list[Body] = field(default_factory=list)
 
 
 def frames_in_world(
-    moments: Sequence[Moment], sensor: str, world_from_sensor: Float, where: str
+    moments: Sequence[SkeletonMoment], sensor: str, world_from_sensor: Float, where: str
 ) -> Iterator[BodyFrame]:
-    """The body frames of a take, turned into the world and put on the floor, each person with their stature.
+    """Yields the body frames of a take in the world, standing on the floor, each person with their stature.
 
     The floor is the lower quartile, over the take, of the lower sole's height: of two feet one stands nearly
     always, and neither a jump nor some wrong feet move a quartile. The stature is the median over the take
@@ -97,17 +103,17 @@ def frames_in_world(
 
 
 def observed(joints: Float, confidence: Float) -> tuple[Float, Float]:
-    """Joints (20, 3) and confidence (20,) as they were seen: a joint that is missing is NaN, with 0."""
+    """Returns joints (20, 3) and confidence (20,) as observed: a missing joint is NaN with 0."""
     good: Bool = np.asarray(np.isfinite(joints).all(-1))
     return np.where(good[:, None], joints, np.nan), np.where(good, np.clip(confidence, 0.0, 1.0), 0.0)
 
 
-def _turned(moment: Moment, turn: Float) -> Moment:
-    return Moment(moment.time_ns, [replace(b, joints=b.joints @ turn.T) for b in moment.bodies])
+def _turned(moment: SkeletonMoment, turn: Float) -> SkeletonMoment:
+    return SkeletonMoment(moment.time_ns, [replace(b, joints=b.joints @ turn.T) for b in moment.bodies])
 
 
 def _statures(bodies: Sequence[Body]) -> dict[int, float]:
-    """By person, metres: the median over the frames that show all that it takes."""
+    """Returns metres by person: the median over the frames with all the joints that it needs."""
     heights: dict[int, list[float]] = {}
     for body in bodies:
         if np.isfinite(body.joints).all():
@@ -116,7 +122,7 @@ def _statures(bodies: Sequence[Body]) -> dict[int, float]:
 
 
 def _floor(bodies: Sequence[Body], where: str) -> float:
-    """The height of the floor under these bodies."""
+    """Returns the height of the floor under these bodies."""
     lowest = [height for height in map(_sole, bodies) if np.isfinite(height)]
     if not lowest:
         raise InputError("no joint of any person was seen", where=where, mend="Choose another recording.")
@@ -124,7 +130,7 @@ def _floor(bodies: Sequence[Body], where: str) -> float:
 
 
 def _sole(body: Body) -> float:
-    """The height of the lower sole of a body, from the joints that were seen, or else from all."""
+    """Returns the height of a body's lower sole, from the joints that were seen, or else from all."""
     for least in (0.5, -1.0):
         above = [(j, FOOT_ABOVE_SOLE) for j in _FEET] + [(j, ANKLE_ABOVE_SOLE) for j in _ANKLES]
         heights = [float(body.joints[j, 1]) - up for j, up in above if body.confidence[j] > least]

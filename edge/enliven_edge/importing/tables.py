@@ -1,4 +1,4 @@
-"""Numbers in text files, with the line in the message where one is wrong."""
+"""Reads numbers from text files; an error names the line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from enliven_edge.importing.base import text_of
 
 
 def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
-    """The rows of a delimited text file, without empty ones and without the field behind a last delimiter.
+    """Returns the rows of a delimited text file, without empty rows and without the empty field after a final
+    delimiter.
 
     Raises:
         InputError: where the file cannot be read or is empty.
@@ -31,7 +32,7 @@ def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
 
 
 def numbers_of(rows: Sequence[Sequence[str]], path: Path, columns: int, first_line: int = 1) -> Float:
-    """(R, columns) the rows as numbers; a last row that was cut off is left out.
+    """Returns (R, columns) the rows as numbers; an incomplete last row is left out.
 
     Raises:
         InputError: naming the line that is too short or holds something else.
@@ -52,7 +53,7 @@ def numbers_of(rows: Sequence[Sequence[str]], path: Path, columns: int, first_li
 
 
 def are_numbers(cells: Sequence[str]) -> bool:
-    """Whether every cell is a number."""
+    """Returns whether every cell is a number."""
     try:
         [float(cell) for cell in cells]
     except ValueError:
@@ -61,7 +62,7 @@ def are_numbers(cells: Sequence[str]) -> bool:
 
 
 def first_lines(head: bytes, count: int) -> list[str]:
-    """The first whole lines of the beginning of a text file; none where it is no text."""
+    """Returns the first whole lines of the beginning of a text file; none where it is no text."""
     try:
         lines = head.decode("utf-8-sig", errors="strict" if len(head) < 4096 else "ignore").splitlines()
     except UnicodeDecodeError:

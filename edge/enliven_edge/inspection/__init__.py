@@ -1,4 +1,4 @@
-"""What the tracker sees and says, drawn over the depth image, as pictures and films for a technician."""
+"""Pictures and films for technicians: the tracker's bodies and messages drawn over the depth image."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Pictures to an MP4 file by PyAV, which is an extra: a sensor's computer needs no films."""
+"""Writes pictures to an MP4 file by PyAV, an extra: a sensor's computer needs no films."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from enliven.errors import ResourceError
 from enliven.film_encoders import choose_encoder
 
 
-class Film:
-    """A film that grows picture by picture; ``with`` completes it.
+class DepthFilm:
+    """A film of a recording that grows picture by picture; ``with`` completes it.
 
     Args:
         path: of the .mp4 file; its folder is made.
@@ -39,7 +39,8 @@ class Film:
             ) from None
 
     def add(self, picture: UInt8) -> None:
-        """Append one (H, W, 3) sRGB picture; all have the size of the first (an odd row or column is cut)."""
+        """Appends one (H, W, 3) sRGB picture; all have the size of the first (an odd row or column is
+        cut)."""
         height, width = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2
         if self._stream is None:
             self._stream = self._begin(width, height)
@@ -54,13 +55,13 @@ class Film:
         return stream
 
     def close(self) -> None:
-        """Write what is held back, and the index."""
+        """Writes the remaining frames and the index."""
         if self._stream is not None:
             for packet in self._stream.encode():
                 self._file.mux(packet)
         self._file.close()
 
-    def __enter__(self) -> Film:
+    def __enter__(self) -> DepthFilm:
         return self
 
     def __exit__(

@@ -1,4 +1,4 @@
-"""A recording through the tracker, frame by frame, as pictures."""
+"""Runs a recording through the tracker frame by frame and draws it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
 
 _SPAN_KEEPS = 0.97
-"""How slowly the span of grey follows the depth, so that pictures do not flicker."""
+"""Share of the span of grey that is kept at each frame, so that pictures do not flicker."""
 
 
 class Inspector:
-    """Tracks, and draws what it sees and says.
+    """Tracks frames, and draws depth, bodies and messages.
 
     Args:
         width: of the pictures, pixels.
@@ -38,17 +38,18 @@ class Inspector:
         self.bodies: list[Body] = []
 
     def pictures(self, frames: Iterable[Frame]) -> Iterator[UInt8]:
-        """(H, W, 3) a picture for every depth frame; bodies that a sensor tracked itself are passed over."""
+        """Yields (H, W, 3) a picture for every depth frame; bodies that a sensor tracked itself are
+        skipped."""
         for frame in frames:
             if isinstance(frame, DepthFrame):
                 yield self.picture(frame)
 
     def failed(self, error: Exception) -> None:
-        """The sensor raised this in place of a frame, when it was recorded."""
+        """Takes in the error that the sensor raised in place of a frame when it was recorded."""
         self._health.failed(error)
 
     def picture(self, frame: DepthFrame, condition: Condition | None = None) -> UInt8:
-        """Track one frame and draw it, with how its device fared."""
+        """Tracks one frame and draws it, with the condition of its device."""
         if self._health.admit(frame):
             self.bodies = self._tracker.track(frame)
             stand, state = self._tracker.world_from_camera, self._tracker.state
@@ -74,7 +75,7 @@ class Inspector:
         return self._span
 
     def _caption(self, frame: DepthFrame) -> list[str]:
-        """What is wrong, the gravest first; then time and people."""
+        """Returns what is wrong, the gravest first; then time and people."""
         first = self._first_ns = frame.time_ns if self._first_ns is None else self._first_ns
         people = ", ".join(f"{b.id} ({b.confidence.mean():.2f})" for b in self.bodies) or "nobody"
         states = [str(state)[:110] for state in self._health.states[:3]]

@@ -1,4 +1,4 @@
-"""What became of a sensor while it was recorded, in sentences: images missing, its device, its losses."""
+"""Reports on a sensor during its recording, in sentences: missing images, its device, its losses."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from enliven.frames import DepthFrame
 from enliven_edge.sensors import Moment, SensorFault
 
 _MOST_TOLD = 5
-"""Losses that are told one by one."""
+"""Losses that are described one by one; further ones are counted."""
 
 
 class SensorLog:
-    """Takes in the moments of a recording, one after the other."""
+    """Takes in the events of a recording, one after the other."""
 
     def __init__(self) -> None:
         self._frames: Counter[str] = Counter()
@@ -29,7 +29,7 @@ class SensorLog:
         self._bad = 0
 
     def add(self, moment: Moment) -> None:
-        """The next moment."""
+        """Takes in the next event."""
         match moment.said:
             case SensorFault() as error:
                 # What is raised until it is back are attempts to open it.
@@ -50,7 +50,7 @@ class SensorLog:
                 self._fares(moment)
 
     def facts(self) -> list[tuple[str, str]]:
-        """What there is to say, each with its name."""
+        """Returns all facts, each with its name."""
         seconds = self._seconds(self._last_ns)
         said = [("frames", f"{sum(self._frames.values())} in {seconds:.1f} s of {', '.join(self._frames)}")]
         said.append(("missing", self._missing()))
@@ -71,7 +71,7 @@ class SensorLog:
         return said
 
     def _missing(self) -> str:
-        """What the sensor's own count says."""
+        """Describes the gaps of the sensor's own count."""
         if not self._counts:
             return "not known; the sensor did not count its images"
         if not self._gaps:
@@ -81,7 +81,7 @@ class SensorLog:
         return f"{count} images in {len(self._gaps)} gaps; the longest {longest} at {at:.2f} s"
 
     def _count(self, sensor: str, sequence: int, time_ns: int) -> None:
-        """A gap in the sensor's count; one that was opened anew counts from elsewhere."""
+        """Counts a gap in the sensor's numbers; a sensor that was opened anew starts elsewhere."""
         before = self._counts.get(sensor)
         if before is not None and not self._lost and sequence > before + 1:
             self._gaps.append((self._seconds(time_ns), sequence - before - 1))

@@ -1,4 +1,4 @@
-"""One frame as a picture: depth in grey, each person's pixels tinted, skeletons coloured by confidence."""
+"""Draws one frame: depth in grey, each person's pixels tinted, skeletons coloured by confidence."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from enliven.person import BONES, Body
 _TINTS = np.array(
     [(70, 130, 255), (255, 140, 60), (90, 220, 120), (230, 90, 210), (240, 220, 70), (90, 220, 230)], float
 )
-_NEAREST, _HOLE = 0.12, 12
-"""Metres from the camera before which a joint is not drawn; the grey of what is not known."""
+"""(6, 3) sRGB of the people's tints, in turn: easily told apart."""
+_NEAREST = 0.12
+"""Metres from the camera: nearer joints are not drawn, since their projection runs out of the picture."""
+_HOLE = 12
+"""Grey of a pixel without depth, of 255: darker than every distance, lighter than black."""
 _UNSURE = 0.05
-"""A bone whose ends are both less sure than this is not drawn."""
+"""Confidence of both ends below which a bone is not drawn."""
 
 
 def depth_picture(depth: UInt16, near: float, far: float) -> UInt8:
-    """(H, W, 3) grey: bright is near, ``far`` metres and beyond dark; unknown nearly black."""
+    """Returns (H, W, 3) grey: bright is near, ``far`` metres and beyond dark; unknown nearly black."""
     z = depth.astype(np.float64) * 1e-3
     grey = 235.0 - 190.0 * np.clip((z - near) / max(far - near, 1e-6), 0.0, 1.0)
     grey[depth == 0] = _HOLE
@@ -29,7 +32,7 @@ def depth_picture(depth: UInt16, near: float, far: float) -> UInt8:
 
 
 def depth_span(depth: UInt16) -> tuple[float, float]:
-    """Metres between which most of an image lies; what :func:`depth_picture` takes."""
+    """Returns the metres between which most of an image lies; arguments of :func:`depth_picture`."""
     known = depth[(depth > 0) & (depth < 65535)]
     if known.size == 0:
         return 0.5, 4.0
@@ -38,10 +41,10 @@ def depth_span(depth: UInt16) -> tuple[float, float]:
 
 
 def tinted(picture: UInt8, owner: Int, depth: UInt16) -> UInt8:
-    """The picture with each person's known pixels coloured.
+    """Returns the picture with each person's known pixels coloured.
 
     Args:
-        owner: (h, w) of a reduced image: 0, 1, ... whose a pixel is, -1 nobody's.
+        owner: (h, w) of a reduced image: the person of each pixel, 0, 1, ..., or -1 for none.
         depth: (H, W) of the picture.
     """
     height, width = picture.shape[:2]
@@ -55,7 +58,7 @@ def tinted(picture: UInt8, owner: Int, depth: UInt16) -> UInt8:
 
 
 def confidence_colour(confidence: float) -> tuple[int, int, int]:
-    """Red where nothing is sure, through yellow, to green."""
+    """Returns red for confidence 0, through yellow, to green for 1."""
     c = min(max(confidence, 0.0), 1.0)
     return (255, round(510 * c), 40) if c < 0.5 else (round(510 * (1.0 - c)), 255, 40)
 
@@ -67,7 +70,7 @@ def draw_bodies(
     world_from_camera: Float,
     scale: float = 1.0,
 ) -> UInt8:
-    """The picture (of ``scale`` times the camera's size) with the skeletons and their ids."""
+    """Returns the picture (of ``scale`` times the camera's size) with the skeletons and their ids."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     rotation, origin = world_from_camera[:3, :3], world_from_camera[:3, 3]
@@ -88,7 +91,7 @@ def draw_bodies(
 
 
 def _dot(draw: ImageDraw.ImageDraw, at: AnyArray, radius: float, confidence: float) -> None:
-    """A joint: filled where it is vouched for, a ring where it is a guess."""
+    """Draws a joint: filled where it is observed, a ring where it is a guess."""
     box = [at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius]
     if confidence >= _UNSURE:
         draw.ellipse(box, fill=confidence_colour(confidence), outline=(0, 0, 0))
@@ -97,7 +100,7 @@ def _dot(draw: ImageDraw.ImageDraw, at: AnyArray, radius: float, confidence: flo
 
 
 def captioned(picture: UInt8, lines: Sequence[str], colour: tuple[int, int, int] = (255, 230, 90)) -> UInt8:
-    """The picture with lines of text in its lower left corner."""
+    """Returns the picture with lines of text in its lower left corner."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     for n, line in enumerate(reversed(lines)):
@@ -108,7 +111,7 @@ def captioned(picture: UInt8, lines: Sequence[str], colour: tuple[int, int, int]
 
 
 def contact_sheet(pictures: Sequence[UInt8], columns: int, width: int) -> UInt8:
-    """One picture of many, ``columns`` in a row, each ``width`` pixels wide."""
+    """Returns one picture of many, ``columns`` in a row, each ``width`` pixels wide."""
     small = []
     for picture in pictures:
         height = max(1, round(picture.shape[0] * width / picture.shape[1]))

@@ -1,4 +1,4 @@
-"""From the 33 landmarks to the 20 joints."""
+"""Converts the 33 landmarks to the 20 joints."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ from enliven.arrays import Float
 from enliven.person import Joint
 from enliven_edge.landmarks.source import INDEX, NAMES
 
-_TRUNK, _ARM, _LEG = (0.11, 0.11, 0.10, 0.09), (0.05, 0.04, 0.03, 0.025), (0.09, 0.055, 0.04, 0.03)
+_TRUNK = (0.11, 0.11, 0.10, 0.09)
+"""Metres from skin to joint of hip centre, spine, shoulder centre and head."""
+_ARM = (0.05, 0.04, 0.03, 0.025)
+"""Metres from skin to joint of shoulder, elbow, wrist and hand."""
+_LEG = (0.09, 0.055, 0.04, 0.03)
+"""Metres from skin to joint of hip, knee, ankle and foot."""
 SURFACE = np.array([*_TRUNK, *_ARM, *_ARM, *_LEG, *_LEG])
 """(20,) metres from the skin that a sensor sees to the joint behind it."""
 
 
 def _weights() -> Float:
-    """(20, 33) how much of each landmark makes a joint; every row sums to 1."""
+    """Returns (20, 33) the share of each landmark in a joint; every row sums to 1."""
     made = np.zeros((len(Joint), len(NAMES)))
 
     def put(joint: Joint, **parts: float) -> None:
@@ -41,14 +46,14 @@ def _weights() -> Float:
 
 WEIGHTS = _weights()
 _USED = np.abs(WEIGHTS) > 0.15
-"""(20, 33) the landmarks without which a joint is not known."""
+"""(20, 33) the landmarks that a joint needs to be known."""
 
 
 def joints_of(landmarks: Float) -> Float:
-    """(20, D) joints of (33, D) landmarks, in pixels or metres."""
+    """Returns (20, D) joints of (33, D) landmarks, in pixels or metres."""
     return np.asarray(WEIGHTS @ landmarks)
 
 
 def visibility_of(visibility: Float) -> Float:
-    """(20,) how likely each joint is seen: as its least visible landmark."""
+    """Returns (20,) the probability that each joint is seen: that of its least visible landmark."""
     return np.asarray(np.where(_USED, visibility, 1.0).min(1))

@@ -1,4 +1,5 @@
-"""A camera's colour, from image to bodies: find, lift, number, and join with what depth says."""
+"""Estimates bodies from a camera's colour: finds landmarks, lifts and numbers them, and joins them with
+depth."""
 
 from __future__ import annotations
 
@@ -18,15 +19,16 @@ from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipe
 from enliven_edge.landmarks.source import LandmarkSource
 
 _STEP = 0.6
-"""Metres between two frames, at most, that one person goes."""
+"""Metres that one person moves between two frames, at most."""
 _FORGOTTEN_NS = 2_000_000_000
+"""Nanoseconds after which a lost person gets a new number."""
 
 
-class ColourEye:
-    """One colour camera and the source that looks through it.
+class ColourPoseEstimator:
+    """Estimates bodies from one colour camera by a source of landmarks.
 
     Args:
-        source: finds the landmarks; closed by whoever made it.
+        source: finds the landmarks; the caller closes it.
     """
 
     def __init__(self, source: LandmarkSource, settings: LiftSettings | None = None) -> None:
@@ -35,7 +37,8 @@ class ColourEye:
         self._next = 1
 
     def improve(self, bodies: list[Body], frame: DepthFrame, world_from_camera: Float) -> list[Body]:
-        """The bodies that depth found in a frame, joined with what its colour shows; as they are without."""
+        """Returns a frame's depth bodies joined with those of its colour; unchanged where colour shows
+        none."""
         if frame.colour is None or not bodies:
             return bodies
         found = self._source.find(frame.colour, frame.time_ns)
@@ -43,13 +46,13 @@ class ColourEye:
         return join_people(bodies, lifted)
 
     def bodies(self, colour: UInt8, camera: Intrinsics, world_from_camera: Float, time_ns: int) -> list[Body]:
-        """The 2.5-D bodies of a camera that has no depth, each with an identity that stays."""
+        """Returns the 2.5-D bodies of a camera without depth, each with a lasting identity."""
         found = self._source.find(colour, time_ns)
         guesses = [self._lifter.guess(each, camera, world_from_camera, -1) for each in found]
         return self._numbered(guesses, time_ns)
 
     def _numbered(self, bodies: list[Body], time_ns: int) -> list[Body]:
-        """The bodies with the numbers of who was nearest in the frame before; new numbers for the others."""
+        """Returns the bodies numbered by the nearest one in the frame before; others get new numbers."""
         self._known = {
             i: known for i, known in self._known.items() if 0 <= time_ns - known[1] < _FORGOTTEN_NS
         }
@@ -70,8 +73,8 @@ class ColourEye:
         return [dataclasses.replace(body, id=numbers[k]) for k, body in enumerate(bodies)]
 
 
-class LevelEye:
-    """The bodies of a plain camera that stands level, whose view is known roughly and no depth at all.
+class MonocularPoseEstimator:
+    """Estimates bodies from a plain camera that stands level, with a roughly known view and without depth.
 
     Args:
         view: degrees that the camera sees from left to right.
@@ -99,20 +102,20 @@ class LevelEye:
         check_view(view)
         self._view, self._mount = math.radians(view), world_from_level_camera(height, math.radians(tilt))
         self._source = source or MediaPipeSource(MediaPipeSettings(python=python, model=model))
-        self._eye = ColourEye(self._source, LiftSettings(body_height=body_height))
+        self._eye = ColourPoseEstimator(self._source, LiftSettings(body_height=body_height))
 
     def bodies(self, colour: UInt8, time_ns: int) -> list[Body]:
-        """The bodies in an (h, w, 3) uint8 sRGB image."""
+        """Returns the bodies in an (h, w, 3) uint8 sRGB image."""
         camera = pinhole(colour.shape[1], colour.shape[0], self._view)
         return self._eye.bodies(colour, camera, self._mount, time_ns)
 
     def close(self) -> None:
-        """Lets the source go; a second call does nothing."""
+        """Releases the source; a second call does nothing."""
         self._source.close()
 
 
 def check_view(view: float) -> None:
-    """Refuses degrees from left to right that no lens sees.
+    """Checks a horizontal angle of view in degrees.
 
     Raises:
         InputError: where they are such.
@@ -122,6 +125,6 @@ def check_view(view: float) -> None:
 
 
 def pinhole(width: int, height: int, view: float) -> Intrinsics:
-    """A camera that sees ``view`` radians from left to right."""
+    """Returns a camera with a horizontal view of ``view`` radians."""
     focal = 0.5 * width / math.tan(0.5 * view)
     return Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

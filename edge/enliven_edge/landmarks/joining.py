@@ -1,4 +1,4 @@
-"""The bodies of depth and those of colour, joined by how sure each is of every joint."""
+"""Joins the bodies of depth and those of colour by the confidence of every joint."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from enliven.person import Body, Joint
 
 _TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]
 _SAME_PERSON = 0.5
-"""Metres between two trunks, at most, that may be one person's."""
+"""Metres between two trunks of one person, at most."""
 _AGREE = 0.12
 """Metres: two places of a joint this near are one place seen twice; farther ones contradict each other."""
 
 
 def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:
-    """The depth's bodies, each joined with the colour's body of the same person; nearest pairs first.
+    """Returns the depth's bodies, each joined with the colour's body of the same person; nearest pairs first.
 
     People whom colour alone sees are left out: the depth's tracker says who there is.
     """
@@ -38,11 +38,11 @@ def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:
 
 
 def join(depth: Body, colour: Body) -> Body:
-    """One person as both see them.
+    """Joins two bodies of one person.
 
-    Where both agree on a joint it is between them, by confidence, and surer than either says. Where they
-    contradict each other it is where the surer one says, and less sure. What only one knows is the other's
-    nothing. Identity, orientations and all else stay those of the depth's body.
+    Where both agree on a joint it lies between them, weighted by confidence, and surer than either. Where
+    they contradict each other the surer one is taken, with less confidence. A joint that only one has is
+    taken from it. Identity, orientations and all else are those of the depth's body.
     """
     ours, theirs = np.clip(depth.confidence, 0, 1), np.clip(colour.confidence, 0, 1)
     apart = np.linalg.norm(depth.joints - colour.joints, axis=1)
@@ -59,7 +59,7 @@ def join(depth: Body, colour: Body) -> Body:
 
 
 def _apart(a: Body, b: Body) -> float:
-    """Metres between two trunks, over the joints that both know."""
+    """Returns metres between two trunks, over the joints that both have."""
     known = np.array([a.confidence[j] > 0 and b.confidence[j] > 0 for j in _TRUNK])
     if not known.any():
         return float("inf")

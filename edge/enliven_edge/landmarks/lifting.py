@@ -1,4 +1,4 @@
-"""From landmarks in an image to a body in the world: by measured depth, or by a guessed size alone."""
+"""Lifts landmarks of an image to a body in the world: by measured depth, or by an assumed size alone."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from enliven_edge.landmarks.anatomy import SURFACE, joints_of, visibility_of
 from enliven_edge.landmarks.source import Landmarks
 
 _PATCH = 0.03
-"""Metres to each side of a landmark within which depth is looked at."""
+"""Metres to each side of a landmark within which depth is read."""
 _FEWEST = 3
+"""Measured values that a median needs, to outvote a single wrong one."""
 _BEYOND_BONES = HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
-"""Metres of a height that no bone shows."""
+"""Metres of a person's height beyond the bones, above the head and below the ankles."""
 
 
 @dataclass(frozen=True)
 class LiftSettings:
-    """How landmarks become bodies."""
+    """Settings that turn landmarks into bodies."""
 
     visible: float = setting(
         0.5, "A landmark less likely to be seen than this has no say.", low=0.0, high=1.0
@@ -41,7 +42,7 @@ class LiftSettings:
 
 
 class Lifter:
-    """Lifts the landmarks of one camera; the colour image must show what the depth image shows.
+    """Lifts the landmarks of one camera; the colour image must show the same view as the depth image.
 
     The person's place is first found so that the source's own idea of the posture projects onto its
     landmarks; that leaves one number, the size, which is the distance's too: measured depth gives it.
@@ -53,7 +54,7 @@ class Lifter:
         self._rays: Float = np.empty((0, 0, 2))
 
     def lift(self, found: Landmarks, frame: DepthFrame, world_from_camera: Float, person: int) -> Body:
-        """The body of landmarks that were found in ``frame.colour``.
+        """Returns the body of landmarks that were found in ``frame.colour``.
 
         A joint is where depth confirms it; where something stands before it, or nothing is measured, it is
         where the posture puts it, and not sure. What is out of the image has confidence 0.
@@ -84,7 +85,7 @@ class Lifter:
         return Body(person, _to_world(local, world_from_camera), sure)
 
     def guess(self, found: Landmarks, camera: Intrinsics, world_from_camera: Float, person: int) -> Body:
-        """The 2.5-D body of a camera without depth: as far away as somebody of the set height would be."""
+        """Returns the 2.5-D body of a camera without depth, at the distance of a person of the set height."""
         posture = self._placed(found, found.points, camera)
         bones = Body(person, posture, np.ones(20)).height - _BEYOND_BONES
         posture = posture * ((self.settings.body_height - _BEYOND_BONES) / max(bones, 0.1))
@@ -94,7 +95,8 @@ class Lifter:
         return Body(person, _to_world(posture, world_from_camera), sure)
 
     def _placed(self, found: Landmarks, points: Float, camera: Intrinsics) -> Float:
-        """(20, 3) joints in the camera frame that project onto the landmarks; their scale is the source's."""
+        """Returns (20, 3) joints in the camera frame that project onto the landmarks, in the source's
+        scale."""
         ray, inside = self._ray(points, camera)
         weight = found.visibility * np.where(inside, 1.0, 0.2)
         x, y, z = found.offsets.T
@@ -109,7 +111,7 @@ class Lifter:
         return joints_of(found.offsets) + place
 
     def _ray(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
-        """(N, 2) x/z and y/z of pixels, and which are in the image."""
+        """Returns (N, 2) x/z and y/z of pixels, and whether each is in the image."""
         if camera != self._camera:
             self._camera, self._rays = camera, rays(camera)
         size = np.array([camera.width, camera.height])
@@ -123,7 +125,8 @@ class Lifter:
     def _measured(
         self, frame: DepthFrame, pixels: Float, expected: Float, inside: Bool, margin: float
     ) -> Float:
-        """(20,) metres of the surface around each joint's pixel; NaN where none is within ``margin``."""
+        """Returns (20,) metres of the surface around each joint's pixel; NaN where none is within
+        ``margin``."""
         depth, camera = frame.depth, frame.intrinsics
         made = np.full(len(pixels), np.nan)
         for joint in np.flatnonzero(inside):
@@ -138,7 +141,8 @@ class Lifter:
 
 
 def _to_depth(points: Float, shape: tuple[int, ...], camera: Intrinsics) -> Float:
-    """(N, 2) pixels of the colour image in the depth image, which shows the same."""
+    """Returns (N, 2) the pixels of the depth image for those of the colour image, which shows the same
+    view."""
     scale = np.array([camera.width / shape[1], camera.height / shape[0]])
     return np.asarray((points + 0.5) * scale - 0.5)
 

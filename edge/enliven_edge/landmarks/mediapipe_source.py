@@ -1,4 +1,4 @@
-"""Landmarks by MediaPipe's published package, in a process of its own."""
+"""Finds landmarks by MediaPipe's published package, in a process of its own."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from enliven_edge.landmarks.source import NAMES, Landmarks
 
 _HEAD = struct.Struct("<IIq")
 _PERSON_BYTES = len(NAMES) * 6 * 4
+"""Bytes of one person in the worker's output: six float32 for each landmark."""
 _MOST = 64
+"""People in one image: a larger number from the worker is damage."""
 _MEND = (
     "Either install the extra 'colour' and give the model's .task file, or give the Python of an environment "
     "with mediapipe 0.10.21, which brings its model."
@@ -28,7 +30,7 @@ _MEND = (
 
 @dataclass(frozen=True)
 class MediaPipeSettings:
-    """Where MediaPipe and its model are."""
+    """Where MediaPipe and its model are installed."""
 
     python: str = setting("", "The Python that has mediapipe; empty: the one that runs the edge.")
     model: str = setting("", "A pose landmarker's .task file; mediapipe up to 0.10.21 needs none.")
@@ -68,7 +70,7 @@ class MediaPipeSource:
             raise self._failed()
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
-        """The people in an (h, w, 3) uint8 sRGB image."""
+        """Returns the people in an (h, w, 3) uint8 sRGB image."""
         height, width = colour.shape[:2]
         self._newest_ms = max(self._newest_ms + 1, time_ns // 1_000_000)
         try:
@@ -106,7 +108,7 @@ class MediaPipeSource:
         return data
 
     def _failed(self) -> ResourceError:
-        """Why the process ended, by the last line that it said."""
+        """Returns the error that says why the process ended, by its last line of output."""
         self._worker.kill()
         self._worker.wait()
         self._said.seek(0)
@@ -117,7 +119,7 @@ class MediaPipeSource:
 
 
 def _landmarks(data: bytes) -> Landmarks:
-    """One person of the worker's output; what is no number is not visible."""
+    """Reads one person of the worker's output; a landmark that is no number is not visible."""
     rows = np.frombuffer(data, "<f4").reshape(len(NAMES), 6).astype(np.float64)
     good = np.asarray(np.isfinite(rows).all(1))
     rows = np.where(good[:, None], rows, 0.0)

@@ -1,4 +1,4 @@
-"""Whether and how colour is looked at."""
+"""Settings of the colour landmarks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings
 
 @dataclass(frozen=True)
 class ColourSettings:
-    """Landmarks from the colour image of a depth sensor, joined with what depth says; depth needs none."""
+    """Landmarks from the colour image of a depth sensor, joined with the bodies from depth."""
 
     use: bool = setting(False, "Look at the colour image too, where there is one; costs its time per frame.")
     mediapipe: MediaPipeSettings = setting(MediaPipeSettings, "What finds the landmarks.")

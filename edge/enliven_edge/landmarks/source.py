@@ -1,4 +1,4 @@
-"""What a colour image shows of a person: 33 landmarks, as BlazePose names them."""
+"""The landmarks of a person in a colour image: 33 points with BlazePose's names."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class LandmarkSource(Protocol):
     """Finds people in colour images; a context manager that closes itself."""
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
-        """The people in an (h, w, 3) uint8 sRGB image.
+        """Returns the people in an (h, w, 3) uint8 sRGB image.
 
         Args:
             time_ns: the sensor's clock, rising from call to call.
@@ -50,7 +50,7 @@ class LandmarkSource(Protocol):
         ...
 
     def close(self) -> None:
-        """Lets everything go; a second call does nothing."""
+        """Releases everything; a second call does nothing."""
         ...
 
     def __enter__(self) -> Self: ...

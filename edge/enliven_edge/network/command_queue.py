@@ -1,4 +1,4 @@
-"""The commands of viewers, carried out in fair order within a time budget for each frame."""
+"""Carries out the commands of viewers in fair order within a time budget for each frame."""
 
 from __future__ import annotations
 
@@ -11,23 +11,26 @@ from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
 _MOST = 1024
-"""Commands that wait; of more than these the ones of viewers that have gone are forgotten."""
+"""Commands that wait; beyond these the commands of disconnected viewers are dropped."""
 
 
 _RESERVED = 0.4
-"""Of the time, for viewers that have asked little: they do not wait until others are made up for."""
+"""Share of the time budget for viewers with few requests: a flood of others does not delay them."""
 _LITTLE = 0.06
-"""Seconds that such a viewer has cost of late at most: ten small orders a second are half of it."""
+"""Seconds of recent cost up to which a viewer may use the reserve: ten small orders a second are half of
+it."""
 _KNOWN_AFTER = 1.0
-"""Seconds that such a viewer has been connected, so that coming anew is of no use to a flood."""
+"""Seconds of connection before a viewer may use the reserve, so that reconnecting does not help a flood."""
 _FEW = 4
-"""Orders of such a viewer that wait at most: a person gives one at a time, a flood piles them up."""
+"""Waiting orders up to which a viewer may use the reserve: a person gives one at a time, a flood piles them
+up."""
 _SAVED = 50
-"""Frames whose time is saved up while nothing is asked, so that a few orders in one frame need not wait."""
+"""Frames of unused time that are saved up, so that a few orders in one frame need not wait."""
 
 
 class CommandQueue:
-    """Commands that wait: the viewer that cost least of late is first, each viewer's keep their order.
+    """Orders the waiting commands: the viewer with the least recent cost is first, each viewer's keep their
+    order.
 
     Those of viewers that have gone come last.
 
@@ -38,11 +41,11 @@ class CommandQueue:
 
     def __init__(self, budget: float) -> None:
         self._shares = [budget * (1 - _RESERVED), budget * _RESERVED]
-        self._purses = [_SAVED * share for share in self._shares]
+        self._budgets = [_SAVED * share for share in self._shares]
         self._waiting: dict[Connection, deque[Command]] = {}
 
     def add(self, command: Command) -> None:
-        """One more; an older one of its viewer that it makes needless is refused."""
+        """Adds a command; an older command of its viewer that it replaces is refused."""
         own = self._waiting.setdefault(command.peer, deque())
         subject = subject_of(command.request)
         older = next((c for c in own if subject is not None and subject_of(c.request) == subject), None)
@@ -54,40 +57,42 @@ class CommandQueue:
             self._waiting = {peer: w for peer, w in self._waiting.items() if peer.is_open}
 
     def work(self, do: Callable[[Command], None]) -> None:
-        """Carries out what there is time for."""
-        self._purses = [
-            min(purse + share, _SAVED * share)
-            for purse, share in zip(self._purses, self._shares, strict=True)
+        """Carries out commands as far as the time budget allows."""
+        self._budgets = [
+            min(budget + share, _SAVED * share)
+            for budget, share in zip(self._budgets, self._shares, strict=True)
         ]
         while (found := self._next()) is not None:
-            peer, purse = found
+            peer, budget = found
             start = time.perf_counter()
             do(self._waiting[peer].popleft())
             took = time.perf_counter() - start
             peer.charge(took)
-            self._purses[purse] -= took
+            self._budgets[budget] -= took
             if not self._waiting[peer]:
                 del self._waiting[peer]
 
     def _next(self) -> tuple[Connection, int] | None:
-        """Whose command is next and which purse pays for it; None: nothing waits that can be paid for."""
-        if self._purses[0] > 0:
-            purse, peers = 0, list(self._waiting)
-        elif self._purses[1] > 0:
-            purse, peers = 1, [peer for peer in self._waiting if self._asks_little(peer)]
+        """Returns the viewer of the next command and the number of the budget to charge; None where no budget
+        is left."""
+        if self._budgets[0] > 0:
+            budget, peers = 0, list(self._waiting)
+        elif self._budgets[1] > 0:
+            budget, peers = 1, [peer for peer in self._waiting if self._asks_little(peer)]
         else:
             return None
         peer = min(peers, key=lambda p: (not p.is_open, p.cost), default=None)
-        return None if peer is None else (peer, purse)
+        return None if peer is None else (peer, budget)
 
     def _asks_little(self, peer: Connection) -> bool:
-        """Whether a viewer may be paid for out of what is reserved."""
+        """Returns whether a viewer may use the reserve."""
         known = peer.is_open and time.monotonic() - peer.opened > _KNOWN_AFTER
         return known and peer.cost < _LITTLE and len(self._waiting[peer]) <= _FEW
 
 
 def subject_of(order: Order) -> Hashable:
-    """What a newer order of the same subject makes needless; None where each order counts."""
+    """Returns the key of an order that a newer order with the same key replaces; None where each order
+    counts."""
     match order:
         case Look():
             return "look"

@@ -1,4 +1,4 @@
-"""One connection of a server: what is still to be sent, and what it has cost of late."""
+"""One connection of a server: its send queue and its recent cost."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import time
 from collections import deque
 from typing import Any
 
-from enliven.wire import Session, head
+from enliven.wire import ZmtpSession, head
 
 _HALVED_EVERY = 10.0
-"""Seconds after which half of what a connection has cost is forgiven."""
+"""Seconds in which a connection's recorded cost halves: a flood of the past is soon forgiven."""
 _AT_ONCE = 1 << 18
 """Bytes that are handed to the system in one call."""
 MOST_PENDING = 32
-"""Orders of one connection that wait to be carried out; until then nothing more is read from it."""
+"""Orders of one connection that wait to be carried out; at that number nothing more is read from it."""
 
 
 class Connection:
@@ -27,10 +27,10 @@ class Connection:
         heard: monotonic second of its last message.
         moved: monotonic second when bytes last left, or when there were none to send.
         pending: orders that wait to be carried out.
-        state: what the user of the server keeps about it.
+        state: data that the user of the server keeps about it.
     """
 
-    def __init__(self, own: socket.socket, address: str, session: Session) -> None:
+    def __init__(self, own: socket.socket, address: str, session: ZmtpSession) -> None:
         self.address, self.session = address, session
         self.opened = self.heard = self.moved = time.monotonic()
         self.introduced = self.buffered = False
@@ -53,11 +53,11 @@ class Connection:
 
     @property
     def cost(self) -> float:
-        """Seconds of the edge's time that it took of late."""
+        """Seconds of the edge's time that it took recently."""
         return self._cost * 0.5 ** ((time.monotonic() - self._weighed) / _HALVED_EVERY)
 
     def charge(self, seconds: float) -> None:
-        """It took so much time."""
+        """Adds to the cost."""
         self._cost, self._weighed = self.cost + seconds, time.monotonic()
 
     def fileno(self) -> int:
@@ -65,7 +65,7 @@ class Connection:
         return self._socket.fileno() if self._socket is not None else -1
 
     def read(self, most: int) -> bytes | None:
-        """What has come, ``b""`` at the end, None where nothing has.
+        """Returns received bytes, ``b""`` at the end, None where nothing has come.
 
         Raises:
             OSError: where the connection is broken.
@@ -78,7 +78,7 @@ class Connection:
             return None
 
     def queue(self, *pieces: bytes) -> None:
-        """Bytes to send after those that wait."""
+        """Adds bytes to the send queue."""
         if not self.owed:
             self.moved = time.monotonic()
         for piece in pieces:
@@ -86,11 +86,12 @@ class Connection:
             self.owed += len(piece)
 
     def queue_message(self, first: bytes, rest: bytes = b"") -> None:
-        """One message of one part, its data in two pieces, so that a long one is shared and not copied."""
+        """Queues a message of one part with its data in two pieces, so that a long one is shared and not
+        copied."""
         self.queue(head(len(first) + len(rest)) + first, rest)
 
     def flush(self, until: float) -> None:
-        """Sends as much as the system takes now, of very much only until a monotonic second.
+        """Sends as much as the system takes now; of very much only until a monotonic second.
 
         Raises:
             OSError: where the connection is broken.
@@ -113,7 +114,7 @@ class Connection:
         self.moved = time.monotonic()
 
     def close(self) -> None:
-        """Ends it; what was not sent is lost."""
+        """Ends it; unsent bytes are lost."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

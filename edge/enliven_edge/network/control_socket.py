@@ -1,4 +1,4 @@
-"""The edge's control port: requests in, checked; replies out; never a wait for anybody."""
+"""The edge's control port: checks requests and sends replies; it never waits."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from enliven_edge.network.server import ZmtpServer
 log = logging.getLogger(__name__)
 
 _GONE_AFTER = 5.0
-"""Seconds without a word after which a viewer is not counted any more."""
+"""Seconds without a message after which a viewer is not counted any more."""
 
 
 @dataclass
 class Command:
-    """Something that a viewer asks for and only the stage can do; answer it once.
+    """A request that only the stage can carry out; answer it once.
 
     Attributes:
         request: an order such as :class:`~enliven.wire.messages.Possess`.
@@ -49,17 +49,17 @@ class Command:
     _reply: Callable[[Answer], None] = field(repr=False)
 
     def reply_done(self, note: str = "") -> None:
-        """It was carried out."""
+        """Replies that it was carried out."""
         self._reply(Done(note[:400]))
 
     def reply_refused(self, reason: str) -> None:
-        """It was not, and why; the viewer shows the sentence."""
+        """Replies that it was refused, with a sentence for the viewer to show."""
         self._reply(Refused(reason[:400]))
 
 
 @dataclass
 class _Viewer:
-    """What is known of a connection, and gone with it.
+    """The state of a connection, dropped with it.
 
     Attributes:
         left: requests that it may still make at once.
@@ -73,12 +73,12 @@ class _Viewer:
     heard: float = -_GONE_AFTER
 
 
-class Control:
-    """Answers what comes in at a server.
+class ControlSocket:
+    """Answers the requests at a server.
 
     Args:
-        answer: what to reply to everything but commands: an answer, or one that is packed already.
-        rate: requests a second that a viewer is answered, and so many at once; more are refused.
+        answer: returns the reply to a request that is no command: a message, or a packed one.
+        rate: requests a second of one viewer that are answered, and the size of a burst; more are refused.
         budget: seconds a poll for reading and answering; the rest waits with its senders.
     """
 
@@ -92,19 +92,19 @@ class Control:
 
     @property
     def viewers(self) -> int:
-        """Viewers that the streams reach, and that were heard of in the last seconds."""
+        """The number of viewers that receive the streams and sent a message in the last seconds."""
         since = time.monotonic() - _GONE_AFTER
         known = (c.state for c in self._server.connections if c.state is not None)
         return sum(viewer.listening and viewer.heard > since for viewer in known)
 
     def poll(self) -> list[Command]:
-        """Answers what has come, as far as there is time; returns the commands among it."""
+        """Answers requests as far as there is time; returns the commands among them."""
         until = time.monotonic() + self._budget
         found = (self._take(peer, parts) for peer, parts in self._server.messages(until))
         return [command for command in found if command is not None]
 
     def _take(self, peer: Connection, parts: list[bytes]) -> Command | None:
-        """One message of a viewer."""
+        """Handles one message of a viewer."""
         now = time.monotonic()
         if peer.state is None:
             peer.state = _Viewer(self._rate, now)
@@ -133,7 +133,7 @@ class Control:
         return Command(body, viewer.name, peer, lambda answer: self._reply(peer, request.id, answer))
 
     def _may(self, viewer: _Viewer, now: float) -> bool:
-        """Whether a viewer may make one more request now."""
+        """Returns whether a viewer may make one more request now."""
         viewer.left = min(viewer.left + (now - viewer.filled) * self._rate, self._rate)
         viewer.filled = now
         if viewer.left < 1:
@@ -142,7 +142,7 @@ class Control:
         return True
 
     def _refuse(self, peer: Connection, number: int) -> None:
-        """A viewer asks too often: it is told each time, the log once."""
+        """Refuses a viewer that asks too often: it is told each time, the log once."""
         self.refused += 1
         if self.refused == 1:
             log.warning(
@@ -155,11 +155,11 @@ class Control:
         self._send(peer, number, Refused(f"more than {self._rate:g} requests a second; ask less often"))
 
     def _reply(self, peer: Connection, number: int, answer: Answer) -> None:
-        """A command was carried out or not."""
+        """Sends the reply to a command."""
         peer.pending -= 1
         self._send(peer, number, answer)
 
     def _send(self, peer: Connection, number: int, answer: Answer | bytes) -> None:
-        """To a viewer that may be gone: then it is dropped."""
+        """Sends to a viewer; nothing is sent to one that is gone."""
         packed = answer if isinstance(answer, bytes) else payload(answer)
         self._server.send(peer, reply_head(number), packed)

@@ -1,4 +1,4 @@
-"""How many files and connections this process may have open."""
+"""The number of files and connections that this process may open."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import sys
 _ENOUGH = 65_536
 """Descriptors at most: beyond it some systems allow a billion, and programs that close "all of them" hang."""
 _OTHERS = 128
-"""Descriptors that stay for everything but connections: libraries, recordings, devices, logs."""
+"""Descriptors reserved for everything but connections: libraries, recordings, devices, logs."""
 _FEWEST = 4
-"""Connections of a server where hardly any descriptors are allowed."""
+"""Connections of a server at least, where hardly any descriptors are allowed."""
 _UNKNOWN = 512
-"""Taken where the system does not say it, such as on Windows: as many as ``select`` can watch there."""
+"""Descriptors assumed where the system does not state them, such as on Windows: the limit of ``select``
+there."""
 
 
 def raise_descriptor_limit() -> int:
-    """Raises the soft limit of open descriptors to the hard one; how many are allowed from now on."""
+    """Raises the soft limit of open descriptors to the hard one; returns the limit from now on."""
     if sys.platform == "win32":
         return _UNKNOWN
     import resource
@@ -32,7 +33,8 @@ def raise_descriptor_limit() -> int:
 
 
 def connections_allowed(most: int) -> int:
-    """How many connections one of two servers may take, at most ``most``, so that descriptors are left."""
+    """Returns the connections that one of two servers may take, at most ``most``, so that descriptors are
+    left."""
     if sys.platform == "win32":
         limit = _UNKNOWN
     else:

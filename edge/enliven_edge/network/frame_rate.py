@@ -1,4 +1,4 @@
-"""How fast the edge is: frames a second and latency over the last few seconds."""
+"""Measures the edge's frames a second and latency over the last few seconds."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections import deque
 import numpy as np
 
 _REMEMBERED = 150
+"""Frames of the statistics: five seconds at 30 Hz, enough for a steady percentile."""
 
 
-class Pace:
+class FrameRate:
     """Statistics over the last 150 frames."""
 
     def __init__(self) -> None:
@@ -17,7 +18,7 @@ class Pace:
         self._done: deque[int] = deque(maxlen=_REMEMBERED)
 
     def took(self, read_ns: int, published_ns: int) -> None:
-        """One frame, read and published at these times of one clock, nanoseconds."""
+        """Takes in one frame, read and published at these times of one clock, nanoseconds."""
         self._latency.append((published_ns - read_ns) * 1e-6)
         self._done.append(published_ns)
 
@@ -29,5 +30,6 @@ class Pace:
         return (len(self._done) - 1) * 1e9 / (self._done[-1] - self._done[0])
 
     def latency_ms(self, percent: float) -> float:
-        """A percentile of the latency from frame read to pose published, ms; 0 before the first frame."""
+        """Returns a percentile of the latency from frame read to pose published, ms; 0 before the first
+        frame."""
         return float(np.percentile(self._latency, percent)) if self._latency else 0.0

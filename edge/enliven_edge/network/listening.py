@@ -1,4 +1,4 @@
-"""A TCP port to listen on, and connections that notice when the other side has vanished."""
+"""Opens a TCP port to listen on, and makes connections notice a vanished peer."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _PROBES: dict[str, int] = {
     "TCP_KEEPCNT": 3,
     "TCP_USER_TIMEOUT": 10_000,
 }
-"""A side that says nothing for 4 s is asked every 2 s, and gone after 3 questions; or with data that it has
-not acknowledged for 10,000 ms."""
+"""Keep-alive: a peer that is silent for 4 s is asked every 2 s, and gone after 3 questions, or with data that
+it has not acknowledged for 10,000 ms."""
 
 
 def _is_loopback(host: str) -> bool:
-    """Whether only programs of this machine reach what listens there; a name counts by what it means here."""
+    """Returns whether only programs of this machine reach an address; a name is resolved."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -38,7 +38,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def check_open(host: str, open_to_all: bool) -> None:
-    """Refuses to listen where other machines reach it, unless that was asked for."""
+    """Refuses an address that other machines reach, unless that was asked for."""
     if open_to_all or _is_loopback(host):
         return
     raise InputError(
@@ -49,7 +49,7 @@ def check_open(host: str, open_to_all: bool) -> None:
 
 
 def listen(host: str, port: int, option: str) -> socket.socket:
-    """A socket that listens there and never blocks.
+    """Returns a socket that listens and never blocks.
 
     Args:
         host: an address or name of this machine; "" or "*" for all of IPv6 and IPv4.
@@ -80,7 +80,7 @@ def listen(host: str, port: int, option: str) -> socket.socket:
 
 
 def make_watchful(connection: socket.socket) -> None:
-    """Never blocks, sends at once, and ends by itself when the other side has vanished."""
+    """Makes a socket non-blocking and immediate, and lets it end by itself when its peer has vanished."""
     connection.setblocking(False)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
@@ -91,7 +91,7 @@ def make_watchful(connection: socket.socket) -> None:
 
 
 def _refused(error: Exception, host: str, port: int, option: str) -> ResourceError:
-    """Why it does not listen."""
+    """Returns the error that says why a port cannot be listened on."""
     where = f"{host}:{port}"
     if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
         return ResourceError(

@@ -1,8 +1,8 @@
-"""One edge of a name on a machine: a locked file in a folder that only its user may write to.
+"""Allows one edge of a name on a machine by a locked file in a folder that only its user may write to.
 
-The operating system drops the lock with its process, however that ends, so no name is ever left taken. In a
-folder that all may write to a stranger could put a link in the file's place, and the file that it points to
-would be emptied.
+The operating system drops the lock with its process, however that ends, so no name stays taken. In a folder
+that all may write to a stranger could put a link in the file's place, and the file that it points to would be
+emptied.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ else:
     import fcntl
 
 _LOCKED_BYTE = 1 << 30
-"""Far behind the text, so that Windows, where a locked range cannot be read, lets others read who it is."""
+"""Byte that is locked, far behind the text: Windows refuses to read a locked range, and others are to read
+the holder."""
 
 
 class NameLock:
@@ -56,7 +57,7 @@ class NameLock:
             os.write(self._handle, f"process {os.getpid()}".encode())
 
     def close(self) -> None:
-        """Lets the name go; the empty file stays, since removing it could take it from the next holder."""
+        """Releases the name; the empty file stays, since removing it could take it from the next holder."""
         if self._handle >= 0:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._handle, 0)
@@ -65,7 +66,7 @@ class NameLock:
 
 
 def _own_folder() -> Path:
-    """The user's folder for the time of a session, or one in the temporary folder that only the user enters.
+    """Returns the user's folder for a session, or one in the temporary folder that only the user may enter.
 
     Raises:
         ResourceError: where neither is the user's own.
@@ -89,7 +90,7 @@ def _own_folder() -> Path:
 
 
 def _is_own(folder: Path) -> bool:
-    """Whether it is a folder, no link, of this user, that no other user may write to."""
+    """Returns whether it is a folder, no link, of this user, that no other user may write to."""
     try:
         found = folder.lstat()
     except OSError:
@@ -99,7 +100,7 @@ def _is_own(folder: Path) -> bool:
 
 
 def _opened(path: Path) -> int:
-    """A descriptor of the file, made where it is not there, never through a link."""
+    """Returns a descriptor of the file, created where it is missing, never through a link."""
     try:
         return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
     except OSError as error:
@@ -111,13 +112,13 @@ def _opened(path: Path) -> int:
 
 
 def _text(handle: int) -> str:
-    """What the holder wrote into the file."""
+    """Returns the text that the holder wrote into the file."""
     os.lseek(handle, 0, os.SEEK_SET)
     return os.read(handle, 100).decode("ascii", "replace")
 
 
 def _lock(handle: int) -> None:
-    """Take the lock or raise OSError at once."""
+    """Takes the lock or raises OSError at once."""
     if sys.platform == "win32":
         os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)

@@ -1,4 +1,4 @@
-"""What leaves the edge: characters, poses, bodies, cues and heartbeats, to viewers and to a take."""
+"""The edge's outlet: sends characters, poses, bodies, cues and heartbeats to viewers and to a take."""
 
 from __future__ import annotations
 
@@ -28,22 +28,23 @@ from enliven.wire import (
 )
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.control_socket import Command
-from enliven_edge.network.frame_rate import Pace
+from enliven_edge.network.frame_rate import FrameRate
 from enliven_edge.network.publisher import Publisher
 from enliven_edge.recording import Take
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage import Cues
 
-_FAREWELLS = 5
+_LAST_HEARTBEATS = 5
+"""Heartbeats that say the stream has ended: one may be lost on the way."""
 
 
-def _unheard(*_: object) -> str:
-    """Why what was asked is not done."""
+def _refuse(*_: object) -> str:
+    """Refuses a request that this edge has no handler for."""
     return "nobody here can do that"
 
 
 def need_free(wire: WireSettings) -> None:
-    """Look whether the name and the ports can be had, before anything is done that takes long.
+    """Checks that the name and the ports are free, before anything that takes long.
 
     Raises:
         ResourceError: for a port in use, or a name in use on this machine.
@@ -54,7 +55,7 @@ def need_free(wire: WireSettings) -> None:
 
 
 class Outlet:
-    """Publishes, answers viewers, and writes the take where one was asked for.
+    """Publishes characters, poses and bodies, answers viewers, and writes the take where one was asked for.
 
     Args:
         wire: name, host and ports.
@@ -87,11 +88,11 @@ class Outlet:
 
     @property
     def viewers(self) -> int:
-        """How many viewers are there."""
+        """The number of viewers."""
         return self._publisher.viewers
 
     def introduce(self, character: Character) -> None:
-        """A new character, or a new revision of one; viewers fetch it by themselves."""
+        """Announces a new character, or a new revision of one; viewers fetch it by themselves."""
         revision = self._publisher.set_character(character)
         if self._take is not None:
             self._take.introduce(character.id, character_to_message(character, revision))
@@ -106,12 +107,12 @@ class Outlet:
         props: Props | None = None,
         boards: Sequence[Board] = (),
     ) -> None:
-        """What one frame led to.
+        """Sends the results of one frame.
 
         Args:
             read_ns: wall clock when the frame was read.
-            props: what is loose, where there are physics.
-            boards: what there is to choose from on rigged characters.
+            props: the loose things, where there are physics.
+            boards: the matches to choose from on rigged characters.
         """
         at = frame.time_ns
         for pose in poses:
@@ -126,8 +127,8 @@ class Outlet:
         for board in boards:
             self._send("matches", board_to_message(board), at)
 
-    def report(self, pace: Pace, phase: str, performers: int, sensor: str = "") -> None:
-        """How the edge is doing; goes out with the heartbeat, at once where the phase is new.
+    def report(self, pace: FrameRate, phase: str, performers: int, sensor: str = "") -> None:
+        """Sets the state of the edge for the heartbeat; a new phase is sent at once.
 
         Args:
             sensor: its identity, where it was not known from the start; empty: as before.
@@ -144,9 +145,9 @@ class Outlet:
                 latency_p99_ms=pace.latency_ms(99),
             )
 
-    def ail(self, states: list[HealthState]) -> None:
-        """What is wrong, and with the take; goes out at once where it is new, or over."""
-        take = self._take.ails if self._take is not None else []
+    def set_health(self, states: list[HealthState]) -> None:
+        """Sets the health states of the edge; a change is sent at once. The take's states are added."""
+        take = self._take.health_states if self._take is not None else []
         health = health_to_messages(worst_first([*states, *take]))
         told = self._publisher.status.health
         if health == told:
@@ -155,24 +156,24 @@ class Outlet:
         if [(h.kind, h.performer) for h in health] != [(h.kind, h.performer) for h in told]:
             self._publisher.beat()
 
-    def hear(
+    def poll_requests(
         self,
         possess: Callable[[Possess], str],
         release: Callable[[str, int | None], str],
         smooth: Callable[[int, float | None], str],
-        look: Callable[[Look], str] = _unheard,
-        browse: Callable[[str, int], str] = _unheard,
-        lock: Callable[[bool], str] = _unheard,
+        look: Callable[[Look], str] = _refuse,
+        browse: Callable[[str, int], str] = _refuse,
+        lock: Callable[[bool], str] = _refuse,
     ) -> None:
-        """Answers what viewers asked, as far as there is time, and keeps the heart beating.
+        """Answers viewers' requests as far as there is time, and sends heartbeats that are due.
 
         Args:
-            possess: what was asked, to the reason why not, or an empty string.
+            possess: carries out the request; returns the reason of a refusal, or an empty string.
             release: (character, body) likewise.
             smooth: (body, amount) likewise.
-            look: from where a viewer looks, likewise.
+            look: (the viewer's direction of view) likewise.
             browse: (character, step) likewise.
-            lock: whether only who is followed now performs, likewise.
+            lock: (whether to keep the cast) likewise.
         """
 
         def do(command: Command) -> None:
@@ -194,16 +195,16 @@ class Outlet:
             self._commands.add(command)
         self._commands.work(do)
 
-    def end(self, pace: Pace) -> None:
+    def end(self, pace: FrameRate) -> None:
         """Says that the stream has ended, several times: a heartbeat may be lost on the way."""
         self.report(pace, "ended", 0)
-        for _ in range(_FAREWELLS):
+        for _ in range(_LAST_HEARTBEATS):
             self._publisher.beat()
-            self.hear(*[lambda *_: "the stream has ended"] * 6)
+            self.poll_requests(*[lambda *_: "the stream has ended"] * 6)
             time.sleep(0.05)
 
     def close(self) -> None:
-        """Completes the take and lets the ports and the name go."""
+        """Completes the take and releases the ports and the name."""
         if self._take is not None:
             self._take.close()
         self._publisher.close()
@@ -217,18 +218,18 @@ class Outlet:
         self.close()
 
     def _send(self, topic: str, message: Any, time_ns: int) -> None:
-        """To the viewers and to the take."""
+        """Sends to the viewers and to the take."""
         self._publisher.publish(message)
         self._write(topic, message, time_ns)
 
     def _write(self, topic: str, message: Any, time_ns: int) -> None:
-        """To the take."""
+        """Writes to the take."""
         if self._take is not None:
             self._take.write(topic, message, time_ns)
 
 
 def _publisher(wire: WireSettings) -> Publisher:
-    """The sockets that the settings say."""
+    """Returns the sockets of the settings."""
     return Publisher(
         name=wire.name,
         host=wire.host,
@@ -241,7 +242,7 @@ def _publisher(wire: WireSettings) -> Publisher:
 
 
 def _reply(command: Command, refused: str) -> None:
-    """Done, or why not."""
+    """Replies to a command: done, or why not."""
     if refused:
         command.reply_refused(refused)
     else:

@@ -1,4 +1,4 @@
-"""The edge's outlet to the network: poses, bodies, cues and heartbeats out; requests in."""
+"""The edge's side of the wire: sends poses, bodies, cues and heartbeats, and takes requests."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from enliven.wire import (
     pack_stream,
     payload,
 )
-from enliven_edge.network.control_socket import Command, Control
+from enliven_edge.network.control_socket import Command, ControlSocket
 from enliven_edge.network.listening import check_open
 from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.server import ZmtpServer
@@ -45,11 +45,11 @@ from enliven_edge.network.subscribers import Subscribers
 log = logging.getLogger(__name__)
 
 _BEATS_APART = 0.05
-"""Seconds between heartbeats that viewers may cause."""
+"""Seconds at least between heartbeats that viewers may cause."""
 
 
 class Publisher:
-    """One port for what is published, one for what is asked; used from one thread, and never waits.
+    """One port for streams and one for requests; used from one thread, and never waits.
 
     Viewers come with libzmq's SUB and DEALER sockets. One that is slow or dead loses messages, no other does.
     One that joins late is told the state, the characters and the newest pose and cues of each. Call
@@ -99,7 +99,7 @@ class Publisher:
             stack.pop_all()
         shown = "127.0.0.1" if host in ("0.0.0.0", "*", "") else "::1" if host == "::" else host
         self.endpoint = Endpoint(shown, self._streams.port, self._server.port)
-        self._control = Control(self._server, self._answer, rate, budget_ms * 1e-3)
+        self._control = ControlSocket(self._server, self._answer, rate, budget_ms * 1e-3)
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
         self._packed: dict[str, bytes] = {}
         self._sequences: dict[str, int] = {}
@@ -109,21 +109,21 @@ class Publisher:
 
     @property
     def viewers(self) -> int:
-        """How many viewers the streams reach, as far as was heard in the last seconds."""
+        """The number of viewers that received the streams within the last seconds."""
         return self._control.viewers
 
     @property
     def malformed(self) -> int:
-        """Requests that could not be read."""
+        """The number of requests that could not be read."""
         return self._control.rejects.total
 
     @property
     def status(self) -> StatusMessage:
-        """What the next heartbeat says."""
+        """The content of the next heartbeat."""
         return self._status
 
     def set_character(self, character: Character) -> int:
-        """A new character, or a new version of the one with its id; viewers fetch it by themselves.
+        """Sets a new character, or a new version of the one with its id; viewers fetch it by themselves.
 
         Returns:
             its revision: 1, 2, ...
@@ -141,18 +141,18 @@ class Publisher:
         return revision
 
     def remove_character(self, character: str) -> None:
-        """Forget a character; viewers drop it."""
+        """Removes a character; viewers drop it."""
         if self._characters.pop(character, None) is not None:
             self._packed.pop(character, None)
             self._latest = {k: v for k, v in self._latest.items() if k[1] != character}
             self._state_changed()
 
     def revision(self, character: str) -> int:
-        """The revision of a character, 0 where there is none of that id."""
+        """Returns the revision of a character, 0 where there is none of that id."""
         return self._characters[character][0] if character in self._characters else 0
 
     def publish_pose(self, pose: Pose, captured_ns: int = 0) -> PoseMessage:
-        """Quantise, number and send a pose of a character that was set.
+        """Quantises, numbers and sends a pose of a character that was set.
 
         Args:
             captured_ns: ``time.time_ns()`` when the frame was read.
@@ -189,7 +189,7 @@ class Publisher:
         return message
 
     def publish(self, message: Any) -> int:
-        """Send a stream message (poses go by :meth:`publish_pose`); the bytes that a viewer gets."""
+        """Sends a stream message (poses go by :meth:`publish_pose`); returns the bytes that a viewer gets."""
         topic, data = BY_TYPE[type(message)], pack_stream(message)
         if topic.latched:
             self._latest[topic.name, topic.key(message)] = data
@@ -205,21 +205,21 @@ class Publisher:
             self.beat()
 
     def poll(self) -> list[Command]:
-        """Answer viewers, send the heartbeat when it is due; the commands are left to the caller."""
+        """Answers viewers and sends a heartbeat that is due; returns the commands for the caller."""
         if time.monotonic() - self._last_beat >= 1 / STATUS.rate_hz:
             self.beat()
         self._streams.poll()
         return self._control.poll()
 
     def beat(self) -> None:
-        """Send the heartbeat now."""
+        """Sends the heartbeat now."""
         self._last_beat = time.monotonic()
         self._streams.poll()
         self._status = msgspec.structs.replace(self._status, published_ns=time.time_ns())
         self.publish(self._status)
 
     def close(self, linger: float = 1.0) -> None:
-        """Let the ports and the name go; what is queued is still sent, for ``linger`` seconds at most."""
+        """Releases the ports and the name; queued bytes are still sent, for ``linger`` seconds at most."""
         self._server.drain(linger)
         self._streams.drain(linger)
         self._server.close()
@@ -235,17 +235,17 @@ class Publisher:
         self.close()
 
     def _state_changed(self) -> None:
-        """Tell viewers to ask again."""
+        """Tells viewers to ask again."""
         self._status = msgspec.structs.replace(self._status, revision=self._status.revision + 1)
         self.beat()
 
     def _let_hear(self, listening: bool) -> None:
-        """A viewer that the streams have not reached is sent a heartbeat, as long as it is one of few."""
+        """Sends a heartbeat to a viewer that the streams have not reached, as long as it is one of few."""
         if not listening and time.monotonic() - self._last_beat >= _BEATS_APART:
             self.beat()
 
     def _answer(self, request: Ask) -> Answer | bytes:
-        """The reply to everything but a command."""
+        """Returns the reply to a request that is no command."""
         match request:
             case Hello():
                 self._let_hear(request.listening)
@@ -262,7 +262,7 @@ class Publisher:
 
 
 def _clean(value: Any) -> Any:
-    """A status field as the wire takes it: finite numbers, short strings."""
+    """Returns a status field as the wire takes it: finite numbers, short strings."""
     if isinstance(value, float):
         return value if math.isfinite(value) else 0.0
     return value[:200] if isinstance(value, str) else value

@@ -1,4 +1,4 @@
-"""A ZMTP server on one TCP port whose cost does not depend on its peers.
+"""A ZMTP server on one TCP port with a cost that does not depend on its peers.
 
 All work is done in :meth:`ZmtpServer.messages` and :meth:`ZmtpServer.send`, on the caller's thread and within
 the time that the caller gives. Unread bytes stay in the system's buffers and, when these are full, with the
@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any, Literal
 
-from enliven.wire import Misspoken, Session
+from enliven.wire import ZmtpError, ZmtpSession
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.descriptors import connections_allowed
 from enliven_edge.network.listening import listen, make_watchful
@@ -23,22 +23,24 @@ from enliven_edge.network.listening import listen, make_watchful
 log = logging.getLogger(__name__)
 
 MOST_CONNECTIONS = 200
-"""Connections of one server: those of two servers are few enough for ``select`` on Windows (512)."""
+"""Connections of one server: those of two servers stay below the limit of ``select`` on Windows (512)."""
 _INTRODUCED_WITHIN = 3.0
 """Seconds from connecting to the first valid message; a connection without one is closed."""
 _STALLED_AFTER = 10.0
-"""Seconds in which a connection with bytes to send takes none, after which it is closed."""
+"""Seconds after which a connection that takes none of its waiting bytes is closed."""
 _QUIET_AFTER = 10.0
-"""Seconds without a message, ten of a viewer's pings, after which a peer may be replaced by a new one."""
-_ACCEPTED_AT_ONCE, _ACCEPTED_ANYHOW = 32, 8
-"""Connections accepted in one poll, and those accepted although the time is used up: under a flood of
-connections a new one keeps its place for six polls, and needs three to introduce itself."""
+"""Seconds without a message (ten of a viewer's pings) after which a new peer may replace this one."""
+_ACCEPTED_AT_ONCE = 32
+"""Connections accepted in one poll, at most: the system holds the others until the next."""
+_ACCEPTED_ANYHOW = 8
+"""Connections accepted in a poll even when its time is used up: under a flood of connections a new one keeps
+its place for six polls, and needs three to introduce itself."""
 _TIDIED_EVERY = 0.25
 """Seconds between two searches for connections to close."""
 _READ_AT_ONCE = 4096
-"""Bytes that are read of a connection before it is the next one's turn."""
+"""Bytes read from a connection before the next one's turn."""
 _FRAMES_A_TURN = 16
-"""Frames of a connection that are looked at before it is the next one's turn."""
+"""Frames handled of a connection before the next one's turn."""
 
 
 class ZmtpServer:
@@ -52,7 +54,7 @@ class ZmtpServer:
         host, port, option: as for :func:`~enliven_edge.network.listening.listen`.
         kind: "ROUTER" answers requests, "PUB" sends to subscribers.
         most_bytes: of a frame that is taken from a peer.
-        most: connections; fewer where the process may not open so many.
+        most: connections at most; fewer where the process may not open so many.
 
     Attributes:
         port: that it listens on.
@@ -87,9 +89,9 @@ class ZmtpServer:
         return self._open.keys()
 
     def messages(self, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
-        """What was said since the last call, as far as it can be read until a monotonic second.
+        """Yields the messages since the last call, as far as they can be read until a monotonic second.
 
-        What the caller does with a message before it takes the next counts for the one who sent it.
+        The caller's time with a message before it takes the next counts for the message's sender.
         """
         self._tidy()
         readable = {key.fileobj for key, _ in self._selector.select(0)}
@@ -101,7 +103,7 @@ class ZmtpServer:
             self._accept(until)
 
     def _read(self, readable: set[Any], until: float) -> Iterator[tuple[Connection, list[bytes]]]:
-        """The messages of those who are there already, a little of each in turn."""
+        """Yields the messages of the connected peers, a little of each in turn."""
         ready = [c for c in self._open if not c.busy and (c.buffered or c in readable)]
         while ready:
             again = []
@@ -114,26 +116,26 @@ class ZmtpServer:
             ready = again
 
     def send(self, connection: Connection, first: bytes, rest: bytes = b"") -> None:
-        """A message of one part, in two pieces; to who has gone it is dropped."""
+        """Sends a message of one part, in two pieces; it is dropped for a peer that has gone."""
         if connection.is_open:
             connection.queue_message(first, rest)
             self._push(connection, time.monotonic())
 
     def send_raw(self, connection: Connection, frame: bytes) -> None:
-        """Bytes that are framed already."""
+        """Sends bytes that are framed already."""
         if connection.is_open:
             connection.queue(frame)
             self._push(connection, time.monotonic())
 
     def drain(self, seconds: float) -> None:
-        """Sends what waits, for so long at most."""
+        """Sends waiting bytes, for so many seconds at most."""
         until = time.monotonic() + seconds
         while self._owing and time.monotonic() < until:
             self._flush(until)
             time.sleep(0.001)
 
     def close(self) -> None:
-        """Lets the port and all connections go."""
+        """Releases the port and all connections."""
         for connection in list(self._open):
             self.drop(connection)
         self._selector.close()
@@ -155,7 +157,7 @@ class ZmtpServer:
                 if data is None:
                     return
                 if not data:
-                    raise Misspoken("the end")
+                    raise ZmtpError("the end")
                 session.feed(data)
                 connection.buffered = True
             for _ in range(_FRAMES_A_TURN):
@@ -172,19 +174,19 @@ class ZmtpServer:
                     break
             self._greet(connection)
             self._push(connection, until)
-        except (OSError, Misspoken):
+        except (OSError, ZmtpError):
             self.drop(connection)
         finally:
             connection.charge(time.monotonic() - start)
 
     def _greet(self, connection: Connection) -> None:
-        """What the session answers by itself, such as the greeting, is to be sent."""
+        """Queues the session's own answers, such as the greeting."""
         if connection.is_open and connection.session.answers:
             connection.queue(bytes(connection.session.answers))
             connection.session.answers.clear()
 
     def _push(self, connection: Connection, until: float) -> None:
-        """Sends what it can now; the rest waits for the next poll."""
+        """Sends what the system takes now; the rest waits for the next poll."""
         if not connection.is_open:
             return
         try:
@@ -195,7 +197,7 @@ class ZmtpServer:
         (self._owing.add if connection.owed else self._owing.discard)(connection)
 
     def _flush(self, until: float) -> None:
-        """Sends what waits, first to who has cost least."""
+        """Sends waiting bytes, first to the peers of least cost."""
         for connection in sorted(self._owing, key=lambda c: c.cost):
             start = time.monotonic()
             self._push(connection, until)
@@ -239,7 +241,7 @@ class ZmtpServer:
                 own.close()
                 return
             self.drop(leaving)
-        connection = Connection(own, address, Session(self._kind, self._most_bytes))
+        connection = Connection(own, address, ZmtpSession(self._kind, self._most_bytes))
         try:
             make_watchful(own)
             self._selector.register(connection, selectors.EVENT_READ)
@@ -251,7 +253,7 @@ class ZmtpServer:
         self._push(connection, time.monotonic())
 
     def _leaving(self, address: str) -> Connection | None:
-        """Which connection makes room for a newcomer from an address; None: none does."""
+        """Returns the connection that makes room for a newcomer from an address; None: none does."""
         unmet = [c for c in self._open if not c.introduced]
         if unmet:
             crowd = Counter(c.address for c in unmet)

@@ -1,4 +1,4 @@
-"""The subscribers of the streams: the topics of each, and a bounded queue."""
+"""The subscribers of the streams: each with its topics and a bounded queue."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from enliven_edge.network.server import ZmtpServer
 _MOST_SUBSCRIPTION = 64
 """Bytes of a frame that a subscriber sends: "SUBSCRIBE" and the name of a topic are 23."""
 _MOST_OWED = 2 * MAX_STREAM_BYTES
-"""Bytes that wait for a subscriber beside what the system holds; more are dropped for that one alone."""
+"""Bytes that wait for a subscriber beside the system's buffer; more are dropped for that one alone."""
 _READING = 0.00025
-"""Seconds a poll for reading subscriptions."""
+"""Seconds a poll for reading subscriptions: they are short and rare."""
 _NAMES = tuple(name.encode() + b"\0" for name in STREAMS)
 
 
@@ -39,7 +39,7 @@ class Subscribers:
                     peer.state = wanted - {said[1:]}
 
     def send(self, data: bytes) -> None:
-        """A message, its topic first."""
+        """Sends a message, its topic first."""
         frame = framed(data)
         for peer in list(self._server.connections):
             wanted = peer.state

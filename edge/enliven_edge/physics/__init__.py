@@ -1,4 +1,4 @@
-"""Loose boxes and balls that characters and performers knock about, by a physics engine (an extra)."""
+"""Loose boxes and balls that characters and performers push, by a physics engine (an extra)."""
 
 import lazy_loader
 

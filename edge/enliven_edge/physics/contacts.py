@@ -1,10 +1,10 @@
-"""What is done to the engine's contacts before it solves them: moving spheres push, and nothing is flung.
+"""Corrects the engine's contacts before it solves them: moving spheres push, and nothing is flung.
 
 MuJoCo moves a mocap body by setting its place; for the solver it stands still, so a fast sphere pushes by
 its depth alone: at 3 m/s a box is entered 6 cm deep, at 10 m/s passed through. The reference acceleration of
 a contact row is aref = -b v - k d r (MuJoCo, "Computation", constraint model) with the relative velocity v of
-bodies that the solver knows. The term of the sphere's own velocity is added here. What comes out is what a
-body of great mass and of the same velocity gives (measured, and tested), but costs no degrees of freedom.
+the bodies that the solver knows. The term of the sphere's own velocity is added here. The result is that of a
+body of great mass and of the same velocity (measured, and tested), but costs no degrees of freedom.
 """
 
 from __future__ import annotations
@@ -13,11 +13,18 @@ import numpy as np
 
 from enliven.kernels import njit
 
-FLOOR, NOTHING = -2, -1
+FLOOR = -2
+"""In place of a sphere's number: the floor."""
+NOTHING = -1
+"""In place of a sphere's number: no contact."""
 _SLOW = 0.5
-"""Metres a second; what meets more slowly does not bounce, so that balls come to rest."""
-_CALM, _CALM_TURN, _BRAKE = 0.02, 0.1, 0.5
-"""Metres and radians a second below which a thing is braked, and the share that it keeps a step."""
+"""Metres a second: slower contacts do not bounce, so that balls come to rest."""
+_CALM = 0.02
+"""Metres a second below which a prop is braked."""
+_CALM_TURN = 0.1
+"""Radians a second below which a prop is braked."""
+_BRAKE = 0.5
+"""Share of its velocity that a braked prop keeps at each step."""
 
 
 @njit(cache=True, nogil=True)
@@ -37,7 +44,7 @@ def correct_contacts(  # type: ignore[no-untyped-def]
     step,
     touched,
 ):
-    """Adds the spheres' velocities to the contacts' reference, and bounds how fast depth is undone.
+    """Adds the spheres' velocities to the contacts' reference, and bounds the speed at which depth is undone.
 
     Balls bounce here too: in the one step in which they meet something the reference is what turns the
     speed -v into e v. (The engine's own springy contact would fling a ball that was entered deeply.)
@@ -93,10 +100,10 @@ def correct_contacts(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def limit_speeds(velocities, fastest, fastest_turn):  # type: ignore[no-untyped-def]
-    """Shortens the rows of (P, 6) linear and angular velocities; False where one is not finite.
+    """Limits the rows of (P, 6) linear and angular velocities; returns False where one is not finite.
 
-    What hardly moves is braked as well: gravity is far faster, so nothing hangs, but a tower that would
-    tremble by a tenth of a millimetre for ever, as contacts come and go, stands still.
+    Slow rows are braked as well: gravity is far faster, so nothing hangs, but a tower that would tremble by a
+    tenth of a millimetre for ever, as contacts come and go, stands still.
     """
     for p in range(velocities.shape[0]):
         moving = velocities[p, 0] ** 2 + velocities[p, 1] ** 2 + velocities[p, 2] ** 2

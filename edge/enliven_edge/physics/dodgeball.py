@@ -1,4 +1,4 @@
-"""Dodgeball: balls are thrown at everybody in turn; who is hit by one in flight is hit."""
+"""Dodgeball: balls are thrown at every target in turn; a hit by a ball in flight counts."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import BALL
 from enliven_edge.physics.contacts import FLOOR
-from enliven_edge.physics.ground import FIXED, Ground
+from enliven_edge.physics.ground import FIXED, WorldGround
 from enliven_edge.physics.settings import DodgeballSettings
 from enliven_edge.physics.world import PropSpecs, World
 
 _COLOURS = np.array([(222, 74, 66), (240, 190, 70), (80, 150, 210), (120, 186, 96)])
-_ROOM, _NEAREST = 0.7, 0.8
-"""Metres between who a ball comes from and the ball, and the shortest throw."""
+"""(4, 3) sRGB of the balls, in turn."""
+_ROOM = 0.7
+"""Metres between the target that a ball comes from and the ball, so that it does not start inside."""
+_NEAREST = 0.8
+"""Metres of the shortest throw: a nearer one could not be seen coming."""
 
 
 class Dodgeball:
@@ -42,12 +45,13 @@ class Dodgeball:
             np.full(count, settings.bounce),
         )
         self.hits: Counter[str] = Counter()
-        self._ground: Ground = FIXED
+        self._ground: WorldGround = FIXED
         self._target = [""] * count
         self._next, self._turn, self._wait = 0, 0, 0.0
 
-    def begin(self, world: World, ground: Ground) -> None:
-        """The balls in a row on the floor, beside where they are thrown from; the score is kept."""
+    def begin(self, world: World, ground: WorldGround) -> None:
+        """Puts the balls in a row on the floor, beside the place that they are thrown from; the score is
+        kept."""
         settings = self.settings
         self._ground = ground
         row = (np.arange(settings.balls) - (settings.balls - 1) / 2) * 3 * settings.radius
@@ -57,7 +61,7 @@ class Dodgeball:
         self._wait = 0.0
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
-        """Counts who was hit, and throws the next ball when it is due; the score."""
+        """Counts hits, and throws the next ball when it is due; returns the score."""
         for ball, touched in enumerate(world.touched):
             if touched >= 0 and self._target[ball]:
                 self.hits[names[owners[touched]]] += 1
@@ -75,7 +79,7 @@ class Dodgeball:
         return ", ".join(f"{n} hit {told.get(h, f'{h} times')}" for n in names if (h := self.hits[n]))
 
     def _middle(self, name: str, spheres: Float, names: list[str], owners: list[int]) -> Float | None:
-        """(3,) the middle of a target's spheres, None where it has none."""
+        """Returns (3,) the middle of a target's spheres, None where it has none."""
         own = spheres[np.array(owners, np.int64) == names.index(name)]
         own = own[np.isfinite(own).all(1)]
         return None if not len(own) else np.asarray((own.min(0) + own.max(0)) / 2)
@@ -83,7 +87,7 @@ class Dodgeball:
     def _throw(
         self, world: World, here: list[str], spheres: Float, names: list[str], owners: list[int]
     ) -> None:
-        """The next ball at the next target, so that it arrives at its middle."""
+        """Throws the next ball at the next target, so that it arrives at its middle."""
         target = here[self._turn % len(here)]
         aim = self._middle(target, spheres, names, owners)
         assert aim is not None

@@ -1,4 +1,4 @@
-"""Whether the physics engine is here: it is an extra."""
+"""Checks that the physics engine, an extra, is installed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enliven.errors import ResourceError
 
 
 def need_engine() -> None:
-    """Says what to install where the engine is missing.
+    """Raises an error that names the missing package.
 
     Raises:
         ResourceError: where it is.

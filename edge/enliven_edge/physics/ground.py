@@ -1,4 +1,4 @@
-"""The place on the floor that a world is laid out around."""
+"""The place on the floor around which a world is laid out."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from enliven.person import Body, Joint
 from enliven_edge.stage import facing
 
 _STILL = 0.12
-"""Metres that somebody who stands still may sway."""
+"""Metres that a person who stands still may sway."""
 
 
 @dataclass(frozen=True)
-class Ground:
-    """Where a performer stands and looks: +X to their left, +Z ahead.
+class WorldGround:
+    """The place and heading of a performer: +X to their left, +Z ahead.
 
     Attributes:
         at: (3,) metres, on the floor.
@@ -32,30 +32,30 @@ class Ground:
         return np.array([np.cos(self.yaw / 2), 0.0, np.sin(self.yaw / 2), 0.0])
 
     def to_world(self, points: Float) -> Float:
-        """(..., 3) points beside, up and ahead, in the world."""
+        """Returns (..., 3) points beside, up and ahead, in the world."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         turned = points @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
         return np.asarray(turned + self.at)
 
 
-FIXED = Ground(np.zeros(3), 0.0)
+FIXED = WorldGround(np.zeros(3), 0.0)
 """The world's own x and z."""
 
 
-class Standing:
-    """Finds where somebody stands still: who walks in does not want the world at the door.
+class StandingDetector:
+    """Finds the place where a person stands still: a person who walks in is not to get the world at the door.
 
     Args:
-        seconds: so long.
+        seconds: of standing that it takes.
     """
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
-        self._since: dict[int, tuple[Ground, int]] = {}
+        self._since: dict[int, tuple[WorldGround, int]] = {}
 
-    def find(self, bodies: list[Body], time_ns: int) -> Ground | None:
-        """The place of the first of everybody in view who has stood still for long enough, or None."""
-        seen: dict[int, tuple[Ground, int]] = {}
+    def find(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
+        """Returns the place of the first person who has stood still for long enough, or None."""
+        seen: dict[int, tuple[WorldGround, int]] = {}
         for body in bodies:
             ground = ground_under(body)
             if ground is None:
@@ -70,9 +70,9 @@ class Standing:
         return None
 
 
-def ground_under(body: Body) -> Ground | None:
-    """Where a performer stands; None while their hips are unknown."""
+def ground_under(body: Body) -> WorldGround | None:
+    """Returns the place of a performer; None while their hips are unknown."""
     hip = body.joints[Joint.HIP_CENTER]
     if not np.isfinite(hip).all() or body.confidence[Joint.HIP_CENTER] <= 0:
         return None
-    return Ground(np.array([float(hip[0]), 0.0, float(hip[2])]), facing(body))
+    return WorldGround(np.array([float(hip[0]), 0.0, float(hip[2])]), facing(body))

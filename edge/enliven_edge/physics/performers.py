@@ -1,4 +1,4 @@
-"""A performer as spheres: those who hold no character push with their own body."""
+"""Spheres around a performer's body: performers who hold no character push with their own body."""
 
 from __future__ import annotations
 
@@ -7,19 +7,28 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import BONES, Body, Joint
 
-_RADII = np.full(len(Joint), 0.07)
-_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.13
-_RADII[[Joint.HIP_LEFT, Joint.HIP_RIGHT]] = 0.11
-_RADII[[Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT, Joint.HEAD]] = 0.10
-_RADII[[Joint.KNEE_LEFT, Joint.KNEE_RIGHT]] = 0.08
-_RADII[[Joint.ELBOW_LEFT, Joint.ELBOW_RIGHT, Joint.WRIST_LEFT, Joint.WRIST_RIGHT]] = 0.055
-"""(20,) metres around each joint of somebody 1.75 m tall."""
+
+def _radii() -> Float:
+    """Returns (20,) metres around each joint of a person 1.75 m tall."""
+    radii = np.full(len(Joint), 0.07)
+    radii[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.13
+    radii[[Joint.HIP_LEFT, Joint.HIP_RIGHT]] = 0.11
+    radii[[Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT, Joint.HEAD]] = 0.10
+    radii[[Joint.KNEE_LEFT, Joint.KNEE_RIGHT]] = 0.08
+    radii[[Joint.ELBOW_LEFT, Joint.ELBOW_RIGHT, Joint.WRIST_LEFT, Joint.WRIST_RIGHT]] = 0.055
+    return radii
+
+
+_RADII = _radii()
 _SHARES = np.array([1 / 3, 2 / 3])
+"""Shares of a bone's length at which its two spheres lie."""
 BODY_SPHERES = len(Joint) + len(_SHARES) * len(BONES)
+"""Spheres of one body: one at each joint, and two along each bone."""
 
 
 def body_spheres(body: Body) -> tuple[Float, Float]:
-    """(BODY_SPHERES, 3) centres and (BODY_SPHERES,) radii, metres: each joint, and two along each bone.
+    """Returns (BODY_SPHERES, 3) centres and (BODY_SPHERES,) radii, metres: each joint, and two along each
+    bone.
 
     A joint that is not finite takes its spheres with it.
     """

@@ -1,4 +1,4 @@
-"""The world of loose things as the service sees it: poses and bodies in, props out, one call a frame."""
+"""The world of loose things for the service: one call a frame takes poses and bodies and returns props."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.document import Character, Pose, Props
 from enliven.errors import InputError
 from enliven.person import Body
 from enliven_edge.physics.dodgeball import Dodgeball
-from enliven_edge.physics.ground import FIXED, Ground, Standing
+from enliven_edge.physics.ground import FIXED, StandingDetector, WorldGround
 from enliven_edge.physics.performers import body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.towers import Towers
@@ -24,19 +24,19 @@ log = logging.getLogger(__name__)
 
 
 class Game(Protocol):
-    """What is played with the props."""
+    """The interface of a game with the props."""
 
     props: PropSpecs
 
-    def begin(self, world: World, ground: Ground) -> None:
-        """Every prop where it is at first."""
+    def begin(self, world: World, ground: WorldGround) -> None:
+        """Puts every prop to its first place."""
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
-        """What the game does after a frame, and one line for people.
+        """Plays one frame, and returns one line for people.
 
         Args:
             spheres: (S, 3) where they are.
-            names: who they belong to.
+            names: the characters and performers that own spheres.
             owners: (S,) the number in ``names`` of each.
         """
 
@@ -63,15 +63,15 @@ class Playground:
         self.resets = 0
         self._proxies: dict[str, tuple[Character, SphereProxies]] = {}
         self._slots: dict[str, slice] = {}
-        self._ground: Ground | None = None
-        self._standing = Standing(settings.stand)
+        self._ground: WorldGround | None = None
+        self._standing = StandingDetector(settings.stand)
         self._time_ns: int | None = None
         self._note = ""
         for character in characters or []:
             self.introduce(character)
 
     def introduce(self, character: Character) -> None:
-        """A character, or a new version of one: its spheres are packed now, not when it first moves."""
+        """Adds a character, or a new version of one: its spheres are packed now, not when it first moves."""
         proxies = pack_spheres(roughly_skinned(character), self.settings.spheres)
         self._proxies[character.id] = character, proxies
         log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
@@ -86,19 +86,19 @@ class Playground:
             proxies.centres(character.rest_pose())
 
     def step(self, poses: list[Pose], bodies: list[Body], holders: set[int], time_ns: int) -> Props | None:
-        """The props at a moment; None while nobody has shown where they belong.
+        """Returns the props at a moment; None while the place of the world is not known.
 
         Args:
             poses: of characters that were introduced; others are passed over.
-            bodies: everybody in view, world frame.
-            holders: the ids of those who hold a character.
+            bodies: all people in view, world frame.
+            holders: the ids of the performers that hold a character.
             time_ns: the sensor's clock.
         """
         seconds = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
         if seconds < 0.0:
             # A replay that begins again.
-            seconds, self._ground, self._standing = 0.0, None, Standing(self.settings.stand)
+            seconds, self._ground, self._standing = 0.0, None, StandingDetector(self.settings.stand)
         before = self._slots
         spheres, radii, names, owners = self._spheres(poses, bodies, holders)
         self.world.move(spheres, radii)
@@ -119,8 +119,8 @@ class Playground:
         self._note = self.game.play(self.world, spheres, names, owners, seconds)
         return self._props(time_ns)
 
-    def _place(self, bodies: list[Body], time_ns: int) -> Ground | None:
-        """Where the world is laid out, as soon as that is known."""
+    def _place(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
+        """Returns the place of the world, as soon as it is known."""
         if self.settings.place == "fixed":
             return FIXED
         return self._standing.find(bodies, time_ns)
@@ -128,9 +128,10 @@ class Playground:
     def _spheres(
         self, poses: list[Pose], bodies: list[Body], holders: set[int]
     ) -> tuple[Float, Float, list[str], list[int]]:
-        """Everybody's spheres: centres, radii, who there is, and whose each is.
+        """Returns the spheres of all characters and bodies: centres, radii, names, and the index of each
+        sphere's owner.
 
-        Everybody keeps their slots while they are there; the slots of who left are free for who comes.
+        A character or body keeps its slots while it is present; afterwards they are free for others.
         """
         made: dict[str, tuple[Float, Float]] = {}
         for pose in poses:
@@ -153,7 +154,7 @@ class Playground:
         return centres, radii, names, owners
 
     def _assign(self, counts: dict[str, int]) -> None:
-        """Slots for everybody who is there."""
+        """Assigns slots to all characters and bodies that are present."""
         kept = {n: s for n, s in self._slots.items() if counts.get(n) == s.stop - s.start}
         self._slots = kept
         for name, count in counts.items():
@@ -167,7 +168,7 @@ class Playground:
             kept[name] = slice(begin, begin + count)
 
     def _reset(self, trouble: str) -> None:
-        """Everything anew, where the engine lost its way."""
+        """Restarts the world after an error of the engine."""
         self.resets += 1
         log.warning("the physics begin anew: %s", trouble)
         assert self._ground is not None
@@ -175,7 +176,7 @@ class Playground:
         self.game.begin(self.world, self._ground)
 
     def _props(self, time_ns: int) -> Props:
-        """What is loose, as it is now."""
+        """Returns the props as they are now."""
         specs, world = self.game.props, self.world
         return Props(
             time_ns,

@@ -1,4 +1,4 @@
-"""Every number of the physics that a user may want to change."""
+"""The settings of the physics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ WorldName = Literal["none", "boxes", "dodgeball"]
 
 @dataclass(frozen=True)
 class EngineSettings:
-    """How the engine goes on in time."""
+    """Settings of the engine's time steps."""
 
     substep: float = setting(0.0056, "Longest time step.", unit="s", low=0.0005, high=0.02)
     catch_up: float = setting(
@@ -39,7 +39,7 @@ class EngineSettings:
 
 @dataclass(frozen=True)
 class BoxesSettings:
-    """Towers of boxes to knock over."""
+    """Settings of towers of boxes to knock over."""
 
     at: tuple[tuple[float, float], ...] = setting(
         ((0.62, 0.15), (0.12, 0.90)),
@@ -60,7 +60,7 @@ class BoxesSettings:
 
 @dataclass(frozen=True)
 class DodgeballSettings:
-    """Balls that are thrown at everybody in turn."""
+    """Settings of balls that are thrown at every target in turn."""
 
     balls: int = setting(4, "Balls.", low=1, high=64)
     radius: float = setting(0.11, "Of a ball.", unit="m", low=0.02, high=1.0)
@@ -74,7 +74,7 @@ class DodgeballSettings:
 
 @dataclass(frozen=True)
 class PhysicsSettings:
-    """The world of loose things."""
+    """Settings of the world of loose things."""
 
     world: WorldName = setting("none", "'boxes' are towers to knock over; in 'dodgeball' balls are thrown.")
     place: Literal["performer", "fixed"] = setting(

@@ -1,4 +1,4 @@
-"""Towers of boxes: where they stand, when they have fallen, and when they may stand again."""
+"""Towers of boxes: their places, when they count as fallen, and when they are rebuilt."""
 
 from __future__ import annotations
 
@@ -7,15 +7,18 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import BOX
 from enliven.errors import InputError
-from enliven_edge.physics.ground import Ground
+from enliven_edge.physics.ground import WorldGround
 from enliven_edge.physics.settings import BoxesSettings
 from enliven_edge.physics.world import PropSpecs, World
 
 _GAP = 0.003
-"""Metres between neighbours, which would rub against each other otherwise."""
-_STILL, _MOVED = 0.05, 0.5
-"""Metres a second below which a box is still; and in edges of a box, how far one has gone that fell."""
+"""Metres between neighbours, which would otherwise rub against each other."""
+_STILL = 0.05
+"""Metres a second below which a box counts as still: the engine's own trembling is slower."""
+_MOVED = 0.5
+"""Edges of a box that one must have gone to count as fallen."""
 _MOST = 200
+"""Boxes of all towers: more do not keep pace with a camera."""
 _COLOURS = np.array(
     [(214, 96, 77), (236, 178, 82), (104, 160, 138), (88, 124, 168), (226, 214, 190), (150, 108, 150)]
 )
@@ -23,7 +26,7 @@ _COLOURS = np.array(
 
 
 def tower_props(settings: BoxesSettings) -> PropSpecs:
-    """The boxes of all towers, tower by tower, from below.
+    """Returns the boxes of all towers, tower by tower, from below.
 
     Raises:
         InputError: for more than the engine could follow.
@@ -48,7 +51,7 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
 
 
 def tower_places(settings: BoxesSettings) -> Float:
-    """(P, 3) metres, where the boxes of :func:`tower_props` stand: beside, up and ahead."""
+    """Returns (P, 3) metres, the places of the boxes of :func:`tower_props`: beside, up and ahead."""
     pitch, half = settings.side + _GAP, (settings.wide - 1) / 2
     places = [
         (x + (i - half) * pitch, (k + 0.5) * settings.side, z + (j - half) * pitch)
@@ -69,15 +72,15 @@ class Towers:
         self._stand, self._turns = self._places, np.tile([1.0, 0.0, 0.0, 0.0], (len(self._places), 1))
         self._quiet = 0.0
 
-    def begin(self, world: World, ground: Ground) -> None:
-        """Every box in its place."""
+    def begin(self, world: World, ground: WorldGround) -> None:
+        """Puts every box in its place."""
         self._stand = ground.to_world(self._places)
         self._turns = np.tile(ground.turn, (len(self._stand), 1))
         world.put(slice(None), self._stand, self._turns)
         self._quiet = 0.0
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
-        """Builds fallen towers anew once all has long been still and nobody stands in their place."""
+        """Rebuilds fallen towers once all boxes have long been still and their places are free."""
         gone = np.linalg.norm(world.positions - self._stand, axis=1) > _MOVED * self.settings.side
         still = bool((np.abs(world.velocities[:, :3]) < _STILL).all())
         self._quiet = self._quiet + seconds if still and gone.any() else 0.0
@@ -87,7 +90,7 @@ class Towers:
         return f"{int(gone.sum())} of {len(gone)} boxes down" if gone.any() else ""
 
     def _is_free(self, spheres: Float) -> bool:
-        """Whether no sphere is within a box's edge of where the boxes will stand."""
+        """Returns whether no sphere is within a box's edge of the boxes' places."""
         known = spheres[np.isfinite(spheres).all(1)]
         if not len(known):
             return True

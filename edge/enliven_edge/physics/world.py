@@ -1,4 +1,4 @@
-"""Free boxes and balls on a floor, and spheres that are moved among them; MuJoCo does the physics."""
+"""Free boxes and balls on a floor, and moved spheres among them; MuJoCo does the physics."""
 
 from __future__ import annotations
 
@@ -20,19 +20,26 @@ log = logging.getLogger(__name__)
 # The engine would write a file MUJOCO_LOG.TXT wherever the program was started.
 mujoco.set_mju_user_warning(lambda message: log.debug("the engine warns: %s", message))
 
-_PROP, _SPHERE, _FLOOR = 1, 2, 4
-"""Bits of contact: props meet everything, the rest meets props only."""
+_PROP = 1
+"""Contact bit of props, which meet everything."""
+_SPHERE = 2
+"""Contact bit of spheres, which meet props only."""
+_FLOOR = 4
+"""Contact bit of the floor, which meets props only."""
 _PARKED = np.array([0.0, -60.0, 0.0])
+"""(3,) metres: the place of unused spheres, far below the floor."""
 _SPARE = 64
+"""Spheres by which the model grows at a time: rebuilding it takes time, so a few newcomers do not cause
+it."""
 _FASTEST_TURN = 40.0
-"""Radians a second."""
+"""Radians a second of a prop: a faster turn is an error of a contact."""
 _FARTHEST = 500.0
-"""Metres; what is farther has been flung by an error."""
+"""Metres from the origin: a farther prop has been flung by an error."""
 
 
 @dataclass(frozen=True)
 class PropSpecs:
-    """The loose things as they are made.
+    """The properties of the loose things, fixed when they are made.
 
     Attributes:
         shapes: (P,) uint8, BOX or BALL.
@@ -50,7 +57,7 @@ class PropSpecs:
 
 
 class World:
-    """Props in motion: :meth:`move` says where the spheres are, :meth:`advance` lets time pass.
+    """Props in motion: :meth:`move` places the spheres, :meth:`advance` lets time pass.
 
     Attributes:
         touched: (P,) what each prop touched in the last :meth:`advance`: a sphere's number, FLOOR or NOTHING.
@@ -92,7 +99,7 @@ class World:
     def put(
         self, which: Int | slice, positions: Float, turns: Float | None = None, speeds: Any = 0.0
     ) -> None:
-        """Props somewhere else, at once.
+        """Places props at once.
 
         Args:
             positions: (K, 3).
@@ -106,7 +113,7 @@ class World:
         self._data.qacc_warmstart[:] = 0.0
 
     def move(self, centres: Float, radii: Float) -> None:
-        """Where the spheres will be at the end of the next :meth:`advance`.
+        """Sets the spheres' places at the end of the next :meth:`advance`.
 
         Args:
             centres: (S, 3); a row that is not finite takes its sphere away.
@@ -127,17 +134,17 @@ class World:
         self._resize(np.flatnonzero(np.abs(self._radii - was) > 1e-3 * was))
 
     def restart(self) -> None:
-        """Forgets every motion, after something went wrong."""
+        """Stops every motion, after an error."""
         mujoco.mj_resetData(self._model, self._data)
         self._from = self._to
         self._data.mocap_pos[:] = self._to
 
     def appear(self, numbers: slice) -> None:
-        """Spheres that are new where they are, and did not move there."""
+        """Marks spheres as new at their places: they have no velocity from before."""
         self._from[numbers] = self._to[numbers]
 
     def advance(self, seconds: float) -> str:
-        """Lets time pass; says what was wrong where the props are no longer to be trusted, else ''."""
+        """Lets time pass; returns what was wrong where the props cannot be trusted any more, else ''."""
         self.touched[:] = NOTHING
         whole, settings = min(max(seconds, 0.0), self.settings.catch_up), self.settings
         count = math.ceil(whole / settings.substep - 1e-6)
@@ -163,7 +170,7 @@ class World:
         return "" if far < _FARTHEST else "a prop was flung out of the world"
 
     def _substep(self, speeds: Float) -> str:
-        """One step of the engine; what was wrong, or ''."""
+        """Does one step of the engine; returns what was wrong, or ''."""
         model, data = self._model, self._data
         try:
             mujoco.mj_step1(model, data)
@@ -190,7 +197,7 @@ class World:
         return "" if np.isfinite(data.qpos).all() else "a place was no longer a number"
 
     def _build(self, spheres: int) -> None:
-        """The model for so many spheres; what moves goes on moving."""
+        """Builds the model for so many spheres; moving props keep their motion."""
         count = -(-spheres // _SPARE) * _SPARE
         before = getattr(self, "_data", None)
         self._model = _model(self.props, count, self.settings)
@@ -209,7 +216,7 @@ class World:
         self._data.mocap_pos[:] = self._to
 
     def _resize(self, numbers: Int) -> None:
-        """Spheres of another radius; of none: they touch nothing."""
+        """Sets spheres' radii; a sphere of radius 0 touches nothing."""
         if not len(numbers):
             return
         model, geoms, radii = self._model, self._geoms[numbers], self._radii[numbers]
@@ -223,12 +230,12 @@ class World:
 
 
 def _longer(rows: Float, count: int, fill: Float) -> Float:
-    """(count, 3) the rows, and ``fill`` after them."""
+    """Returns (count, 3) the rows, and ``fill`` after them."""
     return np.concatenate([rows, np.tile(fill, (count - len(rows), 1))])
 
 
 def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
-    """The engine's model: a floor, the props, the spheres."""
+    """Returns the engine's model: a floor, the props, the spheres."""
     spec = mujoco.MjSpec()
     option = spec.option
     option.gravity = [0.0, -settings.gravity, 0.0]

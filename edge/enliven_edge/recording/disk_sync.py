@@ -1,4 +1,4 @@
-"""What was written reaches the disk itself now and then, without the frame loop waiting for it."""
+"""Moves written data to the disk at intervals, without the frame loop waiting for it."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import threading
 from enliven.errors import ResourceError
 
 SYNC_EVERY = 5.0
-"""Seconds between two calls of fsync: so much of a recording a power cut may cost. A disk of a small computer
-takes up to a second for one, which the frame loop must not wait for."""
+"""Seconds between two calls of fsync: the part of a recording that a power cut may cost. A disk of a small
+computer takes up to a second for one, which the frame loop must not wait for."""
 _LAST = 1.0
-"""Seconds that closing waits for the last one."""
+"""Seconds for which closing waits for the last call."""
 _NOT_THERE = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
-"""What a file system says that knows no fsync."""
+"""Errors of a file system without fsync."""
 
 
 class DiskSync:
@@ -38,7 +38,7 @@ class DiskSync:
         self._thread.start()
 
     def check(self) -> None:
-        """Raises ResourceError where the disk refused what was written."""
+        """Raises ResourceError where the disk refused written data."""
         if self._failure is not None:
             raise ResourceError(
                 f"what was written does not reach the disk ({self._failure.strerror})",
@@ -46,7 +46,7 @@ class DiskSync:
             )
 
     def close(self) -> None:
-        """Calls it a last time, and waits for that a little; a second call does nothing."""
+        """Calls it a last time, and waits a little for that; a second call does nothing."""
         self._ended.set()
         if self._thread is not threading.current_thread():
             self._thread.join(_LAST)

@@ -1,4 +1,4 @@
-"""The take while it is performed: a recording that a full disk ends without ending the show."""
+"""Writes the take of a performance: a full disk ends the take and not the show."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ENCODER = msgspec.msgpack.Encoder()
 
 
 class Take:
-    """Writes messages as they go out, and every character at the start, each minute and at the end.
+    """Writes messages as they are sent, and every character at the start, each minute and at the end.
 
     Args:
         overwrite: whether an existing file may be replaced.
@@ -42,20 +42,20 @@ class Take:
         self._now_ns = 0
         self._told_ns: int | None = None
         self._gaps = 0
-        self._ails: dict[HealthKind, HealthState] = {}
+        self._health_states: dict[HealthKind, HealthState] = {}
 
     @property
-    def ails(self) -> list[HealthState]:
-        """What is wrong with the take."""
-        return list(self._ails.values())
+    def health_states(self) -> list[HealthState]:
+        """The health states of the take."""
+        return list(self._health_states.values())
 
     def introduce(self, name: str, character: CharacterMessage) -> None:
-        """A new character, or a new revision of one, from the moment that was written last."""
+        """Adds a new character, or a new revision of one, from the last written moment on."""
         self._characters[name] = character
         self._put("character", character, self._now_ns)
 
     def write(self, topic: str, message: Any, time_ns: int) -> None:
-        """Appends a message with its JSON schema; what cannot be written is told by :attr:`ails`."""
+        """Appends a message with its JSON schema; a failure is reported by :attr:`health_states`."""
         self._put(topic, message, time_ns)
         self._now_ns = max(self._now_ns, time_ns)
         if self._told_ns is None:
@@ -64,7 +64,7 @@ class Take:
             self._repeat_characters(time_ns)
 
     def close(self) -> None:
-        """Writes the characters again and the index, and lets the file go; a second call does nothing."""
+        """Writes the characters again and the index, and closes the file; a second call does nothing."""
         if self._told_ns is not None:
             self._repeat_characters(self._now_ns)
         self._end()
@@ -100,17 +100,17 @@ class Take:
             self._end()
 
     def _say(self, kind: HealthKind, error: EnlivenError, **facts: object) -> None:
-        """What is wrong from now on; logged once."""
+        """Sets a health state from now on; it is logged once."""
         complaint = COMPLAINTS[kind]
         what = complaint.what.format(why=error.what, **facts)
-        before = self._ails.get(kind)
+        before = self._health_states.get(kind)
         since = self._now_ns if before is None else before.since_ns
-        self._ails[kind] = HealthState(kind, complaint.severity, since, what, complaint.mend)
+        self._health_states[kind] = HealthState(kind, complaint.severity, since, what, complaint.mend)
         if before is None:
-            log.warning("%s", self._ails[kind])
+            log.warning("%s", self._health_states[kind])
 
 
 @functools.cache
 def _schema(kind: Any) -> str:
-    """The JSON schema of a kind of message."""
+    """Returns the JSON schema of a kind of message."""
     return msgspec.json.encode(msgspec.json.schema(kind)).decode()

@@ -8,7 +8,7 @@ from typing import Any
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
-from enliven_edge.landmarks import LandmarkSource, LevelEye, check_view
+from enliven_edge.landmarks import LandmarkSource, MonocularPoseEstimator, check_view
 from enliven_edge.sensors.base import Sensor
 
 _FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
@@ -50,7 +50,7 @@ class WebcamSensor(Sensor):
         self._live = device.startswith("/dev/") or "=" in device
         self._container = _opened(device, self._live)
         try:
-            self._eye = LevelEye(view, height, tilt, body_height, python, model, source)
+            self._eye = MonocularPoseEstimator(view, height, tilt, body_height, python, model, source)
         except BaseException:
             self._container.close()
             raise

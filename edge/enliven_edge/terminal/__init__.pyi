@@ -1,4 +1,4 @@
-from .probing import way_of
-from .showing import WAYS, Way, shown
+from .probing import image_protocol
+from .showing import WAYS, Way, encoded_picture
 
-__all__ = ["WAYS", "Way", "shown", "way_of"]
+__all__ = ["WAYS", "Way", "encoded_picture", "image_protocol"]

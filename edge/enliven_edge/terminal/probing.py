@@ -1,4 +1,4 @@
-"""Which pictures a terminal draws: by its name in the environment, or by its answer when it is asked."""
+"""Finds the image protocol of a terminal: by its name in the environment, or by its answer to a question."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from typing import TextIO
 from enliven_edge.terminal.showing import Way
 
 PATIENCE = 1.0
-"""Seconds in which a terminal answers, one behind a slow network line too; nearly all do at once."""
+"""Seconds in which a terminal answers, also one behind a slow network line; nearly all do at once."""
 _QUESTION = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
-"""Does it take kitty's graphics? And what is it (DA1)? Every terminal answers the second, in this order."""
+"""Asks for kitty's graphics, then for the device attributes (DA1). Every terminal answers the second, in this
+order."""
 _ERASE = b"\r\x1b[K"
-"""What an old terminal printed of the question goes away."""
+"""Erases the question where an old terminal printed it."""
 _PRINTS_QUESTIONS = ("linux", "Apple_Terminal")
-"""Terminals that would print the first question, and draw no pictures."""
+"""Terminals that would print the first question; they draw no pictures."""
 _ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
 _SIXEL = b"4"
 """The attribute of a terminal that draws sixels."""
 _MOST_BYTES = 4096
-"""Bytes of an answer: a user who types meanwhile is not waited for."""
+"""Bytes of an answer: more is a user's typing, which is not waited for."""
 
 
-def way_of(
+def image_protocol(
     out: TextIO, keys: TextIO, environment: Mapping[str, str] = os.environ, patience: float = PATIENCE
 ) -> Way | None:
-    """How to draw a picture on ``out``; None where it is no terminal, or one that draws nothing.
+    """Returns the image protocol of ``out``; None where it is no terminal, or draws no pictures.
 
     Args:
         keys: where the terminal's answers come in.
@@ -54,7 +55,7 @@ def way_of(
 
 
 def _named(environment: Mapping[str, str]) -> Way | None:
-    """The way of a terminal that the environment names; none in a multiplexer, which may not pass it on."""
+    """Returns the protocol that the environment names; none in a multiplexer, which may not pass it on."""
     if environment.get("TMUX") or environment.get("TERM", "").startswith(("screen", "tmux")):
         return None
     program = environment.get("TERM_PROGRAM") or environment.get("LC_TERMINAL", "")
@@ -64,7 +65,7 @@ def _named(environment: Mapping[str, str]) -> Way | None:
 
 
 def _asked(out: int, keys: int, patience: float) -> bytes:
-    """What the terminal answers in time; empty where it cannot be asked."""
+    """Returns the terminal's answer in time; empty where it cannot be asked."""
     with _unechoed(keys) as able:
         if not able:
             return b""
@@ -82,7 +83,7 @@ def _asked(out: int, keys: int, patience: float) -> bytes:
 
 @contextlib.contextmanager
 def _unechoed(keys: int) -> Iterator[bool]:
-    """Neither echoes nor waits for whole lines in the meantime; False where that cannot be had."""
+    """Turns off echo and line buffering in the meantime; yields False where that is not possible."""
     try:
         import termios
         import tty

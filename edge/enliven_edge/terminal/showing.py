@@ -1,4 +1,4 @@
-"""A picture as the bytes that a terminal draws: kitty's graphics, iTerm2's images, sixels, half blocks.
+"""Encodes a picture for a terminal: kitty's graphics, iTerm2's images, sixels, half blocks.
 
 No byte of a picture moves the cursor but the line feeds at its end, so that text goes on below it.
 """
@@ -28,8 +28,8 @@ _PIXELS = 480
 """Pixels across of a picture that a terminal draws itself."""
 
 
-def shown(picture: UInt8, way: Way, columns: int = 80) -> str:
-    """A picture for a terminal that draws in this way.
+def encoded_picture(picture: UInt8, way: Way, columns: int = 80) -> str:
+    """Returns a picture encoded for a terminal.
 
     Args:
         picture: (H, W, 3) sRGB.
@@ -46,7 +46,7 @@ def shown(picture: UInt8, way: Way, columns: int = 80) -> str:
 
 
 def kitty(picture: UInt8) -> str:
-    """Kitty's graphics protocol: a PNG in base64, in pieces."""
+    """Encodes in kitty's graphics protocol: a PNG in base64, in pieces."""
     data = base64.standard_b64encode(_png(picture)).decode()
     pieces = [data[at : at + _PIECE] for at in range(0, len(data), _PIECE)]
     said = []
@@ -58,14 +58,15 @@ def kitty(picture: UInt8) -> str:
 
 
 def iterm(picture: UInt8) -> str:
-    """iTerm2's inline images, which WezTerm and others draw too."""
+    """Encodes as iTerm2's inline image, which WezTerm and others draw too."""
     data = _png(picture)
     encoded = base64.standard_b64encode(data).decode()
     return f"\x1b]1337;File=inline=1;size={len(data)};width={picture.shape[1]}px:{encoded}\x07\n"
 
 
 def sixel(picture: UInt8) -> str:
-    """Sixels of at most 256 colours: six rows of pixels at a time, each colour drawn over the same band."""
+    """Encodes as sixels of at most 256 colours: six rows of pixels at a time, each colour over the same
+    band."""
     image = Image.fromarray(picture).quantize(_COLOURS, dither=Image.Dither.NONE)
     indices = np.asarray(image)
     height, width = indices.shape
@@ -81,7 +82,7 @@ def sixel(picture: UInt8) -> str:
 
 
 def half_blocks(picture: UInt8, exact: bool = True) -> str:
-    """Two pixels in each character: the upper in its colour, the lower in that of its background.
+    """Encodes two pixels in each character: the upper as its colour, the lower as that of its background.
 
     Args:
         exact: 24-bit colours; else the 240 fixed ones of an older terminal.
@@ -102,7 +103,7 @@ def _exact(red: int, green: int, blue: int) -> str:
 
 
 def _nearest(red: int, green: int, blue: int) -> str:
-    """Of 24 greys (232 and on) and a cube of 6 x 6 x 6 colours (16 and on)."""
+    """Returns the nearest of 24 greys (232 and on) and a cube of 6 x 6 x 6 colours (16 and on)."""
     if max(red, green, blue) - min(red, green, blue) < 16:
         return f"5;{232 + min(23, max(0, (green - 3) // 10))}"
     r, g, b = ((each + 25) // 51 for each in (red, green, blue))
@@ -110,7 +111,7 @@ def _nearest(red: int, green: int, blue: int) -> str:
 
 
 def _sixel_band(rows: UInt8) -> str:
-    """One row of sixels, of (up to 6, W) indices of colours."""
+    """Encodes one row of sixels from (up to 6, W) indices of colours."""
     weights = 1 << np.arange(len(rows))
     drawn = []
     for colour in np.unique(rows):
@@ -120,18 +121,19 @@ def _sixel_band(rows: UInt8) -> str:
 
 
 def _runs(values: list[int]) -> list[tuple[int, int]]:
-    """(value, how often in a row), the last one left out where it is 0: nothing is drawn there."""
+    """Returns (value, length) of each run; a last run of 0 is left out, since it draws nothing."""
     runs = [(value, sum(1 for _ in same)) for value, same in itertools.groupby(values)]
     return runs[:-1] if runs and runs[-1][0] == 0 else runs
 
 
 def _repeated(character: str, count: int) -> str:
-    """A sixel so many times, in the fewest characters."""
+    """Returns a sixel so many times, in the fewest characters."""
     return character * count if count < 4 else f"!{count}{character}"
 
 
 def _fitting(picture: UInt8, width: int) -> UInt8:
-    """The picture, made smaller where it is wider; each pixel nearest, so that a hole in depth stays one."""
+    """Returns the picture, made smaller where it is wider; nearest pixels, so that a hole in depth stays
+    one."""
     height, across = picture.shape[:2]
     if across <= width:
         return picture

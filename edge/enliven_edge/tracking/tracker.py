@@ -8,7 +8,7 @@ from enliven.arrays import Float, Int
 from enliven.deformation.constraints import ObservedPoints
 from enliven.frames import DepthFrame
 from enliven.person import Body
-from enliven_edge.landmarks import ColourEye
+from enliven_edge.landmarks import ColourPoseEstimator
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import View
@@ -33,7 +33,9 @@ class Tracker:
         colour: looks at the colour image too, where there is one; None: depth alone.
     """
 
-    def __init__(self, settings: TrackerSettings | None = None, colour: ColourEye | None = None) -> None:
+    def __init__(
+        self, settings: TrackerSettings | None = None, colour: ColourPoseEstimator | None = None
+    ) -> None:
         self.settings = settings or TrackerSettings()
         self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
         self._crowd = Crowd(self.settings, Fitter(self.settings.fit))

@@ -12,6 +12,7 @@ from rich.table import Table
 from enliven.doctor import Check, all_checks
 
 _LACKING = 4
+"""Exit code where a check fails: the same 4 as of :class:`enliven.errors.ResourceError`."""
 
 
 def doctor(
@@ -35,7 +36,7 @@ def doctor(
 
 
 def _table(found: list[Check]) -> Table:
-    """One row a check, with what to do under what is missing."""
+    """Builds the table of checks: one row each, with the remedy below a check that failed."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for check in found:
         mark = "[green]ok[/]" if check.ok else "[red]missing[/]"

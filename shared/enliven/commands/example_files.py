@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Opened:
-    """What a file has: a project, the puppet that is meant, and what was odd."""
+    """What was read from a file: the project, the chosen puppet, and notes on what was unusual."""
 
     project: Project
     puppet: Puppet
@@ -25,7 +25,7 @@ class Opened:
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be written."""
+    """What is to be written: the puppet, its time span and its output settings."""
 
     project: Project
     puppet: Puppet
@@ -36,7 +36,7 @@ class Job:
 
 
 def opened(path: Path, name: str | None) -> Opened:
-    """A session, or a puppet of a project: the one of that name, or the first."""
+    """Opens a session, or a project with the puppet of that name (the first where none is named)."""
     from enliven.example_sessions import read_session
     from enliven.formats.project import read_project
 
@@ -50,7 +50,7 @@ def opened(path: Path, name: str | None) -> Opened:
 
 
 def writer(output: Path) -> Callable[[Job], str]:
-    """What makes a file of that kind."""
+    """Returns the function that writes the kind of file that the output's ending names."""
     kinds = {".glb": _write_glb, ".mcap": _write_take, ".enliven": _write_project}
     kind = output.suffix.lower()
     if kind not in kinds:
@@ -84,7 +84,7 @@ def _write_project(job: Job) -> str:
 
 
 def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -> tuple[float, float]:
-    """Seconds from when to when."""
+    """Returns the first and the last second to write."""
     from enliven.document import Project
     from enliven.examples import length_of_puppets
 
@@ -97,7 +97,7 @@ def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -
 
 
 def sheet_maker() -> Callable[..., None]:
-    """The function that draws sheets, of whichever package brings it."""
+    """Returns the function that draws contact sheets, from the package that provides it."""
     for entry in entry_points(group="enliven.pictures"):
         if entry.name == "puppet":
             made: Callable[..., None] = entry.load()

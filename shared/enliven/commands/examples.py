@@ -166,7 +166,7 @@ def fit(
 
 
 def _from(session: Path, file: Path) -> str:
-    """A file's path as a session beside it names it: relative where it is near."""
+    """Returns a file's path as a session beside it names it: relative where the file lies near."""
     home, there = session.resolve().parent, file.resolve()
     return there.relative_to(home).as_posix() if there.is_relative_to(home) else there.as_posix()
 

@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 from enliven.errors import EnlivenError
 
 GROUP = "enliven.commands"
-"""The entry points that packages contribute their commands by."""
+"""The entry-point group by which packages contribute their commands."""
 
 _ORDER = (
     "run",
@@ -35,7 +35,7 @@ _ORDER = (
 
 
 class LazyCommands(TyperGroup):
-    """A command group whose members are the entry points; a command's module is imported when it is used."""
+    """A command group of all entry points; the module of a command is imported when the command is used."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """The names of all installed commands, the usual ones first."""
@@ -49,7 +49,8 @@ class LazyCommands(TyperGroup):
         return self.commands.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """As the base does; the names of all commands are there to suggest one for a misspelt name."""
+        """Resolves as the base class does; the names of all commands serve to suggest one for a misspelt
+        name."""
         if args and args[0] not in contributed():
             for name in contributed():
                 self.get_command(ctx, name)
@@ -62,14 +63,14 @@ class LazyCommands(TyperGroup):
 
 
 def contributed() -> dict[str, EntryPoint]:
-    """The commands of all installed packages by name, the usual ones first."""
+    """Returns the commands of all installed packages by name, the usual ones first."""
     found = {entry.name: entry for entry in entry_points(group=GROUP)}
     order = sorted(found, key=lambda name: (_ORDER.index(name) if name in _ORDER else len(_ORDER), name))
     return {name: found[name] for name in order}
 
 
 def summary(entry: EntryPoint) -> str:
-    """The first line of a command's docstring as its source has it; empty where there is no source."""
+    """Reads the first line of a command's docstring from its source; empty where there is no source."""
     try:
         spec = importlib.util.find_spec(entry.module)
         tree = ast.parse(Path(spec.origin).read_bytes()) if spec and spec.origin else ast.Module([], [])

@@ -16,8 +16,10 @@ PARENT_VARIABLE = "ENLIVEN_PARENT"
 """The process id of the program that started this one; a child ends when that program is gone."""
 
 _GRACE = 8.0
+"""Seconds that ended children have before they are killed: an edge closes its recording and camera in that
+time."""
 _GLANCE = 0.05
-"""Seconds to leave the children to end, and between looks at them."""
+"""Seconds between two looks at the children: an end is noticed at once and the looking costs nothing."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +66,13 @@ def is_listening(host: str, port: int) -> bool:
 
 
 def _start(process: Process) -> subprocess.Popen[bytes]:
-    """The program as a child that knows its parent."""
+    """Starts the program as a child that knows its parent's process id."""
     environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
     return subprocess.Popen([sys.executable, "-m", "enliven", *process.arguments], env=environment)
 
 
 def _wait_until_ready(process: Process, child: subprocess.Popen[bytes]) -> int | None:
-    """None as soon as the program is ready; its exit code where it ended before."""
+    """Waits until the program is ready and returns None; returns its exit code where it ended before."""
     while process.ready is not None and not process.ready():
         if child.poll() is not None:
             return child.returncode
@@ -79,7 +81,7 @@ def _wait_until_ready(process: Process, child: subprocess.Popen[bytes]) -> int |
 
 
 def _watch(processes: Sequence[Process], children: Sequence[subprocess.Popen[bytes]]) -> int:
-    """The exit code of the first program that fails, or of the leading one."""
+    """Waits and returns the exit code of the first program that fails, or of the leading one."""
     while True:
         for process, child in zip(processes, children, strict=True):
             code = child.poll()
@@ -89,7 +91,7 @@ def _watch(processes: Sequence[Process], children: Sequence[subprocess.Popen[byt
 
 
 def parent_is_gone() -> bool:
-    """Whether this program was started by another that no longer lives (POSIX; elsewhere never)."""
+    """Returns whether the program that started this one has ended (POSIX; elsewhere always False)."""
     parent = os.environ.get(PARENT_VARIABLE)
     return (
         parent is not None
@@ -101,7 +103,8 @@ def parent_is_gone() -> bool:
 
 @contextlib.contextmanager
 def _ended_together() -> Iterator[list[subprocess.Popen[bytes]]]:
-    """A list for the children; on the way out every one is ended, politely first."""
+    """Yields a list for the children; on leaving, every child is terminated, and killed where it does not
+    end."""
     children: list[subprocess.Popen[bytes]] = []
     with terminate_as_interrupt():
         try:
@@ -112,7 +115,7 @@ def _ended_together() -> Iterator[list[subprocess.Popen[bytes]]]:
 
 @contextlib.contextmanager
 def terminate_as_interrupt() -> Iterator[None]:
-    """SIGTERM (systemd, kill) ends the run as Ctrl-C does."""
+    """Makes SIGTERM (systemd, kill) end the run as Ctrl-C does."""
 
     def interrupt(signum: int, frame: object) -> None:
         raise KeyboardInterrupt
@@ -125,7 +128,8 @@ def terminate_as_interrupt() -> Iterator[None]:
 
 
 def _end(children: Sequence[subprocess.Popen[bytes]]) -> None:
-    """Terminates what still runs, waits, and kills what does not heed; a second Ctrl-C does not stop this."""
+    """Terminates the children that still run, waits, and kills those that remain; a second Ctrl-C does not
+    stop this."""
     with contextlib.suppress(ValueError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     for child in children:
@@ -143,5 +147,5 @@ def _end(children: Sequence[subprocess.Popen[bytes]]) -> None:
 
 
 def _meaning(code: int) -> int:
-    """A child's exit status as one of ours: ended by a signal is interrupted."""
+    """Returns a child's exit status as an exit code; a child that a signal ended counts as interrupted."""
     return 130 if code < 0 else code

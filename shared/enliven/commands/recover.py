@@ -1,4 +1,4 @@
-"""``enliven recover``: every whole message of a cut or damaged recording, in a new one."""
+"""``enliven recover``: copies every whole message of a cut or damaged recording into a new one."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def recover(
 
 
 def _words(start_ns: int | None, end_ns: int | None, origin_ns: int) -> str:
-    """A span of time, counted from the first moment that was kept."""
+    """Returns a span of time as words, counted from the first moment that was kept."""
     start, end = (None if t is None else f"{max(0, t - origin_ns) * 1e-9:.3f} s" for t in (start_ns, end_ns))
     if start is None and end is None:
         return "everything"

@@ -97,7 +97,7 @@ def retarget(
 
 
 _FAST_ENOUGH = 60.0
-"""Frames a second."""
+"""Frames a second of a GLB at most where no rate is chosen: the rate of common displays."""
 
 
 def _plan(
@@ -110,7 +110,8 @@ def _plan(
     turn: bool,
     pin: bool,
 ) -> Plan:
-    """The mapping of the file, or the one that is found, with what the command line says about it."""
+    """Returns the mapping from the file, or the one found automatically, with the options of the command
+    line."""
     from dataclasses import replace
 
     from enliven.mapping import Plan, automatic
@@ -136,7 +137,7 @@ def _is_number(text: str) -> bool:
 
 
 def _sheet_maker() -> Callable[..., None]:
-    """The function that draws sheets, of whichever package brings it."""
+    """Returns the function that draws contact sheets, from the package that provides it."""
     for entry in entry_points(group="enliven.pictures"):
         if entry.name == "motion":
             made: Callable[..., None] = entry.load()

@@ -15,6 +15,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.wire import free_ports
 
 _FILM_SECONDS = 10.0
+"""Seconds of a film where no length is given: the shipped recording of nine seconds, and its end."""
 _PATIENCE = 3600.0
 """Seconds in which an edge has compiled everything even on a small machine with much other work (over 600 s
 were seen at a load of 10); an edge that fails ends the run at once."""
@@ -89,14 +90,14 @@ def run(
 
 
 def has_display() -> bool:
-    """Whether a window can be opened here."""
+    """Returns whether a window can be opened on this machine."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def _ready(ports: tuple[int, ...], as_film: bool) -> Callable[[], bool]:
-    """Says when to start the viewer: a film's at once, a window when there is something to see in it.
+    """Returns the test that decides when to start the viewer: at once for a film, else when the edge listens.
 
     The edge compiles and prepares the mesh before it listens, a minute the very first time.
     """
@@ -122,7 +123,7 @@ def _edge_arguments(
     ports: tuple[int, ...],
     as_film: bool,
 ) -> list[str]:
-    """The edge's command line; a film loses no frame, so the edge waits for its viewer before it starts."""
+    """Returns the edge's command line; for a film the edge waits for its viewer, so that no frame is lost."""
     arguments = ["edge", "--mesh", mesh, "--possess-at", str(possess_at)]
     arguments += ["--parts", parts] if parts else []
     arguments += ["--port", str(ports[0]), "--control-port", str(ports[1]), "--name", f"run-{os.getpid()}"]
@@ -139,7 +140,7 @@ def _edge_arguments(
 
 
 def _view_arguments(out: Path, ports: tuple[int, ...], as_film: bool) -> list[str]:
-    """The viewer's command line."""
+    """Returns the viewer's command line."""
     arguments = ["view", "--edge", "127.0.0.1", "--port", str(ports[0]), "--control-port", str(ports[1])]
     if as_film:
         arguments += ["--film", str(out / "enliven.mp4"), "--sheet", str(out / "enliven.png")]

@@ -1,4 +1,4 @@
-"""The tables of a session's file: which there are, what they say, and where an error was."""
+"""The tables of a session's TOML file: which exist, what they contain, and where an error is."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TABLES = ("mesh", "take", "puppet", "symmetry", "settings", "point", "pose", "l
 
 
 class SessionFile:
-    """A session's TOML, asked for its tables.
+    """Reads a session's TOML table by table.
 
     Raises:
         InputError: for an unreadable file, and for a table that is not known, with the nearest that is.
@@ -37,11 +37,11 @@ class SessionFile:
             raise InputError("it has no [mesh]", where=str(path), mend='Say [mesh] file = "...".')
 
     def has(self, name: str) -> bool:
-        """Whether there is a table of that name."""
+        """Returns whether the file has a table of that name."""
         return name in self._found
 
     def one(self, name: str, kind: type[T]) -> T:
-        """A table there is one of; as usual where it is not there."""
+        """Returns a table that may occur once; the defaults where it is missing."""
         value = self._found.get(name, {})
         if not isinstance(value, Mapping):
             mend = f"Write [{name}], once."
@@ -49,20 +49,20 @@ class SessionFile:
         return self.table(f"[{name}]", kind, value)
 
     def many(self, name: str) -> list[tuple[str, Mapping[str, Any]]]:
-        """Tables there may be several of, each with what it is called in errors."""
+        """Returns tables that may occur several times, each with its name for error messages."""
         return [(f"[[{name}]] {n}", one) for n, one in enumerate(self._listed(self._found, name, ""), 1)]
 
     def inner(self, where: str, table: Mapping[str, Any], name: str, kind: type[T]) -> list[T]:
-        """The tables of a kind in another."""
+        """Returns the tables of a kind inside another table."""
         found = enumerate(self._listed(table, name, f", {where}"), 1)
         return [self.table(f"{where}, {name} {number}", kind, one) for number, one in found]
 
     def table(self, where: str, kind: type[T], value: Mapping[str, Any]) -> T:
-        """What a table says."""
+        """Returns a table's values as the settings class ``kind``."""
         return load_settings(kind, value, where=f"{self._path}, {where}")
 
     def said(self, where: str, step: Callable[P, None], *values: P.args, **named: P.kwargs) -> None:
-        """Does a step; what it complains of is said to be in this table."""
+        """Runs a step; an InputError that it raises is reported as an error in this table."""
         try:
             step(*values, **named)
         except InputError as error:
@@ -70,7 +70,7 @@ class SessionFile:
             raise InputError(what, where=f"{self._path}, {where}", mend=error.mend) from None
 
     def beside(self, file: str) -> Path:
-        """A file's path, relative to the session's; $NAME is what the environment says.
+        """Returns a file's path, relative to the session's; $NAME is replaced by that environment variable.
 
         Raises:
             InputError: for a name that the environment lacks.
@@ -83,7 +83,7 @@ class SessionFile:
         return self._path.parent / Path(text).expanduser()
 
     def _listed(self, found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
-        """The tables of an array of tables; none where it is not there."""
+        """Returns the tables of an array of tables; an empty list where it is missing."""
         value = found.get(name, [])
         if not isinstance(value, list) or not all(isinstance(one, Mapping) for one in value):
             mend = f"Write [[{name}]] for each."

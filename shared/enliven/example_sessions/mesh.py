@@ -1,4 +1,4 @@
-"""The mesh of a session: from its file, upright, as tall as is said, on the floor."""
+"""Loads the mesh of a session from its file: turned upright, scaled to its height, placed on the floor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven.rotation import from_rotation_vector, rotate
 
 
 class SessionMesh(NamedTuple):
-    """A mesh, what a puppet of it is called, and what was odd about the file."""
+    """A mesh, the name for its puppet, and notes on what was unusual in the file."""
 
     mesh: Mesh
     name: str
@@ -24,7 +24,7 @@ class SessionMesh(NamedTuple):
 
 
 def mesh_of(table: MeshTable, path: Path) -> SessionMesh:
-    """The mesh that a table says, whose file is at ``path``.
+    """Loads the mesh that a table describes from the file at ``path``.
 
     Raises:
         InputError: for a file that cannot be read, or a project without that puppet.
@@ -38,7 +38,8 @@ def mesh_of(table: MeshTable, path: Path) -> SessionMesh:
 
 
 def fitted(mesh: Mesh, table: MeshTable) -> Mesh:
-    """The mesh as a session's table has it: upright, so tall, on the floor; from a project as it is there."""
+    """Returns the mesh as a session's table asks: upright, at its height, on the floor; a project's mesh is
+    unchanged."""
     if Path(table.file).suffix.lower() != ".enliven" or table.height is not None or table.up != "y":
         axis = "xyz".index(table.up)
         height = table.height or float(np.ptp(mesh.vertices[:, axis]))
@@ -50,6 +51,6 @@ def fitted(mesh: Mesh, table: MeshTable) -> Mesh:
 
 
 def nearest_vertex(mesh: Mesh, place: Float) -> int:
-    """The vertex of a face that is nearest to a place (3,)."""
+    """Returns the vertex that is nearest to a place (3,), among the vertices of faces."""
     used = np.unique(mesh.faces)
     return int(used[np.linalg.norm(mesh.vertices[used] - place, axis=1).argmin()])

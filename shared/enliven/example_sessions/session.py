@@ -69,7 +69,7 @@ _IN_LAYER = ("position", "velocity", "coupling", "switch")
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """What a session file has.
+    """The content of a session file.
 
     Attributes:
         project: with one puppet and the takes.
@@ -87,7 +87,7 @@ class Session:
 
 
 def read_session(path: Path | str) -> Session:
-    """A session from its file.
+    """Reads a session from its file.
 
     Raises:
         InputError: for an unreadable file, and for what cannot be: which table says it, and which key.
@@ -96,7 +96,7 @@ def read_session(path: Path | str) -> Session:
 
 
 class _Reader:
-    """The steps from tables to a project."""
+    """The steps from the tables of a session to a project."""
 
     def __init__(self, file: SessionFile) -> None:
         self._file, self._project, self._name = file, Project(), ""
@@ -104,7 +104,7 @@ class _Reader:
         self._takes: dict[str, TakeTable] = {}
 
     def session(self) -> Session:
-        """All of it."""
+        """Reads the whole session."""
         file, mesh = self._file, self._file.one("mesh", MeshTable)
         file.said("[mesh]", self._read_mesh, mesh)
         for where, take in file.many("take"):
@@ -187,7 +187,7 @@ class _Reader:
         self._project = play_take(self._project, self._name, self._take(table.take), **attributes, **asked)
 
     def _asked(self, where: str, layer: Mapping[str, Any]) -> dict[str, Any]:
-        """The constraints and switches of a layer's table."""
+        """Returns the constraints and switches of a layer's table."""
         inner = self._file.inner
         asked: dict[str, Any] = {
             "positions": tuple(Position(**vars(t)) for t in inner(where, layer, "position", PositionTable)),
@@ -199,7 +199,7 @@ class _Reader:
         return asked
 
     def _take(self, name: str) -> str:
-        """The id of a take, the first where none is named."""
+        """Returns the id of a take by its name; the first take where no name is given."""
         if not self._takes:
             raise InputError("there is no take", mend='Say [[take]] file = "..." first.')
         if name and name not in self._takes:

@@ -1,4 +1,5 @@
-"""What the tables of a session of examples may say, each a settings group: see example_session."""
+"""The tables of a session file, each as a settings group; :mod:`enliven.example_sessions.session` shows a
+file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a puppet does as a take on disk (.mcap), as an edge records one: the viewer plays it."""
+"""Writes a puppet's motion as a take (.mcap) like one that an edge records, so that the viewer plays it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from enliven.recording import Recorder
 from enliven.wire import PoseCodec, character_to_message, pose_to_message
 
 _REVISION = 1
+"""Of the one character in the take: it never changes, so it counts from 1 and stays."""
 
 
 def write_puppet_take(
@@ -42,7 +43,7 @@ def write_puppet_take(
 
 
 def _write(take: Recorder, topic: str, message: Any, time_ns: int) -> None:
-    """A message of the wire, with its JSON schema."""
+    """Writes a wire message with its JSON schema."""
     kind = type(message)
     schema = msgspec.json.encode(msgspec.json.schema(kind)).decode()
     data = msgspec.msgpack.encode(message)

@@ -1,9 +1,9 @@
-"""Sessions of examples, written: see example_session for what they say.
+"""Writes sessions as TOML text; :mod:`enliven.example_sessions.session` shows the format.
 
-write_session("cactus.toml", project, "cactus", mesh=MeshTable("cactus.off", 1.2),
-              takes={"traffic": TakeTable("traffic.bvh")})
+    write_session("cactus.toml", project, "cactus", mesh=MeshTable("cactus.off", 1.2),
+                  takes={"traffic": TakeTable("traffic.bvh")})
 
-What is said to be from no file, a mesh or a take, is put into a project file beside the session.
+A mesh or take that is said to come from no file is put into a project file beside the session.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def write_session(
 
 
 def session_text(puppet: Puppet, mesh: MeshTable, takes: Mapping[str, TakeTable]) -> str:
-    """The text of a session; what is as usual is left out."""
+    """Returns the text of a session; values at their defaults are left out."""
     lines = [_HEAD, "[mesh]", *_lines(mesh)]
     for name, take in takes.items():
         lines += ["", "[[take]]", *_lines(dataclasses.replace(take, name=name))]
@@ -81,7 +81,7 @@ def session_text(puppet: Puppet, mesh: MeshTable, takes: Mapping[str, TakeTable]
 
 
 def takes_of(puppet: Puppet) -> list[str]:
-    """The ids of the takes of key poses and layers, each once."""
+    """Returns the ids of the takes of key poses and layers, each once."""
     return list(dict.fromkeys([*(pose.take for pose in puppet.poses), *(one.take for one in puppet.layers)]))
 
 
@@ -97,7 +97,7 @@ def _pose(pose: KeyPose, puppet: Puppet) -> list[str]:
 
 
 def _layer(layer: PuppetLayer) -> list[str]:
-    """A layer, and the tables of it: arrays of tables come last."""
+    """Returns the lines of a layer and of its tables; arrays of tables come last."""
     lines = ["[[layer]]"]
     usual = {field.name: field.default for field in dataclasses.fields(LayerTable)}
     for name, default in usual.items():
@@ -117,7 +117,7 @@ def _layer(layer: PuppetLayer) -> list[str]:
 
 
 def _lines(values: Any) -> list[str]:
-    """A dataclass's values that are not as usual."""
+    """Returns the lines of a dataclass's values that differ from their defaults."""
     lines = []
     for field in dataclasses.fields(values):
         value = getattr(values, field.name)
@@ -127,7 +127,7 @@ def _lines(values: Any) -> list[str]:
 
 
 def _settings(title: str, values: Any, usual: Any) -> list[str]:
-    """Settings that are not as usual, and the groups in them."""
+    """Returns the lines of settings that differ from the defaults, and of the groups inside."""
     groups, own = list[str](), list[str]()
     for field in dataclasses.fields(values):
         value, default = getattr(values, field.name), getattr(usual, field.name)
@@ -139,5 +139,5 @@ def _settings(title: str, values: Any, usual: Any) -> list[str]:
 
 
 def _toml(value: Any) -> str:
-    """A value as TOML: strings, numbers, booleans and arrays are written as JSON writes them."""
+    """Returns a value as TOML: strings, numbers, booleans and arrays are written as JSON writes them."""
     return json.dumps(value, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""Arrays of numbers in the bytes of an .npy file, which must be as many as its head states."""
+"""Reads arrays from the bytes of an .npy file after checking that the header's size fits the data."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from enliven.arrays import AnyArray
 
 _KINDS = "biuf"
-"""Truth values, whole numbers and floats: an array of anything else could run code or hide its size."""
+"""NumPy kinds that are read: booleans, integers and floats; an array of objects could run code or hide its
+size."""
 
 
 def array_of(data: bytes) -> AnyArray:
-    """The array of an .npy file; nothing is made before its size is known to fit the bytes.
+    """Reads the array of an .npy file; no memory is allocated before its size is known to fit the bytes.
 
     Raises:
         ValueError: where the head is none, or states another number of bytes than there are.

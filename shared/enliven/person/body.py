@@ -36,8 +36,8 @@ class Body:
             pelvis at the root), or None. All are the identity for a person who stands upright facing +Z with
             hanging arms, palms to the thighs: a bone of a limb runs along its -Y, one of the trunk along +Y;
             +Z is the front, +X the person's left. See ``orientation`` for what to read from them.
-        contacts: (2,) probability that the left and the right foot stand on the floor, or None where nobody
-            looked; 0 as well where the foot is not seen.
+        contacts: (2,) probability that the left and the right foot stand on the floor, or None where that
+            was not estimated; 0 as well where the foot is not seen.
         stature: metres from the soles to the crown when standing straight, as measured, or None.
     """
 
@@ -50,7 +50,7 @@ class Body:
 
     @property
     def height(self) -> float:
-        """Metres from the soles to the crown: the stature, or what the bones' lengths say of it."""
+        """Metres from the soles to the crown: the stature, or an estimate from the bones' lengths."""
         if self.stature is not None:
             return self.stature
         chain = (Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD, Joint.KNEE_LEFT, Joint.ANKLE_LEFT)

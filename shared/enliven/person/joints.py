@@ -1,4 +1,4 @@
-"""The 20 joints of a tracked person, and how they hang together."""
+"""The 20 joints of a tracked person, and the tree that they form."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What the orientations of a body say: turns of the head, twists of the forearms.
+"""Reads turns of the head and twists of the forearms from the orientations of a body.
 
-The frames are those of ``Body``: all are the identity for a person who stands upright
-facing +Z with hanging arms, so that a turn relative to the bone before is what the joint between them did.
+The frames are those of ``Body``: all are the identity for a person who stands upright facing +Z with hanging
+arms, so a rotation relative to the parent bone is the rotation of the joint between them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])
 
 
 def local(orientations: AnyArray) -> Float:
-    """(20, 4) parent_from_bone of (20, 4) world_from_bone; the root's stays world_from_bone."""
+    """Returns (20, 4) parent_from_bone of (20, 4) world_from_bone; the root's stays world_from_bone."""
     turns = multiply(conjugate(orientations[_PARENTS]), orientations)
     turns[0] = orientations[0]
     return turns
@@ -63,7 +63,7 @@ def forearm_twist(body: Body, side: str) -> float | None:
 
 
 def mirrored(body: Body, point: AnyArray, normal: AnyArray) -> Body:
-    """The body in a mirror: reflected in a plane, left and right exchanged; twice is the body itself.
+    """Returns the body reflected in a plane, left and right exchanged; twice is the body itself.
 
     A frame's front and length are reflected; its left hand becomes a right one, so the third axis is turned
     back: a rotation stays a rotation.

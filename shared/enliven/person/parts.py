@@ -17,7 +17,7 @@ def _limb(side: str, *names: str) -> frozenset[Joint]:
 
 
 def _sided() -> dict[str, frozenset[Joint]]:
-    """The parts that are there twice."""
+    """Returns the parts that exist on both sides."""
     parts: dict[str, frozenset[Joint]] = {}
     for side in _SIDES:
         parts[f"{side} arm"] = _limb(side, "SHOULDER", "ELBOW", "WRIST", "HAND")

@@ -1,4 +1,4 @@
-"""The MCAP container, read so that damage costs no more than the chunk it is in."""
+"""Reads the MCAP container so that damage costs no more than the chunk that holds it."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _FOOTER_BYTES = RECORD.size + _FOOTER.size + len(MAGIC)
 _MAX_RECORD = 1 << 26
 """Bytes of a schema, a channel or another small record."""
 _MAX_NAMED = 1 << 20
-"""Bytes of a record of words that the index names: it may name the same one many times."""
+"""Bytes of a metadata record that the index names: it may name the same one many times."""
 _MAX_METADATA = 1 << 10
-"""Records of words that the index may name: our recorder writes a few."""
+"""Metadata records that the index may name: our recorder writes a few."""
 
 
 @dataclass
 class Container:
-    """What a recording holds, without its messages.
+    """The content of a recording, without its messages.
 
     Attributes:
         complete: whether the file was closed properly.
@@ -58,7 +58,7 @@ class Container:
     damaged_chunks: int = 0
 
     def add(self, record: Any) -> None:
-        """Take note of a schema, channel, metadata or header record."""
+        """Registers a schema, channel, metadata or header record."""
         if isinstance(record, records.Schema):
             self.schemas[record.id] = record
         elif isinstance(record, records.Channel):
@@ -70,7 +70,8 @@ class Container:
 
 
 def open_container(path: Path) -> Container:
-    """The container of a file: from its index, or where that is missing by walking from record to record.
+    """Reads the container of a file: from its index, or by walking from record to record where that is
+    missing.
 
     Raises:
         InputError: where the file is missing, empty or no MCAP file.
@@ -87,7 +88,7 @@ def open_container(path: Path) -> Container:
 
 
 def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
-    """The container from the summary at the end of a file that was closed properly."""
+    """Reads the container from the summary at the end of a file that was closed properly."""
     if size < len(MAGIC) + _FOOTER_BYTES:
         raise Damage("no footer")
     file.seek(size - _FOOTER_BYTES)
@@ -119,7 +120,7 @@ def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
 
 
 def _add_indexed(found: Container, record: Any, file: BinaryIO, size: int) -> None:
-    """Take note of one record of the summary."""
+    """Registers one record of the summary."""
     if isinstance(record, records.ChunkIndex):
         found.chunks.append(
             ChunkRef(
@@ -141,7 +142,7 @@ def _add_indexed(found: Container, record: Any, file: BinaryIO, size: int) -> No
 
 
 def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
-    """The container of a file without its end: every whole record from the start."""
+    """Reads the container of a file without its end: every whole record from the start."""
     found = Container(path)
     at = len(MAGIC)
     while at + RECORD.size <= size:
@@ -165,7 +166,7 @@ def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
 
 
 def _add_walked(found: Container, file: BinaryIO, offset: int, length: int) -> None:
-    """Take note of a chunk and the schemas, channels and counts inside."""
+    """Registers a chunk and the schemas, channels and counts inside."""
     try:
         inside = read_chunk(file, ChunkRef(offset, length, 0, 0))
     except Damage:

@@ -1,9 +1,9 @@
 """Lossless compression of one depth image, each frame on its own.
 
-Depth cameras quantise: a Kinect frame of 300,000 pixels holds a few hundred different distances. So the
-distances are replaced by their rank among those that occur, predicted from the neighbours, and the
-residuals are packed: fast, with zstd, or small, with an arithmetic coder that knows the neighbours.
-:data:`LAYOUT` states every byte; it is written into each recording beside the data.
+Depth cameras quantise: a Kinect frame of 300,000 pixels holds a few hundred different distances. Each
+distance is replaced by its rank among those that occur and predicted from its neighbours; the residuals are
+packed fast with zstd, or small with an arithmetic coder conditioned on the neighbours. :data:`LAYOUT` states
+every byte; it is written into each recording beside the data.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from enliven.recording.depth_entropy import pack_levels, unpack_levels
 from enliven.recording.depth_kernels import mark_levels, predict_image, restore_image
 
 MAX_PIXELS = 1 << 24
-"""The largest image that a decoder allocates for, unless told otherwise."""
+"""Pixels of the largest image that a decoder allocates for by default: 4096 x 4096, above every depth
+camera's."""
 
 SMALL = 19
 """From this compression level on, images are packed by the arithmetic coder (zstd packing below)."""
@@ -70,7 +71,10 @@ Packing 1: yes-no answers in one arithmetic code; ww is left of w, nn above n.
 _HEADER = struct.Struct("<BBHHI")
 _CHECK = struct.Struct("<I")
 _START = _HEADER.size + _CHECK.size
-_ZSTD, _ARITHMETIC = 0, 1
+_ZSTD = 0
+"""Packing by zstd, byte 1 of the layout."""
+_ARITHMETIC = 1
+"""Packing by the arithmetic coder, byte 1 of the layout."""
 
 
 def encode_depth(depth: UInt16, level: int = 1) -> bytes:
@@ -115,14 +119,14 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
 
 
 def _pack_fast(depth: UInt16, levels: UInt16, ranks: UInt16, level: int) -> bytes:
-    """Packing 0."""
+    """Packs by zstd (packing 0)."""
     planes = predict_image(depth, ranks, len(levels) or 65535)
     content = _table_bytes(levels) + planes.tobytes()
     return zstandard.ZstdCompressor(level=level).compress(content)
 
 
 def _pack_small(depth: UInt16, levels: UInt16, ranks: UInt16) -> bytes | None:
-    """Packing 1, or None where noise would make it larger than the image."""
+    """Packs by the arithmetic coder (packing 1); None where noise would make it larger than the image."""
     values = np.concatenate([[0], levels]).astype(np.uint16) if len(levels) else ranks
     out = np.empty(depth.nbytes + 64, np.uint8)
     used = pack_levels(depth, ranks, values, len(levels) > 0, out)
@@ -130,7 +134,7 @@ def _pack_small(depth: UInt16, levels: UInt16, ranks: UInt16) -> bytes | None:
 
 
 def _unpack_fast(packed: bytes, width: int, height: int, levels: int) -> tuple[UInt16, UInt8]:
-    """The values of the levels, and (1 or 2, H, W) residuals of packing 0."""
+    """Returns the values of the levels, and (1 or 2, H, W) residuals of packing 0."""
     planes = 1 if 0 < levels <= 255 else 2
     content = _unpacked(packed, 2 * levels + planes * width * height)
     return _values(content[: 2 * levels], levels), content[2 * levels :].reshape(planes, height, width)
@@ -145,7 +149,8 @@ def _checked_shape(depth: UInt16) -> tuple[int, int]:
 
 
 def _levels(depth: UInt16) -> tuple[UInt16, UInt16]:
-    """(L,) the table of levels (empty where it does not pay), and (65536,) the level of each value."""
+    """Returns (L,) the table of levels (empty where it saves nothing), and (65536,) the level of each
+    value."""
     seen = mark_levels(depth)
     levels = np.flatnonzero(seen).astype(np.uint16)
     if not levels.size or 2 * levels.size > int(levels[-1]) - int(levels[0]) + 1:
@@ -161,7 +166,7 @@ def _table_bytes(levels: UInt16) -> bytes:
 
 
 def _checked_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
-    """Packing, width, height and number of levels of a payload whose checksum is right."""
+    """Returns packing, width, height and number of levels of a payload after checking its checksum."""
     if len(payload) < _START:
         raise _damaged(f"it is {len(payload)} bytes long")
     version, packing, width, height, levels = _HEADER.unpack_from(payload)

@@ -1,7 +1,7 @@
-"""The compiled loops of the small packing: a binary arithmetic coder whose odds depend on the neighbours.
+"""Compiled loops of the small packing: a binary arithmetic coder with odds conditioned on the neighbours.
 
 Every level is told apart by yes-no questions (a hole? as predicted? above or below? by how much?), and the
-odds of each answer are learned from the answers given so far in the same surroundings. The coder is the
+odds of each answer are learned from the answers so far in the same surroundings. The coder is the
 carry-free one with 32-bit bounds (Witten, Neal and Cleary, CACM 30(6), 1987, narrowed to two symbols).
 
 Unsigned values pass through np.int64 first: compiled, int() of them is unsigned, and unsigned with signed
@@ -21,11 +21,16 @@ SURROUNDINGS = 12 * 625
 QUESTIONS = 15
 """Questions about a residual with odds by surroundings; the answers of large residuals go on elsewhere."""
 UNARY = 12
+"""Sizes of a residual that have a question each; larger ones are coded in bits. Part of
+:data:`~enliven.recording.depth_codec.LAYOUT`."""
 _HOLES = 64
+"""States of the question "hole?": one for each known-or-not pattern of six neighbours, 2^6."""
 _LARGE = _HOLES + SURROUNDINGS * QUESTIONS
 _TABLE = _LARGE + 20
 _STATES = _TABLE + 4 * QUESTIONS
 _PATIENCE = 60
+"""Answers after which a question's odds adapt no slower: they keep following a changing image. Part of the
+layout."""
 
 _RATES = np.array([round(65536 / (n + 1.6)) for n in range(_PATIENCE + 1)], np.int64)
 """(61,) how far (of 65536) an odd moves to the n-th answer."""
@@ -33,7 +38,7 @@ _RATES = np.array([round(65536 / (n + 1.6)) for n in range(_PATIENCE + 1)], np.i
 
 @njit(cache=True, nogil=True)
 def _learn(states: AnyArray, at: int, bit: int) -> None:
-    """Move the odds of a question towards the answer; the low byte of a state counts the answers."""
+    """Moves the odds of a question towards the answer; the low byte of a state counts the answers."""
     state = int(states[at])
     odds, count = state >> 8, state & 255
     odds += ((65535 * bit - odds) * _RATES[count]) >> 16

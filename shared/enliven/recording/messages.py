@@ -19,9 +19,15 @@ from enliven.recording.depth_codec import MAX_PIXELS, decode_depth, encode_depth
 _HEAD = struct.Struct("<BBHIq9d")
 _SIZE = struct.Struct("<II")
 _SEQUENCE = struct.Struct("<q")
-_POSE, _COLOUR, _COUNTED = 1, 2, 4
+_POSE = 1
+"""Flag of a depth message that holds world_from_camera."""
+_COLOUR = 2
+"""Flag of a depth message that holds a colour image."""
+_COUNTED = 4
+"""Flag of a depth message that holds a sequence number."""
 _MOST_COUNTED = 1 << 63
-"""Images that the layout can count; a sequence number beyond is left out."""
+"""Images that the layout can count: the sequence number is a signed 64-bit integer; a larger one is left
+out."""
 
 
 def pack_depth(frame: DepthFrame, level: int) -> bytes:
@@ -126,7 +132,7 @@ def pack_bodies(frame: BodyFrame) -> bytes:
 
 
 def _body_fields(body: Body) -> dict[str, Any]:
-    """What is known of a body, as JSON takes it."""
+    """Returns the fields of a body as JSON takes them."""
     turns = body.orientations
     fields: dict[str, Any] = {
         "id": int(body.id),

@@ -1,4 +1,4 @@
-"""Reading a recording: frames in the order of time, whole or cut off."""
+"""Reads a recording: frames in the order of time, from a whole or a cut file."""
 
 from __future__ import annotations
 
@@ -83,24 +83,26 @@ class Recording:
         self._report_cut()
 
     def frames(self, file: BinaryIO | None = None) -> Iterator[Frame]:
-        """Depth frames and sensor-tracked bodies, in the order of time; ``file`` is the recording's, open.
+        """Yields depth frames and sensor-tracked bodies in the order of time; ``file`` is the recording's,
+        open.
 
         ``next`` raises InputError for a message that is no frame, and goes on with the one after it.
         """
         return map(_frame, self.in_order({DEPTH_TOPIC, BODIES_TOPIC}, file))
 
     def truth(self) -> Iterator[BodyFrame]:
-        """The true bodies of a made recording, in the order of time."""
+        """Yields the true bodies of a synthetic recording, in the order of time."""
         for _, _, data in self.in_order({TRUTH_TOPIC}):
             yield unpack_bodies(data)
 
     def messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """(time in ns, bytes) of every message of a topic, in the order of time."""
+        """Yields (time in ns, bytes) of every message of a topic, in the order of time."""
         for _, time_ns, data in self.in_order({topic}):
             yield time_ns, data
 
     def in_order(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """(topic, time in ns, bytes) of every message of some topics, in the order of time, then of the file.
+        """Yields (topic, time in ns, bytes) of every message of some topics, in the order of time, then of
+        the file.
 
         ``file`` is the recording's, open.
         """
@@ -171,7 +173,7 @@ def frame_of(topic: str, data: bytes) -> Frame:
 
 
 def _frame(said: tuple[str, int, bytes]) -> Frame:
-    """The frame of a (topic, time, bytes)."""
+    """Returns the frame of a (topic, time, bytes)."""
     return frame_of(said[0], said[2])
 
 

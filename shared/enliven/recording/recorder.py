@@ -1,4 +1,4 @@
-"""Writing a recording that can be read up to the moment the program was killed."""
+"""Writes a recording that can be read up to the moment at which the program was killed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from enliven.recording.schemas import MessageKind
 from enliven.recording.whole_file import WholeFile
 
 _CHUNK_BYTES = 1 << 20
-"""Bytes of a chunk at most, before it is compressed: beyond that compression gains nothing."""
+"""Bytes of a chunk before compression, at most: larger chunks compress no better."""
 _FIRST_CHUNK_BYTES = 1 << 12
 """Bytes of a live recording's first chunk; each one that is filled doubles the next, so that a recording
 that ends early, by a full disk for example, is not one lost chunk."""
@@ -78,7 +78,7 @@ class Recorder:
         self.sync()
 
     def write_frame(self, frame: Frame) -> None:
-        """Append a depth frame (topic ``/depth``) or the bodies that a sensor tracked (``/bodies``)."""
+        """Appends a depth frame (topic ``/depth``) or the bodies that a sensor tracked (``/bodies``)."""
         self._check_time(frame.time_ns, "frames")
         if isinstance(frame, DepthFrame):
             data = pack_depth(frame, self._level)
@@ -87,7 +87,7 @@ class Recorder:
             self._write(schemas.BODIES_TOPIC, schemas.BODIES, frame.sensor, pack_bodies(frame), frame.time_ns)
 
     def write_truth(self, frame: BodyFrame) -> None:
-        """Append the true bodies of a moment (topic ``/truth/bodies``)."""
+        """Appends the true bodies of a moment (topic ``/truth/bodies``)."""
         self._write(schemas.TRUTH_TOPIC, schemas.BODIES, frame.sensor, pack_bodies(frame), frame.time_ns)
 
     def write(
@@ -101,7 +101,7 @@ class Recorder:
         time_ns: int,
         sensor: str = "",
     ) -> None:
-        """Append a message of any kind; schema and channel are written when they first occur.
+        """Appends a message of any kind; schema and channel are written when they first occur.
 
         Raises:
             InputError: for a time before 0 or after :data:`LATEST_NS`.
@@ -111,7 +111,7 @@ class Recorder:
         self._write(topic, kind, sensor, data, time_ns)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """A named record of words for humans: performer, place, command line, calibration."""
+        """Adds a named record of texts for humans: performer, place, command line, calibration."""
         self._carry_out(self._writer.add_metadata, name, values)
 
     def fileno(self) -> int:
@@ -119,14 +119,14 @@ class Recorder:
         return -1 if self._file.closed else self._file.fileno()
 
     def sync(self) -> None:
-        """Hand everything written so far to the operating system, as whole chunks."""
+        """Hands everything written so far to the operating system, as whole chunks."""
         self._carry_out(self._writer.flush)
         self._repeat()
         self._filled = 0
         self._synced = time.monotonic()
 
     def close(self) -> None:
-        """Write the index and close the file; a second call, or one after a failed write, does nothing."""
+        """Writes the index and closes the file; a second call, or one after a failed write, does nothing."""
         if self._file.closed:
             return
         self._carry_out(self._writer.finish)
@@ -152,7 +152,7 @@ class Recorder:
             self.sync()
 
     def _check_time(self, time_ns: int, what: str) -> None:
-        """Raises InputError for a time that MCAP or this project cannot hold."""
+        """Raises InputError for a time outside of MCAP's range or this project's."""
         if not 0 <= time_ns <= LATEST_NS:
             raise InputError(
                 f"the time {time_ns} ns is outside 0..2^63",
@@ -161,7 +161,7 @@ class Recorder:
             )
 
     def _carry_out(self, step: Any, *arguments: Any) -> None:
-        """A step of the writer; what the operating system refuses ends the recording."""
+        """Runs a step of the writer; an OSError ends the recording."""
         if self._failure is not None:
             raise self._failure
         try:
@@ -172,7 +172,7 @@ class Recorder:
             raise self._failure from None
 
     def _repeat(self) -> None:
-        """Writes new schemas and channels once more, beside the chunk that they are in."""
+        """Writes new schemas and channels once more, beside the chunk that holds them."""
         if self._unrepeated:
             builder = RecordBuilder()
             for record in self._unrepeated:
@@ -181,7 +181,8 @@ class Recorder:
             self._carry_out(self._file.write, builder.end())
 
     def _channel(self, topic: str, kind: MessageKind, sensor: str) -> int:
-        """The id of the channel of a topic, kind and sensor, registered at its first message."""
+        """Returns the id of the channel of a topic, kind and sensor; it is registered at its first
+        message."""
         key = (topic, kind.schema_name, sensor)
         if key not in self._channels:
             schema = (kind.schema_name, kind.schema_encoding, kind.schema_text)
@@ -197,7 +198,7 @@ class Recorder:
         return self._channels[key]
 
     def _note(self, record: Schema | Channel) -> None:
-        """Keeps a schema or channel to be repeated; an archive is whole, and repeats none."""
+        """Keeps a schema or channel for repetition; an archive is complete, and repeats none."""
         if self._live:
             self._unrepeated.append(record)
 

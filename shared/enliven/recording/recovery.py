@@ -1,4 +1,4 @@
-"""Whatever is whole in a cut or damaged recording, copied into a new one."""
+"""Copies the whole messages of a cut or damaged recording into a new one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ from enliven.recording.recorder import Recorder
 from enliven.recording.schemas import PROFILE
 
 _CHUNK = re.compile(rb"\x06(?=.{5}\x00\x00\x00.{28}(\x04\x00\x00\x00zstd|\x00\x00\x00\x00))", re.DOTALL)
-"""How a chunk begins: opcode, a length below 2^40, 28 bytes of times, size and checksum, its compression."""
+"""The beginning of a chunk: opcode, a length below 2^40, 28 bytes of times, size and checksum, its
+compression."""
 _FIXED_BYTES = 36
 """Bytes of a chunk's fields but for its compression and its data: times, two sizes, checksum."""
 _HEAD_BYTES = 9
@@ -34,12 +35,12 @@ _BETWEEN = {
     Opcode.CHANNEL,
     Opcode.ATTACHMENT,
 }
-"""Records that stand between chunks: bytes there that are none of these were a chunk."""
+"""The records that stand between chunks; other bytes there belonged to a chunk."""
 
 
 @dataclass(frozen=True)
 class LostSpan:
-    """Messages between two moments were lost, some or all of them.
+    """A span of time in which some or all messages were lost.
 
     Attributes:
         start_ns, end_ns: the sensor's clock; None where nothing whole lies before, or after.
@@ -51,14 +52,14 @@ class LostSpan:
 
 @dataclass
 class Recovery:
-    """What was copied, and what was not.
+    """The result of a recovery: what was copied and what was lost.
 
     Attributes:
         kept, lost: messages by topic; ``lost`` only where the recording's own index says how many there were.
         spans: the times in which messages were lost, in the order of the file.
-        cut: whether the recording was never closed, so that what came after its last chunk is unknown.
+        cut: whether the recording was never closed, so that messages after its last chunk are unknown.
         nameless: whole messages left out because no description of their topic is left.
-        first_ns: the first moment of what was copied, not counting messages at time 0.
+        first_ns: the first time of the copied messages, without those at time 0.
     """
 
     kept: Counter[str] = field(default_factory=Counter)
@@ -103,7 +104,7 @@ def recover(path: Path, output: Path) -> Recovery:
 def _copy(
     container: Container, file: BinaryIO, refs: list[ChunkRef], recorder: Recorder, found: Recovery
 ) -> None:
-    """Copies every chunk's messages, and notes where some are missing."""
+    """Copies every chunk's messages, and records the spans where some are missing."""
     for name, values in container.metadata.items():
         if name != "about":
             recorder.add_metadata(name, values)
@@ -124,7 +125,7 @@ def _copy(
 
 
 def _put(container: Container, message: Any, recorder: Recorder, found: Recovery) -> None:
-    """One message into the new recording, with the description of its topic."""
+    """Writes one message into the new recording, with the description of its topic."""
     channel: Channel | None = container.channels.get(message.channel_id)
     schema = None if channel is None else container.schemas.get(channel.schema_id)
     if channel is None or schema is None:
@@ -139,7 +140,8 @@ def _put(container: Container, message: Any, recorder: Recorder, found: Recovery
 
 
 def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:
-    """Where chunks are, or were: as the index says, and wherever one seems to begin, in the file's order."""
+    """Returns every place of a chunk in the file's order: from the index, and wherever a chunk seems to
+    begin."""
     refs = {ref.offset: ref for ref in container.chunks}
     size = file.seek(0, 2)
     with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
@@ -156,7 +158,8 @@ def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:
 
 
 def _whole(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, list[Any] | None]]:
-    """Every chunk with its records, None where it is damaged; what only looks like one inside is left out."""
+    """Yields every chunk with its records, None where it is damaged; a false match inside another chunk is
+    left out."""
     end = 0
     for ref in refs:
         if ref.offset < end:
@@ -171,7 +174,7 @@ def _whole(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, lis
 
 
 def _only_small(file: BinaryIO, start: int, end: int) -> bool:
-    """Whether nothing but small records stands between two offsets of the file."""
+    """Returns whether only small records stand between two offsets of the file."""
     at = start
     while at + _HEAD_BYTES <= end:
         file.seek(at)
@@ -183,7 +186,7 @@ def _only_small(file: BinaryIO, start: int, end: int) -> bool:
 
 
 def _stated(container: Container) -> Counter[str]:
-    """Messages by topic as the recording's own index has them."""
+    """Returns the number of messages by topic that the recording's own index states."""
     counts: Counter[str] = Counter()
     for number, count in container.counts.items():
         if number in container.channels:

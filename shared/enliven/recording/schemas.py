@@ -1,4 +1,4 @@
-"""What a recording's messages are, as it is written into every file."""
+"""The schemas and layouts of a recording's messages, as every file states them."""
 
 from __future__ import annotations
 

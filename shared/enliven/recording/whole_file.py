@@ -1,4 +1,4 @@
-"""A file that holds whole records only: what did not fit is taken back."""
+"""A file of whole records only: a record that did not fit is removed again."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class WholeFile:
         return self._end
 
     def write(self, data: bytes) -> int:
-        """All of the bytes, or none of them.
+        """Writes all of the bytes, or none of them.
 
         Raises:
             OSError: where the disk is full or the like; the file is closed then.
@@ -50,14 +50,14 @@ class WholeFile:
         return len(data)
 
     def flush(self) -> None:
-        """Nothing waits here."""
+        """Does nothing: no bytes are buffered here."""
 
     def close(self) -> None:
-        """Lets the file go; a second call does nothing."""
+        """Closes the file; a second call does nothing."""
         self._raw.close()
 
     def _take_back(self) -> None:
-        """Ends the file where it was whole."""
+        """Truncates the file to its last whole record."""
         with contextlib.suppress(OSError):
             os.ftruncate(self._raw.fileno(), self._end)
         with contextlib.suppress(OSError):

@@ -32,7 +32,7 @@ BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joi
 def clip_of_capture(
     capture: Capture, id: str, *, rest: str | int = "auto", unit: str | float | None = None
 ) -> Clip:
-    """The motion of a file as a clip in metres.
+    """Returns the motion of a file as a clip in metres.
 
     Bones keep their length: what a file moves against its parent beyond the root is left out. A joint above
     all others that only carries the one that moves (a point on the floor) is left out too.
@@ -77,7 +77,7 @@ def clip_of_bodies(
     step: float = 1.0 / 30.0,
     names: Sequence[str] | None = None,
 ) -> Clip:
-    """A tracked person's motion as a clip of 20 joints.
+    """Returns a tracked person's motion as a clip of 20 joints.
 
     Where a body has orientations, a bone's turn is theirs since rest; elsewhere it is the swing of least
     twist against the bone before. In both, every bone points where its joints say. A joint of confidence 0
@@ -110,7 +110,7 @@ def clip_of_bodies(
 
 
 def clip_of_positions(skeleton: Skeleton, positions: Float, id: str, step: float) -> Clip:
-    """A clip of joints whose places alone are known: swings of least twist.
+    """Returns a clip from the places of joints alone; each bone swings with the least twist.
 
     Args:
         positions: (F, N, 3) metres.
@@ -127,14 +127,15 @@ def resampled(clip: Clip, step: float) -> Clip:
 
 
 def between_times(clip: Clip, start: float, stop: float) -> Clip:
-    """The frames of a clip from ``start`` to ``stop`` seconds, one at least."""
+    """Returns the frames of a clip from ``start`` to ``stop`` seconds, at least one."""
     first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
     last = max(round(stop / clip.step) + 1, first + 1)
     return replace(clip, turns=clip.turns[first:last], root=clip.root[first:last])
 
 
 def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float) -> Clip:
-    """A clip with frames ``step`` seconds apart of turns and root at ``times`` (F,) from 0 on."""
+    """Returns a clip with frames ``step`` seconds apart from turns and root at ``times`` (F,), which begin at
+    0."""
     count = int(np.floor(times[-1] / step + 1e-6)) + 1
     wanted = np.minimum(np.arange(count) * step, times[-1])
     before = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, max(len(times) - 2, 0))
@@ -147,7 +148,7 @@ def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, 
 
 
 def _known(bodies: Sequence[Body], still: Body) -> Float | None:
-    """(F, 20, 4) turns since rest that the bodies' orientations say, or None where one has none."""
+    """Returns (F, 20, 4) turns since rest from the bodies' orientations, or None where a body has none."""
     if still.orientations is None or any(body.orientations is None for body in bodies):
         return None
     world = np.stack([np.asarray(body.orientations) for body in bodies])

@@ -1,4 +1,4 @@
-"""The frames of a captured person's limbs, from the joints' places."""
+"""Computes the frames of a captured person's limbs from the joints' places."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
 
 
 def _standing(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
-    """(F, 2) frames in which a foot is low and hardly moves; the best fifth of them at least."""
+    """Returns (F, 2) frames in which a foot is low and hardly moves; at least the best fifth of them."""
     leg = float(np.median(np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)))
     speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) / seconds / leg
     height = (toes[..., 1] + ankles[..., 1]) / leg
@@ -54,7 +54,7 @@ def _standing(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Fl
 
 
 def half_way(path: Float) -> Float:
-    """(F, 3) the point in the middle of each polyline (F, K, 3), by length."""
+    """Returns (F, 3) the point at half the length of each polyline (F, K, 3)."""
     steps = np.linalg.norm(np.diff(path, axis=1), axis=-1)
     upto = np.concatenate([np.zeros((len(path), 1)), np.cumsum(steps, 1)], 1)
     half = upto[:, -1:] / 2
@@ -72,7 +72,8 @@ def _axes(up: Float, left: Float) -> Float:
 
 
 def _hinge(first: Float, middle: Float, last: Float, trunk: Float, sense: float) -> Float:
-    """(F, 3) the axis about which a limb bends, pointing to the body's left; straight limbs ask the trunk.
+    """Returns (F, 3) the axis about which a limb bends, towards the body's left; straight limbs take the
+    trunk's.
 
     Args:
         trunk: (F, 3, 3) the frame that the limb hangs on.
@@ -89,7 +90,7 @@ def _hinge(first: Float, middle: Float, last: Float, trunk: Float, sense: float)
 
 
 def _foot(along: Float, shank_left: Float, standing: Bool) -> Float:
-    """(F, 3, 3) a foot that is level where it stands, whatever slope the captured one has there.
+    """Returns (F, 3, 3) foot frames; a standing foot is level, whatever slope was captured.
 
     Args:
         along: (F, 3) from the ankle to the toes.
@@ -107,7 +108,7 @@ def _foot(along: Float, shank_left: Float, standing: Bool) -> Float:
 
 
 def _skull(chest: Float, head: Float) -> Float:
-    """(F, 3, 3) the head as its joint turns; over the whole capture it looks where the chest does."""
+    """Returns (F, 3, 3) the head as its joint turns, facing on average where the chest does."""
     usual = nearest_rotation((chest.transpose(0, 2, 1) @ head).mean(0))
     return np.asarray(head @ usual.T)
 

@@ -1,4 +1,4 @@
-"""What a capture's own file says of its rest pose: its moving root, its bones, its zero pose, its unit."""
+"""Derives a capture's rest pose from its file: moving root, bone lengths, zero pose and unit."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ from enliven.errors import InputError
 from enliven.formats.motion import UNITS, Capture, guess_unit
 
 _STANDS = 0.9
-"""A zero pose stands when it is at least this much as tall as the frames are."""
+"""Share of the frames' height above which a zero pose counts as standing."""
 _MOVES = 0.002
-"""Share of the extent by which a joint must move against its parent to be a root of its own."""
+"""Share of the extent by which a joint must move against its parent to be a root of its own: more than
+rounding."""
 _HIP_TO_ANKLE = 0.9
 """Share of a root's height over the lowest joint that is leg, for the guess of the unit."""
 
 
 def rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
-    """The capture's names, parents, positions and rotations from the joint on that moves as the root."""
+    """Returns the capture's names, parents, positions and rotations from the joint on that moves as the
+    root."""
     if sum(parent < 0 for parent in capture.parents) != 1 or capture.parents[0] != -1:
         raise InputError("it has more than one root", where=f"clip {id!r}", mend="Keep one of its skeletons.")
     names, parents = capture.names, list(capture.parents)
@@ -33,14 +35,14 @@ def rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float
 
 
 def links(parents: list[int], positions: Float, rotations: Float) -> Float:
-    """(N, 3) each joint in its parent's frame, the middle of what the frames say; zero at the root."""
+    """Returns (N, 3) each joint in its parent's frame, the median over the frames; zero at the root."""
     above = np.maximum(parents, 0)
     apart = positions - positions[:, above]
     return np.asarray(np.median(np.einsum("fnji,fnj->fni", rotations[:, above], apart), axis=0))
 
 
 def stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
-    """(N, 3) the joints of a frame with the bones' own lengths."""
+    """Returns (N, 3) the joints of a frame with the bones' own lengths."""
     at = positions.copy()
     for j, parent in enumerate(parents[1:], 1):
         at[j] = at[parent] + rotations[parent] @ offsets[j]
@@ -48,7 +50,7 @@ def stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: 
 
 
 def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
-    """(N, 3) the joints with all rotations zero, on the floor that the frames stand on, where they begin."""
+    """Returns (N, 3) the joints with all rotations zero, standing on the frames' floor where they begin."""
     count = len(parents)
     at = stiff_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
     floor = np.percentile(positions[:, :, 1].min(1), 10)
@@ -57,7 +59,7 @@ def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
 
 
 def zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
-    """Whether the zero pose is about as tall, and its root as high, as those of the frames."""
+    """Returns whether the zero pose is about as tall, and its root as high, as the frames."""
     zero = zero_pose(parents, offsets, positions)
     lowest = positions[:, :, 1].min(1)
     tall, high = np.median(positions[:, :, 1].max(1) - lowest), np.median(positions[:, 0, 1] - lowest)
@@ -66,7 +68,7 @@ def zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
 
 
 def metres(unit: str | float | None, at_rest: Float, where: str) -> float:
-    """Metres in a unit of the file."""
+    """Returns the metres in a unit of the file."""
     if unit is None:
         legs = at_rest[0, 1] - at_rest[:, 1].min()
         return UNITS[guess_unit(float(legs) * _HIP_TO_ANKLE)]

@@ -1,4 +1,4 @@
-"""Which joint of a motion capture is the left elbow: found by name and by what hangs on what."""
+"""Finds the roles of a motion capture's joints (which one is the left elbow) by name and by the tree."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Roles:
     Attributes:
         root: the joint from which trunk and legs part.
         spine: the joints from the root to where the arms part, both included.
-        tips: what lies beyond the wrist; the wrist itself where nothing does.
-        toes: what lies beyond the ankle.
+        tips: the joints beyond the wrists; the wrist itself where there is none.
+        toes: the joints beyond the ankles.
     """
 
     root: int
@@ -79,7 +79,7 @@ def find_roles(capture: Capture) -> Roles:
 
 
 def _pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
-    """The left and the right joint of the first part of which both exist."""
+    """Returns the left and the right joint of the first part of which both exist."""
     for part in parts:
         found = [
             next((names.index(n) for n in (w + part, part + w, s + part, part + s) if n in names), -1)
@@ -107,7 +107,7 @@ def _ancestors(capture: Capture, joint: int) -> list[int]:
 
 
 def _shared(capture: Capture, joints: tuple[int, ...]) -> list[int]:
-    """The ancestors that all of the joints have."""
+    """Returns the common ancestors of all the joints."""
     chains = [_ancestors(capture, j) for j in joints]
     return [j for j in chains[0] if all(j in chain for chain in chains)]
 
@@ -119,7 +119,7 @@ def _children(capture: Capture, joint: int) -> list[int]:
 def _below(
     capture: Capture, names: list[str], joints: tuple[int, int], parts: tuple[str, ...]
 ) -> tuple[int, int]:
-    """For each joint the child that is called so, or its first child."""
+    """Returns for each joint the child of that name, or its first child."""
     found = []
     for joint in joints:
         below = _children(capture, joint)
@@ -131,7 +131,7 @@ def _below(
 
 
 def _beyond(capture: Capture, names: list[str], joint: int, parts: tuple[str, ...]) -> int:
-    """The nearest descendant that is somewhere else (no thumb), or the joint itself."""
+    """Returns the nearest descendant at another place (no thumb), or the joint itself."""
     fringe = [joint]
     while fringe:
         fringe = [j for f in fringe for j in _children(capture, f) if "thumb" not in names[j]]

@@ -1,4 +1,4 @@
-"""One motion of a file, of whatever kind it is.
+"""Reads one motion from a file of any known kind.
 
 clip, notes = read_take("walk.bvh")
 clip, notes = read_take("fox.glb", "Run", start=1.0, end=3.0)
@@ -25,7 +25,7 @@ _KNOWN = (
 def read_take(
     path: Path | str, animation: str | None = None, start: float = 0.0, end: float | None = None
 ) -> tuple[Clip, tuple[str, ...]]:
-    """The clip in a file, from ``start`` to ``end`` seconds, and what was odd about the file.
+    """Returns the clip of a file from ``start`` to ``end`` seconds, and notes on what was unusual.
 
     Args:
         animation: of a glTF, person of a recording, or take of a project; None for the first.
@@ -60,7 +60,7 @@ def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
 
 
 def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
-    """The clip of that name (a glTF name may end in it, after a bar), or the first."""
+    """Returns the clip of that name (a glTF name may end in it, after a bar), or the first."""
     if not clips:
         raise InputError("it has no animation", where=str(path), mend=_KNOWN)
     for clip in clips:

@@ -1,10 +1,10 @@
-"""The turns of bones of which only the joints' places are known: swings of least twist.
+"""Computes bone turns from joint places alone: swings of least twist.
 
     turns_of(skeleton, positions (F, N, 3), known=None) -> (F, N, 4)
     rest_of(parents, at_rest, positions) -> (N, 3)           # the bones' own lengths at rest
-    filled(parents, positions, seen) -> (F, N, 3)            # what was not seen, from before and after
+    filled(parents, positions, seen) -> (F, N, 3)            # unseen joints, interpolated in time
 
-Every bone points where its joints say; its twist is the least against the bone before.
+Every bone points along its joints; its twist is the least against the parent bone.
 """
 
 from __future__ import annotations

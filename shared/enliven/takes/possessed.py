@@ -37,20 +37,20 @@ from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
 from enliven.wire import CharacterMessage, PoseCodec, PoseMessage, message_to_character, message_to_pose
 
 _FEWEST = 2
-"""Poses that a mesh must have for it to have moved."""
+"""Poses that a mesh needs at least to count as moved."""
 _MOST_PLACES = 1 << 23
 """Poses at even steps times transforms, 0.8 GB: 2.6 h of 30 nodes at 30 a second."""
 
 
 def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
-    """The possessed meshes and puppets of a take with what they did, as a project.
+    """Returns the possessed meshes and puppets of a take with their motion, as a project.
 
     Poses come as fast as the sensor did; a stream has them at even steps, their median, mixed between
     neighbours. A mesh that was taken up again with other nodes is another shape. All begin at the time that
     they had in the take, with its first pose at 0 seconds.
 
     Args:
-        notes: takes how far baked puppets are from what was performed.
+        notes: takes a sentence about the error of each baked puppet.
 
     Raises:
         InputError: where the file is no recording, or no possessed mesh moved in it.
@@ -73,7 +73,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
 
 
 def _read(recording: Recording) -> tuple[dict[tuple[str, int], Character], dict[tuple[str, int], list[Pose]]]:
-    """Characters and poses by id and revision; a message that cannot be read is left out."""
+    """Returns characters and poses by id and revision; a message that cannot be read is left out."""
     characters: dict[tuple[str, int], Character] = {}
     codecs: dict[tuple[str, int], PoseCodec] = {}
     poses: dict[tuple[str, int], list[Pose]] = {}
@@ -101,7 +101,7 @@ def _read(recording: Recording) -> tuple[dict[tuple[str, int], Character], dict[
 def _played(
     character: Character, poses: list[Pose], begin: int, project: Project, notes: list[str]
 ) -> tuple[GraphShape, PoseStream]:
-    """The shape and its stream at even steps."""
+    """Returns the shape of a character, and the stream of its poses at even steps."""
     seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
     _, first = np.unique(seconds, return_index=True)
     seconds, poses = seconds[first], [poses[i] for i in first]
@@ -132,7 +132,7 @@ def _solved(
     ids: tuple[str, str],
     notes: list[str],
 ) -> tuple[GraphShape, PoseStream]:
-    """A puppet: its surface is solved at the times ``grid`` (G,) and baked."""
+    """Returns a puppet's baked shape and stream: its surface is solved at the times ``grid`` (G,)."""
     turns = from_matrix(np.array([pose.linear[0] for pose in poses], np.float64))
     world = np.array([pose.positions for pose in poses], np.float64)
     local = rotate(conjugate(turns)[:, None], world[:, 1:] - world[:, :1])
@@ -147,7 +147,7 @@ def _solved(
 
 
 def _puppet_of(character: Character) -> Puppet:
-    """Its mesh with its control points, which play nothing."""
+    """Returns the puppet of a character: its mesh with its control points, without layers."""
     assert character.held is not None
     pulls = np.zeros(len(character.held)) if character.pulls is None else character.pulls
     points = tuple(
@@ -160,7 +160,7 @@ def _puppet_of(character: Character) -> Puppet:
 
 
 def _at(values: Float, seconds: Float, grid: Float) -> Float:
-    """(G, ...) ``values`` (F, ...) of the times ``seconds`` (F,) at the times ``grid`` (G,)."""
+    """Returns (G, ...) ``values`` (F, ...) interpolated from ``seconds`` (F,) to ``grid`` (G,)."""
     before = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)
     share = np.clip((grid - seconds[before]) / (seconds[before + 1] - seconds[before]), 0.0, 1.0)
     share = share.reshape(-1, *[1] * (values.ndim - 1))

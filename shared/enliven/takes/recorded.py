@@ -1,7 +1,7 @@
-"""Takes of recordings: what each person did in a file of tracked bodies.
+"""Takes of recordings: the motion of each person in a file of tracked bodies.
 
     clips_of_recording(path, *, settings=TakeSettings()) -> list[Clip]
-    clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, as they come
+    clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, in order
 
 Only recordings of bodies have takes; depth has to be tracked first.
 """
@@ -25,7 +25,7 @@ from enliven.takes.capture_clip import clip_of_bodies
 
 @dataclass(frozen=True)
 class TakeSettings:
-    """How a recording is made into takes."""
+    """Settings that turn a recording into takes."""
 
     gap: float = setting(
         0.5, "Somebody who is away for longer comes back in a take of its own.", unit="s", low=0.0, high=60.0
@@ -35,13 +35,13 @@ class TakeSettings:
 
 
 def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None) -> list[Clip]:
-    """A clip for each person of a recording, and for each time that they come back.
+    """Returns a clip for each visit of a person: a person who leaves and comes back has several.
 
     The rest pose is the first that was seen of them; ``clip_of_bodies`` takes
     any other.
 
     Raises:
-        InputError: where the file is no recording, or nobody is in it for long enough.
+        InputError: where the file is no recording, or no person is in it for long enough.
     """
     path = Path(path)
     made = clips_of_frames(Recording(path).frames(), path.stem, settings or TakeSettings())
@@ -52,7 +52,7 @@ def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None
 
 
 def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:
-    """As :func:`clips_of_recording`, of frames in the order of time; clips are called by ``name``."""
+    """Returns clips of frames in the order of time, named after ``name``; see :func:`clips_of_recording`."""
     parts = [part for part in _visits(frames, settings.gap) if _seconds(part) >= settings.shortest]
     ids = [name] if len(parts) == 1 else [f"{name} {number}" for number in range(1, len(parts) + 1)]
     return [_clip(id, part, settings.step) for id, part in zip(ids, parts, strict=True)]
@@ -63,7 +63,8 @@ _Visit = list[tuple[int, Body]]
 
 
 def _visits(frames: Iterable[Frame], gap: float) -> list[_Visit]:
-    """The people of the frames, each from when they come to when they go, in the order of coming."""
+    """Returns the visits of the frames' people in the order of coming, each from appearance to
+    disappearance."""
     made: list[_Visit] = []
     now: dict[tuple[str, int], _Visit] = {}
     for frame in frames:

@@ -53,7 +53,7 @@ from .requests import (
 from .sockets import CONTROL_PORT, POSE_PORT, Endpoint, make_socket, parse_endpoint
 from .streams import BodiesMessage, CuesMessage, MatchesMessage, PoseMessage, PropsMessage, StatusMessage
 from .topics import BY_TYPE, MAX_STREAM_BYTES, POSE, REPLY, REQUEST, STATUS, STREAMS
-from .zmtp import Misspoken, Session, framed, head
+from .zmtp import ZmtpError, ZmtpSession, framed, head
 
 __all__ = [
     "BY_TYPE",
@@ -80,7 +80,6 @@ __all__ = [
     "Look",
     "Malformed",
     "MatchesMessage",
-    "Misspoken",
     "Mode",
     "Order",
     "OtherVersion",
@@ -96,10 +95,11 @@ __all__ = [
     "Reply",
     "Request",
     "Revision",
-    "Session",
     "Smooth",
     "StatusMessage",
     "Welcome",
+    "ZmtpError",
+    "ZmtpSession",
     "board_to_message",
     "bodies_to_message",
     "character_to_message",

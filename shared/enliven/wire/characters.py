@@ -9,8 +9,13 @@ from msgspec import Meta, Struct
 from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Count, Name, expect
 
 MAX_ITERATIONS = 100
+"""Iterations a frame: 3 are usual, and a larger number from a stranger would keep a viewer busy."""
 MAX_STIFF = 1e6
+"""Largest weight of a hold and largest stretch, far above every useful value: a bound for a stranger's
+numbers."""
 MAX_SOLVED = 100_000
+"""Vertices of the solved mesh: 8,000 are usual, and a larger number from a stranger would keep a viewer
+busy."""
 
 
 class SurfaceMessage(Struct, frozen=True):
@@ -37,7 +42,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
     Programs that do not know control points see "bones" and whole skin weights: one rigid piece.
 
     Attributes:
-        kind: "points" only where skin weights are left out; whoever has ``held`` is of this kind.
+        kind: "points" only where skin weights are left out; a character with ``held`` is of this kind.
         vertices: (V, 3) float32 metres.
         faces: (F, 3) int32.
         indices: (V, 4) uint16; empty for kind "points": all follow the first transform.

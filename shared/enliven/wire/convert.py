@@ -1,4 +1,4 @@
-"""Between the documents of the library and the messages of the wire; pure functions."""
+"""Converts between the documents of the library and the messages of the wire; pure functions."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def pose_to_message(
     captured_ns: int = 0,
     published_ns: int = 0,
 ) -> PoseMessage:
-    """A pose as it goes on the wire; ``codec`` is of the same character and revision.
+    """Returns the message of a pose; ``codec`` is of the same character and revision.
 
     Raises:
         InputError: where the pose has another number of transforms than the character.
@@ -84,7 +84,7 @@ def message_to_pose(message: PoseMessage, codec: PoseCodec) -> Pose:
 
 
 def bodies_to_message(bodies: Iterable[Body], time_ns: int, captured_ns: int = 0) -> BodiesMessage:
-    """Bodies as they go on the wire; a joint that is not finite goes as the origin with confidence 0."""
+    """Returns the message of bodies; a joint that is not finite becomes the origin with confidence 0."""
     return BodiesMessage(time_ns, captured_ns, [_packed(body) for body in bodies])
 
 
@@ -126,7 +126,7 @@ def _unpacked(body: PackedBody) -> Body:
 
 
 def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
-    """The gravest states as they go on the wire."""
+    """Returns the messages of the gravest states."""
     return [
         HealthMessage(
             str(state.kind)[:64] or "unknown",
@@ -141,7 +141,7 @@ def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
 
 
 def _clipped(sentence: str) -> str:
-    """At most 160 bytes of it."""
+    """Returns the sentence cut to 160 bytes."""
     return sentence.encode()[:160].decode(errors="ignore")
 
 
@@ -162,12 +162,12 @@ def cues_to_message(
     owners: AnyArray | None = None,
     held: int | None = None,
 ) -> CuesMessage:
-    """Cues as they go on the wire; a "free" state with nodes is a preview.
+    """Returns the message of cues; a "free" state with nodes becomes a preview.
 
     Args:
         nodes: (K,) node indices.
         strengths: (K,) in [0, 1].
-        owners: (K,) whose each node is, by id.
+        owners: (K,) the id of the performer that owns each node.
         held: how many of the nodes are held, the others are previewed.
     """
     if state not in ("free", "preview", "possessed"):
@@ -190,7 +190,7 @@ def cues_to_message(
 
 
 def _numbered(owners: AnyArray | None) -> tuple[list[int], bytes]:
-    """The different owners, and which of them each node is of; at most 64, the others as the last."""
+    """Returns the different owners and (K,) the owner of each node; at most 64, the others as the last."""
     if owners is None or not len(owners):
         return [], b""
     performers, which = np.unique(owners, return_inverse=True)
@@ -198,20 +198,21 @@ def _numbered(owners: AnyArray | None) -> tuple[list[int], bytes]:
 
 
 def message_to_owners(message: CuesMessage) -> Int32:
-    """(K,) whose each node is, by id."""
+    """Returns (K,) the id of the performer that owns each node."""
     if not message.owners:
         return np.full(len(message.strengths), message.body, np.int32)
     return np.array(message.performers, np.int32)[np.frombuffer(message.owners, np.uint8)]
 
 
 def message_to_cues(message: CuesMessage) -> tuple[Int32, Float32]:
-    """(K,) node indices and (K,) strengths in [0, 1]."""
+    """Returns (K,) node indices and (K,) strengths in [0, 1]."""
     nodes = np.frombuffer(message.nodes, "<u2").astype(np.int32)
     return nodes, (np.frombuffer(message.strengths, np.uint8) / 255.0).astype(np.float32)
 
 
 def props_to_message(props: Props) -> PropsMessage:
-    """Props as they go on the wire; one whose place is not finite is left out, and so are more than fit."""
+    """Returns the message of props; a prop without a finite place, and props beyond the limit, are left
+    out."""
     known = np.flatnonzero(np.isfinite(props.positions).all(1))[:MAX_PROPS]
     steps = np.rint(props.positions[known] / JOINT_STEP)
     millimetres = np.rint(np.nan_to_num(props.sizes[known]) * 1000)

@@ -1,4 +1,4 @@
-"""Between characters and their messages; pure functions."""
+"""Converts between characters and their messages; pure functions."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from enliven.wire.characters import MAX_ITERATIONS, MAX_SOLVED, MAX_STIFF, Chara
 from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes
 
 _RIGID_VERTICES = 100_000
-"""Up to so many, skin weights that nobody needs are sent for older viewers: 24 bytes a vertex."""
+"""Vertices up to which skin weights of one rigid piece are sent for older viewers, which need them: 24 bytes
+a vertex."""
 
 
 def character_to_message(character: Character, revision: int) -> CharacterMessage:
-    """A whole character as it goes on the wire.
+    """Returns the message of a whole character.
 
     Raises:
         InputError: where its id or its mesh is larger than the wire carries.
@@ -72,7 +73,7 @@ def message_to_character(message: CharacterMessage) -> Character:
 
 
 def _skin(message: CharacterMessage) -> SkinWeights:
-    """The skin weights; where none are sent, everything follows the first transform."""
+    """Returns the skin weights; without any, every vertex follows the first transform."""
     if message.indices:
         return SkinWeights(from_bytes(message.indices, "<u2", 4), from_bytes(message.weights, "<f4", 4))
     shape = (message.vertex_count, 4)
@@ -82,7 +83,7 @@ def _skin(message: CharacterMessage) -> SkinWeights:
 
 
 def _surface_message(settings: ArapSettings) -> SurfaceMessage:
-    """The settings, those without an end drawn into what the wire takes."""
+    """Returns the settings with infinite limits replaced by the wire's largest values."""
     return SurfaceMessage(
         min(settings.iterations, MAX_ITERATIONS),
         settings.squash_and_stretch,

@@ -1,4 +1,4 @@
-"""Bytes on a socket to checked messages and back; what is malformed is counted, never raised further.
+"""Converts bytes on a socket to checked messages and back; malformed bytes are counted and dropped.
 
 On the stream socket a message is its topic's name, a zero byte, the version, and the MessagePack payload, in
 one part; on the control socket the version and the payload.
@@ -74,7 +74,8 @@ def pack_control(message: Any) -> bytes:
 
 
 def reply_head(number: int) -> bytes:
-    """What goes before the :func:`payload` of an answer, so that a long answer is packed once for all."""
+    """Returns the bytes before the :func:`payload` of an answer, so that a long answer is packed once for
+    all."""
     # A nil is one byte, the last: the answer takes its place.
     return bytes([VERSION]) + _ENCODER.encode({"id": number, "body": None})[:-1]
 
@@ -89,7 +90,7 @@ def unpack_control(data: bytes, topic: Topic) -> Any:
 
 
 def _checked(topic: Topic, data: bytes) -> Any:
-    """The message after the version byte, checked for version, size, types and lengths."""
+    """Returns the message after the version byte, checked for version, size, types and lengths."""
     if not data:
         raise Malformed(topic.name, "it is empty")
     if data[0] != VERSION:
@@ -103,7 +104,7 @@ def _checked(topic: Topic, data: bytes) -> Any:
 
 
 class Rejects:
-    """Counts what was malformed by kind, and logs each kind once.
+    """Counts malformed messages by kind, and logs each kind once.
 
     Args:
         where: which socket, for the log.

@@ -1,4 +1,4 @@
-"""What the fields of messages may be: types with their ranges, and arrays as bytes."""
+"""The types of messages' fields with their ranges, and arrays as bytes."""
 
 from __future__ import annotations
 
@@ -21,26 +21,31 @@ Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """Finite: msgspec refuses NaN and infinities by the range."""
 
 MAX_TRANSFORM_BYTES = 256 * 1024
+"""Bytes of a coded pose: 4096 transforms of 12 numbers that take at most 34 bits each, and room."""
 MAX_VERTICES = 2_000_000
+"""Vertices of a character: a larger one from a stranger is refused before memory is taken for it."""
 MAX_FACES = 4_000_000
+"""Triangles of a character: a closed mesh has twice as many as vertices."""
 MAX_TRANSFORMS = 4096
+"""Transforms of a pose: a deformation graph has some hundred nodes, a detailed rig some hundred bones."""
 MAX_PROPS = 1024
+"""Loose things of a message: more than the physics moves in real time."""
 MAX_HEALTH = 8
-"""So many keep a heartbeat below the size that older programs take."""
+"""Health states of a heartbeat: more would exceed the size that older programs accept."""
 
 
 def expect(name: str, data: bytes, length: int) -> None:
-    """Refuse an array whose bytes are not as many as its declared count needs."""
+    """Raises ValueError where an array has another number of bytes than its declared count needs."""
     if len(data) != length:
         raise ValueError(f"{name} has {len(data)} bytes, expected {length}")
 
 
 def to_bytes(array: AnyArray | Sequence[int], dtype: str) -> bytes:
-    """The array's numbers as they go on the wire, such as "<f4"."""
+    """Returns the array's numbers as bytes of a wire type, such as "<f4"."""
     return np.ascontiguousarray(array, dtype).tobytes()
 
 
 def from_bytes(data: bytes, dtype: str, columns: int) -> AnyArray:
-    """(N, columns) in the machine's own byte order, writable by nobody."""
+    """Returns (N, columns) a read-only array in the machine's own byte order."""
     array = np.frombuffer(data, dtype).reshape(-1, columns)
     return array.astype(array.dtype.newbyteorder("="), copy=False)

@@ -1,4 +1,4 @@
-"""Boards of matches on the wire and back."""
+"""Converts boards of matches to messages and back."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from enliven.matching import Board, MatchRow
 from enliven.wire.convert import JOINT_STEP
 from enliven.wire.streams import MatchesMessage, PackedMatch
 
-_MOST_ROWS, _MOST_JOINTS = 16, 1024
+_MOST_ROWS = 16
+"""Matches that are sent: the field's limit, and more than a screen shows."""
+_MOST_JOINTS = 1024
+"""Joints of a match that are sent: a message stays below its topic's limit."""
 
 
 def board_to_message(board: Board) -> MatchesMessage:
-    """A board as it goes on the wire: of sixteen matches at most, places to a quarter of a millimetre."""
+    """Returns the message of a board: at most sixteen matches, places to a quarter of a millimetre."""
     rows = board.rows[:_MOST_ROWS]
     shown = board.shown if board.shown < len(rows) else -1
     return MatchesMessage(

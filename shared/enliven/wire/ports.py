@@ -6,7 +6,7 @@ import socket
 
 
 def free_ports(count: int = 2, host: str = "127.0.0.1") -> tuple[int, ...]:
-    """``count`` different TCP ports of ``host`` that nobody listens on now."""
+    """Returns ``count`` different TCP ports of ``host`` that no program listens on now."""
     sockets = [socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) for _ in range(count)]
     try:
         for s in sockets:

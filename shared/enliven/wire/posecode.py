@@ -1,10 +1,11 @@
-"""A pose in few bytes: every transform is predicted from its neighbour, and only the surprise is sent.
+"""Codes a pose in few bytes: every transform is predicted from its neighbour, and only the difference is
+sent.
 
-The transforms of a character form a tree: the shortest one along the character's edges. What the parent's
-transform would do to a child's pivot is the very thing that embedded deformation's regulariser pulls the
-child towards (Sumner et al. 2007, eq. 6) and, for a bone, exactly where the child's joint is. So the
-differences are small integers, and Rice codes make them few bits. Both ends build the tree from the
-character that both hold; four check bytes refuse a pose of any other character or revision.
+The transforms of a character form a tree: the shortest one along the character's edges. The place to which
+the parent's transform moves a child's pivot is the one that embedded deformation's regulariser pulls the
+child towards (Sumner et al. 2007, eq. 6) and, for a bone, exactly the child's joint. So the differences are
+small integers, and Rice codes make them few bits. Both ends build the tree from the character that both
+hold; four check bytes refuse a pose of any other character or revision.
 
 Layout: the tree's CRC-32 (4 bytes, little-endian), then the columns of :mod:`enliven.wire.bits` for a
 (J, 12) table of integers in the tree's order: 3 position, 3 rotation vector, 6 stretch. The prediction runs
@@ -23,6 +24,7 @@ from enliven.document import Character, Pose
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.wire.bits import LIMIT, decode_columns, encode_columns
+from enliven.wire.fields import MAX_TRANSFORMS
 from enliven.wire.quantize import (
     LARGEST_LINEAR,
     POSITION_STEP,
@@ -37,7 +39,7 @@ from enliven.wire.quantize import (
 )
 
 COLUMNS = 12
-MAX_TRANSFORMS = 4096
+"""Integers of a transform: 3 of position, 3 of the rotation vector, 6 of the stretch."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class PoseCodec:
     """Encodes and decodes the poses of one character; factor once, use every frame.
 
     Args:
-        character: whose pivots and edges give the tree; both ends must hold the same.
+        character: its pivots and edges give the tree; both ends must hold the same.
 
     Raises:
         InputError: for more than ``MAX_TRANSFORMS`` transforms.

@@ -23,10 +23,11 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 
 POSITION_STEP = 2.0**-12
-"""Metres."""
+"""Metres, 0.24 mm: half of it, the error, is far below what a viewer shows."""
 ROTATION_STEP = 2.0**-10
 """Radians; a unit quaternion is three such numbers below pi: 39 bits before they are packed."""
 STRETCH_STEP = 2.0**-9
+"""Of an entry of S, without unit: at 0.2 m from a pivot an error of half a step moves a vertex by 0.2 mm."""
 POSITION_ERROR = POSITION_STEP / 2
 """Metres, along each axis."""
 ROTATION_ERROR = ROTATION_STEP * math.sqrt(3.0) / 2
@@ -145,7 +146,7 @@ def _quaternion_of_matrix(m: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _horn(a: Float, k: Float, vectors: Float, out: Float) -> None:
-    """out (4,) = :func:`nearest_rotation` of any A, slowly.
+    """out (4,) = :func:`nearest_rotation` of any A; slower than the polar iteration.
 
     It is the eigenvector of the largest eigenvalue of a symmetric 4x4 matrix of A's entries (Horn,
     "Closed-form solution of absolute orientation using unit quaternions", 1987, section 4A), found by cyclic

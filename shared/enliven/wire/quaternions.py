@@ -16,7 +16,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.rotation import canonical, normalized
 
 STEP = math.sqrt(0.5) / 511
-"""Of a component; what is not the largest is within +-sqrt(1/2)."""
+"""Step of a component: all but the largest are within +-sqrt(1/2)."""
 ERROR = 2 * math.sqrt(3.0) * STEP
 """Radians, 0.27 degrees: three components half a step off, the fourth at most sqrt(3) times as far."""
 

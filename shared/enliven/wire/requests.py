@@ -1,4 +1,4 @@
-"""What viewers ask of an edge, and what it answers."""
+"""The requests of viewers and the edge's replies."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from enliven.wire.streams import StatusMessage
 
 
 class Hello(Struct, tag=True, frozen=True):
-    """A viewer introduces itself, and asks what there is; ``listening`` once the streams have reached it."""
+    """Introduces a viewer and asks for the state; ``listening`` once the streams have reached it."""
 
     viewer: Name
     listening: bool = False
 
 
 class GetState(Struct, tag=True, frozen=True):
-    """A viewer asks for a character."""
+    """Asks for a character."""
 
     character: Name
 
 
 Mode = Literal["alone", "join", "extend", "preview"]
-"""Who else holds a character after somebody took hold of it, see :class:`Possess`."""
+"""Which other performers keep a character when one takes hold, see :class:`Possess`."""
 
 
 class Possess(Struct, tag=True, frozen=True):
@@ -33,12 +33,12 @@ class Possess(Struct, tag=True, frozen=True):
 
     Attributes:
         character: its id.
-        body: who; None: whoever is in view, for "join" whoever of them does not hold it yet.
-        parts: what takes hold, names of :data:`enliven.person.body.PARTS`, joined with "+".
-        mode: who else holds it then. "alone": nobody, as programs meant that do not know this field. "join":
-            everybody who did; what this performer held before, they let go. "extend": that too, except of
-            bones that take hold anew. "preview": nothing changes but the cues, which show from now on what
-            this performer would hold.
+        body: the performer's id; None: a performer in view, for "join" one that does not hold it yet.
+        parts: the parts that take hold, names of :data:`enliven.person.body.PARTS`, joined with "+".
+        mode: the other performers that hold it afterwards. "alone": none, as in programs that do not know
+            this field. "join": all that did, and this performer lets its earlier parts go. "extend": as
+            "join", but this performer also keeps its earlier parts, except bones that take hold anew.
+            "preview": nothing changes but the cues, which show from now on what this performer would hold.
     """
 
     character: Name
@@ -48,27 +48,27 @@ class Possess(Struct, tag=True, frozen=True):
 
 
 class Release(Struct, tag=True, frozen=True):
-    """A performer lets a character go; None: everybody who holds it."""
+    """Makes a performer let a character go; None: every performer that holds it."""
 
     character: Name
     body: Identity | None = None
 
 
 class Smooth(Struct, tag=True, frozen=True):
-    """A performer's joints are smoothed so much from now on: 0 not at all; None: as the settings say."""
+    """Sets the smoothing of a performer's joints from now on: 0 none; None: as the settings say."""
 
     body: Identity
     amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
 
 
 class Lock(Struct, tag=True, frozen=True):
-    """Only who is followed now is a performer from now on, newcomers are bystanders; or everybody again."""
+    """Keeps the cast: people who come later stay bystanders; or ends that."""
 
     on: bool
 
 
 class Look(Struct, tag=True, frozen=True):
-    """From where the viewer looks, world frame: what a pose means is decided on the screen.
+    """Tells from where the viewer looks, world frame: the meaning of a pose is decided on the screen.
 
     Attributes:
         direction: (3,) from the eye into the scene, not zero.
@@ -82,7 +82,7 @@ class Look(Struct, tag=True, frozen=True):
 
 
 class Browse(Struct, tag=True, frozen=True):
-    """Another match of a character is shown: so many places on in the ranking; 0 follows the pose again."""
+    """Shows another match of a character: so many places on in the ranking; 0 follows the pose again."""
 
     character: Name
     step: Annotated[int, Meta(ge=-1000, le=1000)] = 1
@@ -97,14 +97,15 @@ class Ping(Struct, tag=True, frozen=True):
 
 
 class Revision(Struct, array_like=True, frozen=True):
-    """A character and which version of it the edge holds."""
+    """A character's id and the revision that the edge holds."""
 
     character: Name
     revision: Count
 
 
 class Welcome(Struct, tag=True, frozen=True):
-    """What there is: the heartbeat, the characters, and the newest message of each latched topic and key."""
+    """The answer to :class:`Hello`: the heartbeat, the characters, and the newest message of each latched
+    topic and key."""
 
     status: StatusMessage
     characters: Annotated[list[Revision], Meta(max_length=1024)]
@@ -118,7 +119,7 @@ class Done(Struct, tag=True, frozen=True):
 
 
 class Refused(Struct, tag=True, frozen=True):
-    """The request was not carried out, and why."""
+    """The request was not carried out; ``reason`` says why."""
 
     reason: Text
 
@@ -131,15 +132,15 @@ class Pong(Struct, tag=True, frozen=True):
 
 
 SUPERSEDED = "superseded by a newer one"
-"""The reason with which an order is refused that the same viewer's next one made needless."""
+"""The reason for refusing an order that a newer one of the same viewer replaced."""
 Order = Possess | Release | Smooth | Lock | Look | Browse
-"""What only the edge's loop can carry out."""
+"""The requests that only the edge's loop can carry out."""
 Ask = Hello | GetState | Order | Ping
 Answer = Welcome | CharacterMessage | Done | Refused | Pong
 
 
 class Request(Struct, frozen=True):
-    """What a viewer sends; the reply carries the same id."""
+    """A viewer's request; the reply carries the same id."""
 
     id: Count
     body: Ask

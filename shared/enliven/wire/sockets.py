@@ -1,4 +1,4 @@
-"""Where an edge is, and how a viewer's sockets are set: small queues, no lingering, nothing that blocks."""
+"""The address of an edge, and the options of a viewer's sockets: small queues, no lingering, no blocking."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import zmq
 from enliven.errors import InputError
 
 POSE_PORT = 5580
+"""TCP port of the streams where none is chosen: above 1023, so that no privilege is needed."""
 CONTROL_PORT = 5581
+"""TCP port of the requests where none is chosen: the one after the streams'."""
 QUEUE = 1000
-"""Messages that wait to be sent, and a tenth of those that wait for a viewer that is slow to take them."""
+"""Messages that wait to be sent; a tenth of that wait to be read by a slow viewer."""
 
 
 @dataclass(frozen=True)

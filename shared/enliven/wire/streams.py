@@ -1,4 +1,4 @@
-"""What goes from the edge to every viewer: poses, bodies, cues, props, matches, the heartbeat."""
+"""The messages from the edge to every viewer: poses, bodies, cues, props, matches, the heartbeat."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from enliven.wire.fields import (
 
 
 class PoseMessage(Struct, array_like=True, frozen=True):
-    """Where one character's transforms are (topic "pose").
+    """The transforms of one character (topic "pose").
 
     Attributes:
         character: its id.
@@ -73,7 +73,7 @@ class PackedBody(Struct, array_like=True, frozen=True):
 
 
 class BodiesMessage(Struct, array_like=True, frozen=True):
-    """Everybody in view at one moment of the sensor's clock (topic "bodies")."""
+    """All people in view at one moment of the sensor's clock (topic "bodies")."""
 
     time_ns: Nanoseconds
     captured_ns: Nanoseconds
@@ -81,18 +81,18 @@ class BodiesMessage(Struct, array_like=True, frozen=True):
 
 
 class CuesMessage(Struct, array_like=True, frozen=True):
-    """What to highlight on a character (topic "cues").
+    """The nodes to highlight on a character (topic "cues").
 
     Attributes:
         character: its id.
         state: "free"; "preview": the nodes would be held if the body took hold now; "possessed".
         nodes: (K,) uint16 node indices.
         strengths: (K,) uint8, 255 for the firmest.
-        body: the performer's id, the first of several; -1 for nobody.
+        body: the performer's id, the first of several; -1 for none.
         time_ns: the sensor's clock, the time of the poses that it goes with.
-        held: so many of the first nodes are held, the others would be by whoever comes next; None: all of
+        held: so many of the first nodes are held, the others would be by the next performer; None: all of
             them, unless the state is "preview".
-        performers: the ids of those whose nodes these are.
+        performers: the ids of the performers that own the nodes.
         owners: (K,) uint8 which of the performers holds each node; empty: all are of ``body``.
     """
 
@@ -115,7 +115,7 @@ class CuesMessage(Struct, array_like=True, frozen=True):
 
 
 class PropsMessage(Struct, array_like=True, frozen=True):
-    """Everything loose at one moment, whole: who joins late needs no history (topic "props").
+    """All loose things at one moment, so that a late viewer needs no history (topic "props").
 
     Attributes:
         time_ns: the sensor's clock, the time of the poses that it goes with.
@@ -168,12 +168,12 @@ class PackedMatch(Struct, array_like=True, frozen=True):
 
 
 class MatchesMessage(Struct, array_like=True, frozen=True):
-    """What a performer's pose could mean on a character (topic "matches").
+    """The possible meanings of a performer's pose on a character (topic "matches").
 
     Attributes:
         character: its id.
-        state: "off": nobody chooses; "choosing"; "playing": what is shown drives.
-        body: the performer's id; -1 for nobody.
+        state: "off": no performer chooses; "choosing"; "playing": the match that is shown drives.
+        body: the performer's id; -1 for none.
         time_ns: the sensor's clock.
         shown: which of ``matches`` is meant; -1 for none.
         matches: the best, and the one that is meant.
@@ -196,7 +196,7 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
 
 
 class HealthMessage(Struct, array_like=True, frozen=True):
-    """Something that is wrong at the edge.
+    """One thing that is wrong at the edge.
 
     Attributes:
         kind: a word of :class:`enliven.health.HealthKind`, or one that a later program knows.
@@ -204,7 +204,7 @@ class HealthMessage(Struct, array_like=True, frozen=True):
         since_ns: when it began, the sensor's clock.
         what: what is wrong, one sentence.
         mend: what to do about it, one sentence.
-        performer: whom it is about, -1 for nobody in particular.
+        performer: the id of the performer that it is about; -1: it is about the sensor or the whole scene.
     """
 
     kind: Name
@@ -221,10 +221,10 @@ class StatusMessage(Struct, array_like=True, frozen=True):
     Attributes:
         edge: the edge's name.
         instance: random for each start of the process.
-        revision: of the edge's state; whoever sees a new one asks again for what there is.
+        revision: of the edge's state; a viewer that sees a new one asks for the state again.
         published_ns: the edge's wall clock.
         sensor: the sensor's identity, or empty.
-        phase: what it is doing, such as "waiting", "watching", "tracking" or "ended".
+        phase: the edge's activity, such as "waiting", "watching", "tracking" or "ended".
         note: one sentence for people, or empty.
         fps: poses a second.
         latency_p50_ms: milliseconds from frame read to pose published, the median of late.

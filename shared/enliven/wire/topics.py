@@ -1,4 +1,4 @@
-"""The one table of what goes over the wire; sockets, recorder and tests derive from it."""
+"""The one table of all messages on the wire; sockets, recorder and tests derive from it."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Topic:
         way: "stream" goes from the edge to every viewer, "request" from a viewer to its edge, "reply" back.
         max_bytes: of the payload; a longer message is dropped unread.
         rate_hz: how often it is expected while the edge works; 0: whenever there is a reason.
-        keep: what a viewer that was away gets of what piled up: "every" message, or the "newest" of each key.
+        keep: the queued messages that a slow viewer gets: "every" one, or the "newest" of each key.
         latched: the newest of each key is also told to a viewer that joins late.
-        key: what makes a newer message replace an older one.
+        key: messages with an equal key replace each other.
     """
 
     name: str
@@ -55,4 +55,4 @@ TOPICS: tuple[Topic, ...] = (POSE, BODIES, CUES, PROPS, MATCHES, STATUS, REQUEST
 STREAMS: dict[str, Topic] = {t.name: t for t in TOPICS if t.way == "stream"}
 BY_TYPE: dict[type[Any], Topic] = {t.type: t for t in TOPICS}
 MAX_STREAM_BYTES = 64 + max(t.max_bytes for t in STREAMS.values())
-"""The longest message on the stream socket, envelope included."""
+"""Bytes of the longest message on the stream socket, envelope included."""

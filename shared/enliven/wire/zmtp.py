@@ -1,6 +1,6 @@
-"""ZMTP 3.1 without keys, the side that listens: bytes in, messages and answers out; no sockets in here.
+"""The listening side of ZMTP 3.1 without keys: bytes in, messages and answers out; it opens no socket.
 
-Viewers speak it by libzmq. What listens does not: one connection that mixes PINGs into a flood and is reset
+Viewers speak ZMTP by libzmq. The listener does not: one connection that mixes PINGs into a flood and is reset
 makes libzmq 4.3.5 abort its program (``!_io_error`` in stream_engine_base.cpp), with heartbeats or without.
 """
 
@@ -10,18 +10,23 @@ import struct
 from typing import Literal
 
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
-"""What both sides say first, 64 bytes: signature, version 3.1, no keys."""
+"""The first 64 bytes of both sides: signature, version 3.1, no keys."""
 
-_MORE, _LONG, _COMMAND = 1, 2, 4
+_MORE = 1
+"""Flag of a frame that another frame of the same message follows."""
+_LONG = 2
+"""Flag of a frame with a length of 8 bytes in place of 1."""
+_COMMAND = 4
+"""Flag of a frame that is a command of the protocol and no message."""
 _MOST_PARTS = 8
 """Parts of one message; a viewer sends one, libzmq's REQ sockets two."""
 _MOST_CONTEXT = 16
 """Bytes of a PING that are sent back, as the protocol says."""
 _TTL_BYTES = 2
-"""Of a PING, before its context."""
+"""Bytes of a PING's time to live, which stand before its context."""
 
 
-class Misspoken(Exception):
+class ZmtpError(Exception):
     """Bytes that are not ZMTP, or longer than allowed: the connection is to be closed."""
 
 
@@ -31,12 +36,12 @@ def framed(data: bytes, flags: int = 0) -> bytes:
 
 
 def head(length: int, flags: int = 0) -> bytes:
-    """What goes before ``length`` bytes of data, so that long data need not be copied."""
+    """Returns the bytes before ``length`` bytes of data, so that long data need not be copied."""
     return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG, length)
 
 
-class Session:
-    """One connection, as it is spoken; feed it, then take until nothing is left.
+class ZmtpSession:
+    """The protocol state of one connection; feed it, then take until nothing is left.
 
     Args:
         kind: of the socket that listens; "ROUTER" hears DEALER and REQ, "PUB" hears SUB.
@@ -55,7 +60,7 @@ class Session:
         self._parts: list[bytes] = []
 
     def feed(self, data: bytes) -> None:
-        """Bytes that have come."""
+        """Adds bytes that were received."""
         del self._bytes[: self._at]
         self._at = 0
         self._bytes += data
@@ -66,7 +71,7 @@ class Session:
         A subscription is one part, 1 or 0 (no longer) and the topic's beginning.
 
         Raises:
-            Misspoken: for what is not ZMTP 3, or too long.
+            ZmtpError: for what is not ZMTP 3, or too long.
         """
         if not self._greeted:
             return self._greeting()
@@ -77,24 +82,24 @@ class Session:
         if flags & _COMMAND:
             return self._command(data)
         if not self.ready:
-            raise Misspoken("a message before the introduction")
+            raise ZmtpError("a message before the introduction")
         self._parts.append(data)
         if flags & _MORE:
             if len(self._parts) >= _MOST_PARTS:
-                raise Misspoken(f"a message of more than {_MOST_PARTS} parts")
+                raise ZmtpError(f"a message of more than {_MOST_PARTS} parts")
             return []
         parts, self._parts = self._parts, []
         return parts
 
     def _greeting(self) -> list[bytes] | None:
-        """Looks at the other side's first 64 bytes, as far as they have come, and answers in kind."""
+        """Checks the other side's first 64 bytes, as far as they have come, and answers them."""
         said = self._bytes[: len(GREETING)]
         if (said and said[0] != 0xFF) or (len(said) > 10 and (not said[9] & 1 or said[10] < 3)):
-            raise Misspoken("this is not ZMTP 3")
+            raise ZmtpError("this is not ZMTP 3")
         if len(said) < len(GREETING):
             return None
         if said[12:32] != GREETING[12:32]:
-            raise Misspoken("another mechanism of keys")
+            raise ZmtpError("another mechanism of keys")
         self._at, self._greeted = len(GREETING), True
         self.answers += framed(b"\x05READY" + _property(b"Socket-Type", self._kind.encode()), _COMMAND)
         return []
@@ -106,25 +111,25 @@ class Session:
             return None
         flags, length, start = self._bytes[self._at], self._bytes[self._at + 1], self._at + 2
         if flags & ~(_MORE | _LONG | _COMMAND):
-            raise Misspoken(f"a frame with the flags {flags}")
+            raise ZmtpError(f"a frame with the flags {flags}")
         if flags & _LONG:
             if have < 9:
                 return None
             (length,), start = struct.unpack_from(">Q", self._bytes, self._at + 1), self._at + 9
         if length > self._most:
-            raise Misspoken(f"a frame of {length} bytes, {self._most} are taken")
+            raise ZmtpError(f"a frame of {length} bytes, {self._most} are taken")
         if len(self._bytes) < start + length:
             return None
         self._at = start + length
         return flags, bytes(self._bytes[start : self._at])
 
     def _command(self, data: bytes) -> list[bytes]:
-        """An introduction, a PING or a subscription; what is not known is passed over."""
+        """Handles an introduction, a PING or a subscription; an unknown command is ignored."""
         name, rest = data[1 : 1 + data[0]] if data else b"", data[1 + data[0] :] if data else b""
         if name == b"READY" and not self.ready:
             self.ready = True
         elif name == b"ERROR" or not self.ready:
-            raise Misspoken("no introduction")
+            raise ZmtpError("no introduction")
         elif name == b"PING":
             context = rest[_TTL_BYTES : _TTL_BYTES + _MOST_CONTEXT]
             self.answers += framed(b"\x04PONG" + context, _COMMAND)

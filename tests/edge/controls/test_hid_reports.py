@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven_edge.controls.base import Reader
+from enliven_edge.controls.base import ControlReader
 from enliven_edge.controls.control_set import open_controls
 from enliven_edge.controls.hid_reports import Edges, buttons_down, keys_down
 from enliven_edge.controls.settings import ControlSettings
@@ -89,7 +89,7 @@ def test_a_device_that_is_not_there_is_looked_for_and_the_edge_goes_on(caplog):
     settings = ControlSettings("hid", {"page down": "next"}, vendor=0xF055, product=0x0001, retry=0.01)
     with open_controls({"clicker": settings}) as controls:
         (reader,) = controls._controls
-        assert isinstance(reader, Reader)
+        assert isinstance(reader, ControlReader)
         until(lambda: "no HID device f055:0001" in caplog.text)
         assert reader.poll() == [] and reader._thread.is_alive()
     assert not reader._thread.is_alive()

@@ -20,7 +20,7 @@ from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.controls.control_set import open_controls
 from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.controls.sound import RATE, Recording
+from enliven_edge.controls.sound import RATE, SoundRecording
 from enliven_edge.controls.voice import Recogniser
 from enliven_edge.settings import EdgeSettings
 
@@ -126,7 +126,7 @@ def test_a_recording_is_a_rehearsal(tmp_path, caplog):
 
 def test_a_recording_comes_in_its_own_time(tmp_path):
     waits: list[float] = []
-    recording = Recording(written(tmp_path / "still.wav", bytes(RATE)), waits.append)
+    recording = SoundRecording(written(tmp_path / "still.wav", bytes(RATE)), waits.append)
     recording.open(960)
     frames = 0
     with pytest.raises(EOFError):
@@ -140,10 +140,10 @@ def test_a_recording_comes_in_its_own_time(tmp_path):
 def test_another_kind_of_wav_is_refused(tmp_path):
     path = written(tmp_path / "stereo.wav", bytes(400), rate=44100, channels=2)
     with pytest.raises(InputError, match=r"44100 Hz, 2 channels.*must have 16000 Hz"):
-        Recording(path).open(960)
+        SoundRecording(path).open(960)
     path.write_bytes(b"no sound")
     with pytest.raises(InputError, match="no WAV file"):
-        Recording(path).open(960)
+        SoundRecording(path).open(960)
 
 
 def test_a_microphone_that_is_not_there_is_looked_for_and_the_edge_goes_on(caplog):

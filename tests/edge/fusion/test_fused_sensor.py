@@ -109,7 +109,7 @@ def test_a_sensor_that_is_unplugged_is_told_of_and_the_other_goes_on():
     assert lost.sensor == "a" and "the others go on" in lost.what
     assert frames[-1].time_ns > 2.8e9
     assert all(len(frame.bodies) == 1 for frame in frames[6:])
-    assert any(ail.kind == HealthKind.NO_FRAMES for ail in sensor.ails)
+    assert any(ail.kind == HealthKind.NO_FRAMES for ail in sensor.health_states)
 
 
 def test_when_all_are_lost_it_is_an_error():

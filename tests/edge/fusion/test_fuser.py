@@ -15,7 +15,7 @@ from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.grouping import plausible
 from enliven_edge.fusion.live.health import SensorState
 from enliven_edge.fusion.live.sides import exchanged
-from enliven_edge.fusion.live.warmup import somebody, warm_up_fusion
+from enliven_edge.fusion.live.warmup import standing_person, warm_up_fusion
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_synthesis.motion.wander import Way
 
@@ -48,7 +48,7 @@ def run(says, seconds, sensors=("a", "b"), fuser=None, start=0.0, alive=True):
             if told is not None:
                 # Nobody stands so still that not a bit changes.
                 bodies = [dataclasses.replace(b, joints=b.joints + 1e-9 * n * alive) for b in told]
-                fuser.hear(name, bodies, ns(time))
+                fuser.update(name, bodies, ns(time))
         yield time, fuser.bodies(ns(time)), fuser
 
 
@@ -94,13 +94,13 @@ def test_order_of_sensors_and_their_ids_do_not_matter(order, numbers, seed):
 
 
 def test_bodies_of_different_moments_are_brought_to_one():
-    """Two sensors whose frames never coincide; somebody passes at 2 m/s."""
+    """Two sensors whose frames never coincide; a person passes at 2 m/s."""
     fuser = Fuser({n: EYES[n] for n in "ab"})
     worst = 0.0
     for n in range(60):
         for name, later in (("a", 0.0), ("b", 0.015)):
             time = n * STEP + later
-            fuser.hear(name, [body(shifted(2.0 * time - 2.0, 0, 0))], ns(time))
+            fuser.update(name, [body(shifted(2.0 * time - 2.0, 0, 0))], ns(time))
             made = fuser.bodies(ns(time))
             if n > 20:
                 worst = max(worst, np.abs(made[0].joints - STANDING - [2.0 * time - 2.0, 0, 0]).max())
@@ -341,9 +341,9 @@ def test_a_sensor_that_comes_late_is_welcome():
 
 def test_frames_out_of_order_are_left_out():
     fuser = Fuser({n: EYES[n] for n in "ab"})
-    assert fuser.hear("a", [body(STANDING)], ns(1.0))
-    assert not fuser.hear("a", [body(STANDING + 5.0)], ns(0.9))
-    assert not fuser.hear("a", [body(STANDING + 5.0)], ns(1.0))
+    assert fuser.update("a", [body(STANDING)], ns(1.0))
+    assert not fuser.update("a", [body(STANDING + 5.0)], ns(0.9))
+    assert not fuser.update("a", [body(STANDING + 5.0)], ns(1.0))
     assert fuser.views[0].sightings[1].body.joints is not None
     assert np.allclose(fuser.views[0].sightings[1].body.joints, STANDING)
 
@@ -420,7 +420,7 @@ def test_many_people_before_two_sensors_keep_apart():
 
 
 def test_after_the_warm_up_nothing_is_left_to_compile():
-    assert plausible(body(somebody()))
+    assert plausible(body(standing_person()))
     warm_up_fusion()
     kernels = (blending.blend, blending.doubt_outliers, blending.fuse_confidence, blending.side_costs)
     before = [len(kernel.signatures) for kernel in kernels]
@@ -432,9 +432,9 @@ def test_after_the_warm_up_nothing_is_left_to_compile():
 def test_settings_have_their_say():
     quick = FusionSettings(sure_after=1)
     fuser = Fuser({"a": EYES["a"]}, quick)
-    fuser.hear("a", [body(STANDING)], 0)
+    fuser.update("a", [body(STANDING)], 0)
     assert len(fuser.bodies(0)) == 1
     slow = dataclasses.replace(quick, sure_after=10)
     fuser = Fuser({"a": EYES["a"]}, slow)
-    fuser.hear("a", [body(STANDING)], 0)
+    fuser.update("a", [body(STANDING)], 0)
     assert fuser.bodies(0) == []

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from enliven.person.body import Joint
-from enliven_edge.landmarks.eye import ColourEye
+from enliven_edge.landmarks.eye import ColourPoseEstimator
 from enliven_edge.tracking.settings import SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
@@ -31,7 +31,7 @@ class Truth:
 def errors(landmarks_of, *, with_colour: bool, eye: bool) -> tuple[np.ndarray, np.ndarray, int]:
     """(F, 20) metres and (F, 20) confidence; half of the depth below the hips is missing."""
     truth_source, away, sure = Truth(landmarks_of), [], []
-    tracker = Tracker(RAW, ColourEye(truth_source) if eye else None)
+    tracker = Tracker(RAW, ColourPoseEstimator(truth_source) if eye else None)
     with SyntheticSensor(choreography="walk", width=320, realtime=False) as sensor:
         for i in range(FRAMES):
             frame = sensor.read()

@@ -56,7 +56,7 @@ class Stage:
 
     def hear(self) -> None:
         """One frame's worth of listening."""
-        self.outlet.hear(self.do, self.do, self.do, self.do, self.do, self.do)
+        self.outlet.poll_requests(self.do, self.do, self.do, self.do, self.do, self.do)
 
     def do(self, *asked: Any) -> str:
         self.done.append(asked)

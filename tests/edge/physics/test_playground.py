@@ -15,7 +15,7 @@ from .conftest import FRAME, UNBOUND, person
 
 pytest.importorskip("mujoco", reason="the physics engine is an extra: pip install ./edge[physics]")
 
-from enliven_edge.physics.ground import Ground, ground_under
+from enliven_edge.physics.ground import WorldGround, ground_under
 from enliven_edge.physics.performers import BODY_SPHERES, body_spheres
 from enliven_edge.physics.playground import Playground
 from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings, PhysicsSettings
@@ -178,7 +178,7 @@ def test_bodies_become_spheres_about_their_joints():
 
 
 def test_the_ground_is_where_a_performer_stands_and_looks():
-    ground = Ground(np.array([1.0, 0.0, 2.0]), np.pi / 2)
+    ground = WorldGround(np.array([1.0, 0.0, 2.0]), np.pi / 2)
     # Who has turned by a quarter from +Z looks along +X, and has -Z to the left.
     np.testing.assert_allclose(
         ground.to_world(np.array([[0, 0, 1.0], [1, 0, 0]])), [[2, 0, 2], [1, 0, 1]], atol=1e-12

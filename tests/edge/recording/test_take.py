@@ -36,7 +36,7 @@ def made(path) -> Outlet:
 def tell(outlet, time_ns: int) -> None:
     """A frame without anybody, and the state of health after it."""
     outlet.publish(BodyFrame([], time_ns, "x"), [], [], {}, 0)
-    outlet.ail([])
+    outlet.set_health([])
 
 
 def test_a_character_is_written_again_every_minute_and_at_the_end(tmp_path, character):

@@ -16,7 +16,7 @@ from screen import drawn_by_iterm, drawn_by_kitty, drawn_by_sixel, drawn_in_half
 
 from enliven import cli
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.terminal import shown, way_of
+from enliven_edge.terminal import encoded_picture, image_protocol
 from enliven_edge.terminal.showing import half_blocks
 
 PATIENCE = 60.0
@@ -36,20 +36,20 @@ def pictures(draw) -> np.ndarray:
 @given(pictures())
 @settings(deadline=None, max_examples=60)
 def test_each_protocol_draws_the_picture(picture):
-    np.testing.assert_array_equal(drawn_by_kitty(shown(picture, "kitty")), picture)
-    np.testing.assert_array_equal(drawn_by_iterm(shown(picture, "iterm")), picture)
+    np.testing.assert_array_equal(drawn_by_kitty(encoded_picture(picture, "kitty")), picture)
+    np.testing.assert_array_equal(drawn_by_iterm(encoded_picture(picture, "iterm")), picture)
     # Sixels have a hundred steps a colour.
-    sixel = drawn_by_sixel(shown(picture, "sixel"))
+    sixel = drawn_by_sixel(encoded_picture(picture, "sixel"))
     assert sixel.shape == picture.shape and np.abs(sixel.astype(int) - picture).max() <= 2
-    blocks = drawn_in_half_blocks(shown(picture, "blocks"))
+    blocks = drawn_in_half_blocks(encoded_picture(picture, "blocks"))
     np.testing.assert_array_equal(blocks[: len(picture)], picture)
 
 
 def test_a_large_picture_is_sent_in_pieces_and_made_to_fit():
     picture = np.random.default_rng(0).integers(0, 256, (300, 400, 3)).astype(np.uint8)
-    np.testing.assert_array_equal(drawn_by_kitty(shown(picture, "kitty")), picture)
-    assert drawn_in_half_blocks(shown(picture, "blocks", 40)).shape == (30, 40, 3)
-    wide = drawn_by_sixel(shown(np.zeros((300, 1200, 3), np.uint8), "sixel"))
+    np.testing.assert_array_equal(drawn_by_kitty(encoded_picture(picture, "kitty")), picture)
+    assert drawn_in_half_blocks(encoded_picture(picture, "blocks", 40)).shape == (30, 40, 3)
+    wide = drawn_by_sixel(encoded_picture(np.zeros((300, 1200, 3), np.uint8), "sixel"))
     assert wide.shape == (120, 480, 3)
 
 
@@ -81,8 +81,8 @@ class Screen(io.StringIO):
     ],
 )
 def test_the_environment_names_the_way(environment, way):
-    assert way_of(Screen(), Screen(), environment, patience=0.0) == way
-    assert way_of(io.StringIO(), Screen(), environment) is None, "a pipe or a file gets no picture"
+    assert image_protocol(Screen(), Screen(), environment, patience=0.0) == way
+    assert image_protocol(io.StringIO(), Screen(), environment) is None, "a pipe or a file gets no picture"
 
 
 def at_a_terminal(*words: str) -> tuple[subprocess.Popen, int]:
@@ -127,10 +127,10 @@ ANSWERS = {"kitty": b"\x1b_Gi=31;OK\x1b\\\x1b[?62;c", "sixel": b"\x1b[?62;4;22c"
 def test_a_terminal_is_asked_and_a_deaf_one_is_not_waited_for():
     code = (
         "import sys, termios\n"
-        "from enliven_edge.terminal import way_of\n"
+        "from enliven_edge.terminal import image_protocol\n"
         "before = termios.tcgetattr(0)\n"
         "for patience in (60.0, 60.0, 60.0, 0.05):\n"
-        "    print(way_of(sys.stdout, sys.stdin, patience=patience), 'found', flush=True)\n"
+        "    print(image_protocol(sys.stdout, sys.stdin, patience=patience), 'found', flush=True)\n"
         "assert termios.tcgetattr(0) == before\n"
     )
     program, near = at_a_terminal("-c", code)

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven.wire.zmtp import GREETING, Misspoken, Session, framed
+from enliven.wire.zmtp import GREETING, ZmtpError, ZmtpSession, framed
 
 READY = framed(b"\x05READY\x0bSocket-Type" + struct.pack(">I", 6) + b"DEALER", 4)
 TALK = framed(b"one") + framed(b"two", 1) + framed(b"parts" * 100) + framed(b"\x04PING\0\0here", 4)
 PUB_TALK = framed(b"\x09SUBSCRIBEpose", 4) + framed(b"\x01cues") + framed(b"\x06CANCELpose", 4)
 
 
-def heard(session: Session, chunks: list[bytes]) -> list[list[bytes]]:
+def heard(session: ZmtpSession, chunks: list[bytes]) -> list[list[bytes]]:
     """The messages in the bytes, however they come."""
     found = []
     for chunk in chunks:
@@ -32,7 +32,7 @@ def cut(data: bytes, places: list[int]) -> list[bytes]:
 
 @given(st.lists(st.integers(0, 10_000), max_size=40))
 def test_bytes_say_the_same_however_they_are_cut(places):
-    session = Session("ROUTER", 1000)
+    session = ZmtpSession("ROUTER", 1000)
     assert heard(session, cut(GREETING + READY + TALK, places)) == [[b"one"], [b"two", b"parts" * 100]]
     said = bytes(session.answers)
     assert said.startswith(GREETING) and b"ROUTER" in said and said.endswith(framed(b"\x04PONGhere", 4))
@@ -40,16 +40,16 @@ def test_bytes_say_the_same_however_they_are_cut(places):
 
 @given(st.lists(st.integers(0, 10_000), max_size=20))
 def test_subscriptions_come_as_commands_or_as_messages(places):
-    session = Session("PUB", 64)
+    session = ZmtpSession("PUB", 64)
     assert heard(session, cut(GREETING + READY + PUB_TALK, places)) == [[b"\1pose"], [b"\1cues"], [b"\0pose"]]
 
 
 @given(st.binary(max_size=300), st.sampled_from([b"", GREETING, GREETING + READY]))
 def test_noise_is_refused_or_waited_for_and_nothing_else(noise, before):
-    session = Session("ROUTER", 100)
+    session = ZmtpSession("ROUTER", 100)
     try:
         messages = heard(session, [before + noise])
-    except Misspoken:
+    except ZmtpError:
         return
     assert all(len(part) <= 100 for parts in messages for part in parts)
 
@@ -69,5 +69,5 @@ def test_noise_is_refused_or_waited_for_and_nothing_else(noise, before):
     ],
 )
 def test_what_is_no_zmtp_or_too_long_ends_the_connection(said):
-    with pytest.raises(Misspoken):
-        heard(Session("ROUTER", 100), [said])
+    with pytest.raises(ZmtpError):
+        heard(ZmtpSession("ROUTER", 100), [said])

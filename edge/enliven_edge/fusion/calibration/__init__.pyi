@@ -1,4 +1,4 @@
-from .calibration import Calibration, Pair, calibrate
+from .calibration import Calibration, SensorPair, calibrate
 from .collecting import Collector
 
-__all__ = ["Calibration", "Collector", "Pair", "calibrate"]
+__all__ = ["Calibration", "Collector", "SensorPair", "calibrate"]

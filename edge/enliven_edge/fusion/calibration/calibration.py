@@ -1,7 +1,7 @@
-"""Where sensors stand for each other, from people who walk about: no checkerboard, no tape measure.
+"""Finds the relative places of sensors from people who walk about: no checkerboard, no tape measure.
 
-Bodies of two sensors are the same points in two frames of reference. Which body is which, what is left and
-right, and what time it is for either is found along the way.
+Bodies of two sensors are the same points in two frames of reference. The calibration also finds which bodies
+are the same person, which side is left for each sensor, and how the clocks differ.
 """
 
 from __future__ import annotations
@@ -14,24 +14,25 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven_edge.fusion.calibration.matching import Match, guesses, matched
+from enliven_edge.fusion.calibration.matching import BodyMatch, guesses, matched
 from enliven_edge.fusion.calibration.pose_graph import Network, network
-from enliven_edge.fusion.calibration.quality import Quality, Verdict, judged, nothing
+from enliven_edge.fusion.calibration.quality import Quality, Verdict, judged, no_match_quality
 from enliven_edge.fusion.calibration.refinement import Fit, differ, refine
 from enliven_edge.fusion.calibration.tracks import BodyStream
 from enliven_edge.fusion.placement import Place, Space, rows
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _MISSED = 0.5
-"""Metres that a body counts which one sensor saw, and the other, in view of somebody, did not."""
+"""Metres of cost for a body that one sensor saw and the other, which saw people at that time, did not."""
 _FINALISTS = 4
+"""Placements that are refined fully: the best guess by a quick fit need not be the best in the end."""
 _AS_GOOD = 1.25
-"""Times the best cost up to which another placement explains what was seen as well."""
+"""Multiple of the best cost up to which another placement counts as an equally good explanation."""
 
 
 @dataclass(frozen=True)
-class Pair:
-    """What two sensors told of each other; ``fit`` is None where they never saw the same person."""
+class SensorPair:
+    """The result for two sensors; ``fit`` is None where they never saw the same person."""
 
     a: str
     b: str
@@ -46,30 +47,30 @@ class Pair:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Where all sensors stand.
+    """The places of all sensors.
 
     Attributes:
         sensors: their identities; the first one's frame is the world.
         world_from_sensor: by sensor, (4, 4) from its own level frame, in which it tells bodies.
         clock_offset_ns: by sensor, nanoseconds to add to its clock to get the first one's.
-        pairs: what every two of them told.
+        pairs: the result of every two of them.
         loop_cm, loop_deg: by how much chains of sensors that close contradict themselves at most.
     """
 
     sensors: tuple[str, ...]
     world_from_sensor: dict[str, Float]
     clock_offset_ns: dict[str, int]
-    pairs: tuple[Pair, ...]
+    pairs: tuple[SensorPair, ...]
     loop_cm: float
     loop_deg: float
 
     @property
     def good(self) -> bool:
-        """Whether every sensor is tied to the first one through pairs that are good."""
+        """Whether every sensor is connected to the first one through good pairs."""
         return not self.loose(lambda pair: pair.good)
 
-    def loose(self, usable: Callable[[Pair], bool]) -> tuple[str, ...]:
-        """The sensors that no chain of usable pairs ties to the first one."""
+    def loose(self, usable: Callable[[SensorPair], bool]) -> tuple[str, ...]:
+        """Returns the sensors that no chain of usable pairs connects to the first one."""
         tied = {self.sensors[0]}
         for _ in self.sensors:
             for pair in filter(usable, self.pairs):
@@ -78,7 +79,7 @@ class Calibration:
         return tuple(name for name in self.sensors if name not in tied)
 
     def space(self, level_from_camera: Mapping[str, Float] | None = None) -> Space:
-        """What goes into the file.
+        """Returns the space that goes into the file.
 
         Args:
             level_from_camera: by depth sensor, (4, 4) where its camera stands in its own level frame.
@@ -92,7 +93,8 @@ class Calibration:
 
     @property
     def advice(self) -> list[str]:
-        """What the user should do, one sentence a pair that a loose sensor needs; empty where all is good."""
+        """What the user should do, one sentence for each pair that a loose sensor needs; empty where all is
+        good."""
         loose = self.loose(lambda pair: pair.good)
         return [p.quality.advice for p in self.pairs if p.quality.advice and {p.a, p.b} & set(loose)]
 
@@ -102,7 +104,7 @@ def calibrate(
     settings: CalibrationSettings | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
-    """Where the sensors stand that saw these bodies at one time in one space.
+    """Finds the places of the sensors that saw these bodies at one time in one space.
 
     Raises:
         InputError: for fewer than two sensors, or one identity twice.
@@ -126,8 +128,8 @@ def calibrate(
     )
 
 
-def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) -> Pair:
-    """Where sensor b stands for sensor a, by the best of all first guesses."""
+def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) -> SensorPair:
+    """Finds the place of sensor b relative to sensor a, by the best of all first guesses."""
     known = (b.first_ns - a.first_ns) * 1e-9
     ranked: list[tuple[float, Fit]] = []
     for guess in guesses(a, b, known, settings):
@@ -135,22 +137,22 @@ def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) 
         if quick is not None:
             ranked.append((_score(a, b, quick, guess.matches, settings), quick))
     ranked.sort(key=lambda entry: entry[0])
-    finals: list[tuple[float, Fit, tuple[Match, ...]]] = []
+    finals: list[tuple[float, Fit, tuple[BodyMatch, ...]]] = []
     for _, quick in _distinct(ranked):
         final = _finished(a, b, quick, settings)
         if final is not None:
             finals.append((_score(a, b, *final, settings), *final))
     if not finals:
         blind = next((s.sensor for s in (a, b) if not s.tracks), None)
-        return Pair(a.sensor, b.sensor, None, nothing(a.sensor, b.sensor, blind))
+        return SensorPair(a.sensor, b.sensor, None, no_match_quality(a.sensor, b.sensor, blind))
     finals.sort(key=lambda entry: entry[0])
     score, fit, matches = finals[0]
     rivals = [other for cost, other, _ in finals[1:] if cost < _AS_GOOD * score + 1e-4 and differ(fit, other)]
-    return Pair(a.sensor, b.sensor, fit, judged(fit, matches, rivals, b.sensor, settings))
+    return SensorPair(a.sensor, b.sensor, fit, judged(fit, matches, rivals, b.sensor, settings))
 
 
 def _distinct(ranked: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
-    """The best few that differ from every better one."""
+    """Returns the best few guesses that differ from every better one."""
     kept: list[tuple[float, Fit]] = []
     for score, fit in ranked:
         if all(differ(fit, other) or abs(fit.lag - other.lag) > 0.1 for _, other in kept):
@@ -162,10 +164,10 @@ def _distinct(ranked: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
 
 def _finished(
     a: BodyStream, b: BodyStream, quick: Fit, settings: CalibrationSettings
-) -> tuple[Fit, tuple[Match, ...]] | None:
-    """A guess with everybody matched, twice: the better the placement, the better the matches."""
+) -> tuple[Fit, tuple[BodyMatch, ...]] | None:
+    """Refines a guess with all people matched, twice: a better placement gives better matches."""
     fit = quick
-    matches: tuple[Match, ...] = ()
+    matches: tuple[BodyMatch, ...] = ()
     for _ in range(2):
         matches = matched(a, b, fit.a_from_b, fit.lag, settings)
         better = refine(matches, fit.a_from_b, fit.lag, settings)
@@ -176,9 +178,10 @@ def _finished(
 
 
 def _score(
-    a: BodyStream, b: BodyStream, fit: Fit, matches: tuple[Match, ...], settings: CalibrationSettings
+    a: BodyStream, b: BodyStream, fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
 ) -> float:
-    """Metres of disagreement a body, counting those that should have been seen by both and were not.
+    """Returns metres of disagreement a body, with a cost for bodies that both should have seen and one did
+    not.
 
     Short overlaps agree by chance more easily, so that they must agree better.
     """
@@ -193,7 +196,7 @@ def _score(
 
 
 def _present(stream: BodyStream, times: Float) -> Float:
-    """(N,) how many people a sensor tells of at each time."""
+    """Returns (N,) the number of people that a sensor reports at each time."""
     count = np.zeros(len(times))
     for track in stream.tracks:
         near = np.clip(np.searchsorted(track.times, times), 1, max(len(track.times) - 1, 1))
@@ -203,8 +206,8 @@ def _present(stream: BodyStream, times: Float) -> Float:
     return count
 
 
-def _span(match: Match, b: BodyStream, lag: float) -> float:
-    """Seconds at which a match's moments are seen by both."""
+def _span(match: BodyMatch, b: BodyStream, lag: float) -> float:
+    """Returns the seconds in which both sensors see a match's moments."""
     times = match.times[_present(BodyStream(b.sensor, 0, (match.b,)), match.times - lag) > 0]
     return 0.1 * len(np.unique(np.floor(times / 0.1)))
 

@@ -1,4 +1,4 @@
-"""By how much two sensors' clocks differ, roughly: what a body does that no rigid motion changes.
+"""Estimates the difference of two sensors' clocks, roughly, from signals that no rigid motion changes.
 
 Distances between joints and the speed of the hips are the same in every frame of reference, and these are
 the same whichever side is called left. The lag at which two such signals correlate best is the clocks'
@@ -16,18 +16,19 @@ from enliven_edge.fusion.calibration.tracks import BodyTrack
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _RATE = 50.0
-"""Samples a second."""
+"""Samples a second of the signals: above every sensor's frame rate."""
 _CANDIDATES = 5
+"""Lags that are tried: a walk that repeats itself has a few peaks of equal height."""
 _APART = 0.15
-"""Seconds between two peaks that are tried both."""
+"""Seconds between two peaks at least: nearer ones are the same peak."""
 _SMOOTH = 0.12
-"""Seconds over which speeds are taken: noise of the joints must not drown them."""
+"""Seconds over which speeds are taken, so that noise of the joints does not hide them."""
 
 
 def likely_lags(
     a: BodyTrack, b: BodyTrack, settings: CalibrationSettings, known: float | None
 ) -> list[float]:
-    """Seconds to add to times of ``b`` to get times of ``a``, the likeliest first.
+    """Returns seconds to add to times of ``b`` to get times of ``a``, the likeliest first.
 
     Args:
         known: the lag if both clocks told the same time; always tried, too, where the tracks then overlap.
@@ -53,7 +54,7 @@ def _overlap(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettin
 
 
 def _signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Float]:
-    """(N, 4) standardised signals at the common rate, 0 where unseen, and (N,) whether seen."""
+    """Returns (N, 4) standardised signals at the common rate, 0 where unseen, and (N,) whether seen."""
     times = np.arange(track.times[0], track.times[-1], 1.0 / _RATE)
     joints, _, confidence = track.at(times, settings.longest_gap)
     before, _, seen_before = track.at(times - _SMOOTH, settings.longest_gap)
@@ -77,7 +78,8 @@ def _signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Fl
 
 
 def _correlation(a: Float, seen_a: Float, b: Float, seen_b: Float) -> tuple[Float, Float]:
-    """(L,) normalised correlation at every lag, and (L,) how many samples of both are seen there."""
+    """Returns (L,) the normalised correlation at every lag, and (L,) the number of samples that both have
+    there."""
     if not len(a) or not len(b):
         return np.zeros(0), np.zeros(0)
     product = sum(correlate(a[:, k], b[:, k], method="fft") for k in range(a.shape[1]))

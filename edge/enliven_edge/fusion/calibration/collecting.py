@@ -1,4 +1,4 @@
-"""Bodies for a calibration: what each sensor sees of people, in one level frame from its first frame on."""
+"""Collects bodies for a calibration: each sensor's people in one level frame from its first frame on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 class Collector(SensorThread):
-    """Tracks one sensor in a thread and keeps what it saw.
+    """Tracks one sensor in a thread and keeps its bodies.
 
     Args:
         name: the sensor's identity.
@@ -42,7 +42,7 @@ class Collector(SensorThread):
         return next((mount for _, mount in reversed(self._kept) if mount is not None), None)
 
     def stream(self) -> BodyStream:
-        """Everybody so far, in the level frame as it is known now.
+        """Returns all bodies so far, in the level frame as it is known now.
 
         A sensor may find its floor only after some frames, or know it better later; what it said before is
         put right.
@@ -50,7 +50,7 @@ class Collector(SensorThread):
         return stream_of(self.name, self.frames_in_level())
 
     def frames_in_level(self) -> list[BodyFrame]:
-        """The same as frames."""
+        """Returns the same as frames."""
         kept = list(self._kept)
         final = self.level_from_camera
         return [_put_right(frame, mount, final) for frame, mount in kept]
@@ -81,7 +81,7 @@ class Collector(SensorThread):
 
 
 def _put_right(frame: BodyFrame, mount: Float | None, final: Float | None) -> BodyFrame:
-    """The bodies as they would be had the sensor known from the start how it stands."""
+    """Returns the bodies as if the sensor's final mounting had been known from the start."""
     if mount is None or final is None or not frame.bodies or np.array_equal(mount, final):
         return frame
     return dataclasses.replace(frame, bodies=in_world(frame.bodies, final @ inverse(mount)))

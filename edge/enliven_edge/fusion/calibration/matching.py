@@ -1,4 +1,4 @@
-"""Which body of one sensor is which of another, frame by frame, and first guesses of the way between them."""
+"""Matches the bodies of two sensors frame by frame, and makes first guesses of the transform between them."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from enliven_edge.fusion.placement import best_rigid, moved
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _FRAMES = 240
-"""Frames that a first guess looks at."""
+"""Frames that a first guess uses: more add time and no accuracy, since refinement follows."""
 _DRAWS = 60
+"""Random pairs of frames that are tried for each guess: some of them hold no wrong match."""
 _TRACKS = 4
-"""People of each sensor, the longest seen, among whom first guesses are looked for."""
+"""People of each sensor, the longest seen, that first guesses are made from: pairs grow with the square."""
 _SAME = 0.35
-"""Metres between the trunks of one person as two sensors see it, at most, once they are roughly placed."""
+"""Metres between the trunks of one person as two roughly placed sensors see it, at most."""
 
 
 @dataclass(frozen=True)
-class Match:
-    """One body of each sensor that are the same person at some moments.
+class BodyMatch:
+    """A body of each sensor that are the same person at some moments.
 
     Attributes:
         a, b: the tracks.
@@ -40,17 +41,17 @@ class Match:
 
 @dataclass(frozen=True)
 class Guess:
-    """A first idea of a_from_b (4, 4) and of the seconds to add to b's times to get a's."""
+    """A first estimate of a_from_b (4, 4), and of the seconds to add to b's times to get a's."""
 
     a_from_b: Float
     lag: float
-    matches: tuple[Match, ...]
+    matches: tuple[BodyMatch, ...]
 
 
 def guesses(
     a: BodyStream, b: BodyStream, known_lag: float | None, settings: CalibrationSettings
 ) -> Iterator[Guess]:
-    """Every plausible start: pairs of people, lags of their clocks, and both namings of the sides."""
+    """Yields every plausible start: pairs of people, lags of their clocks, and both namings of the sides."""
     upright = settings.floor_known
     for track_a in a.tracks[:_TRACKS]:
         for track_b in b.tracks[:_TRACKS]:
@@ -64,13 +65,14 @@ def guesses(
                 good = weights.sum(1) > 0
                 if good.sum() < 3:
                     continue
-                match = (Match(track_a, track_b, track_a.times),)
+                match = (BodyMatch(track_a, track_b, track_a.times),)
                 for start in _starts(p[good], q[good], weights[good], upright):
                     yield Guess(start, lag, match)
 
 
 def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
-    """Transforms from (N, 20, 3) to (N, 20, 3) joints: by what has no side, and by either naming of sides."""
+    """Returns transforms from (N, 20, 3) to (N, 20, 3) joints: by the midline, and by either naming of
+    sides."""
     free = _consensus(middles(p), middles(q), middle_weights(w), upright)
     flat = w.reshape(-1)
     named = best_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
@@ -79,7 +81,8 @@ def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
 
 
 def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
-    """(4, 4) the transform on which most of (N, 12, 3) points agree: random pairs of frames, then all."""
+    """Returns (4, 4) the transform on which most of (N, 12, 3) points agree: random pairs of frames, then
+    all."""
     random = np.random.default_rng(0)
     best, best_cost = np.eye(4), np.inf
     for _ in range(_DRAWS):
@@ -104,8 +107,9 @@ def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
 
 def matched(
     a: BodyStream, b: BodyStream, a_from_b: Float, lag: float, settings: CalibrationSettings
-) -> tuple[Match, ...]:
-    """Who is who at every moment of ``a``, now that the sensors are roughly placed (Hungarian, gated)."""
+) -> tuple[BodyMatch, ...]:
+    """Matches the people of ``a`` and ``b`` at every moment, once the sensors are roughly placed (Hungarian,
+    gated)."""
     times = np.unique(np.concatenate([t.times for t in a.tracks]))
     near: list[list[Float]] = []
     for track_a in a.tracks:
@@ -117,7 +121,7 @@ def matched(
         near.append(row)
     taken = _assigned(np.array(near))
     return tuple(
-        Match(track_a, track_b, times[taken[i, j]])
+        BodyMatch(track_a, track_b, times[taken[i, j]])
         for i, track_a in enumerate(a.tracks)
         for j, track_b in enumerate(b.tracks)
         if taken[i, j].sum() >= 3
@@ -125,7 +129,7 @@ def matched(
 
 
 def _trunks_apart(p: Float, q: Float, w: Float) -> Float:
-    """(N,) mean distance of the points without a side, inf where nothing is seen by both."""
+    """Returns (N,) the mean distance of the midline points, inf where both see none."""
     weights = middle_weights(w)
     total = weights.sum(1)
     apart = (weights * np.linalg.norm(middles(p) - middles(q), axis=2)).sum(1)
@@ -133,7 +137,7 @@ def _trunks_apart(p: Float, q: Float, w: Float) -> Float:
 
 
 def _assigned(near: Float) -> Bool:
-    """(A, B, N) whether two tracks are one person at a time, at most one partner each."""
+    """Returns (A, B, N) whether two tracks are one person at a time, at most one partner each."""
     taken = np.zeros(near.shape, bool)
     for n in np.flatnonzero((near < _SAME).any((0, 1))):
         cost = np.where(near[:, :, n] < _SAME, near[:, :, n], 10.0)

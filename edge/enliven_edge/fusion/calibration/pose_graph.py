@@ -1,8 +1,8 @@
-"""Many sensors that see each other's people two by two: one placement for all (a pose graph).
+"""Places many sensors from measurements between pairs of them (a pose graph).
 
-Every pair measured a_from_b with its precision; the placements world_from_sensor that contradict the
-measurements least are found by least squares, the first sensor held where it is. Where not all views
-overlap, chains of pairs tie the rest.
+Every pair measured a_from_b with its precision; least squares finds the placements world_from_sensor with the
+smallest contradiction to the measurements, the first sensor held fixed. Where not all views overlap, chains
+of pairs connect the rest.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from enliven_edge.fusion.calibration.refinement import Fit
 from enliven_edge.fusion.placement import inverse, moved, rigid, rotation_vector, turn
 
 Edge = tuple[str, str, Fit, bool]
-"""Sensor a, sensor b, what they measured, and whether it was judged good."""
+"""Sensor a, sensor b, their measured fit, and whether it was judged good."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """By sensor that is tied to the first one: its placement (4, 4), and seconds of lag to add.
+    """The placement (4, 4) and the seconds of lag of each sensor that is connected to the first one.
 
     ``loop`` (metres) and ``turn`` (radians) say how much a measurement contradicts the placements at most.
     """
@@ -35,7 +35,8 @@ class Network:
 
 
 def network(names: Sequence[str], edges: list[Edge]) -> Network:
-    """The placements by all good edges; others only tie what would be loose otherwise."""
+    """Computes the placements by all good edges; others only connect sensors that would be loose
+    otherwise."""
     used = _used(names, edges)
     places, lags = _spread(names[0], used)
     loose = [name for name in names[1:] if name in places]
@@ -48,12 +49,12 @@ def network(names: Sequence[str], edges: list[Edge]) -> Network:
 
 
 def _strength(edge: Edge) -> tuple[bool, float]:
-    """Good edges first, and those that know the direction best."""
+    """Returns a sort key of edges: good ones first, then those with the surest direction."""
     return edge[3], float(np.linalg.eigvalsh(edge[2].precision[:6, :6])[0])
 
 
 def _used(names: Sequence[str], edges: list[Edge]) -> list[Edge]:
-    """All good edges, and of the others as few as tie all sensors together."""
+    """Returns all good edges, and of the others the fewest that connect all sensors."""
     group = {name: name for name in names}
     kept = []
     for edge in sorted(edges, key=_strength, reverse=True):
@@ -65,7 +66,7 @@ def _used(names: Sequence[str], edges: list[Edge]) -> list[Edge]:
 
 
 def _spread(root: str, edges: list[Edge]) -> tuple[dict[str, Float], dict[str, float]]:
-    """Placements and lags along the strongest tree."""
+    """Returns placements and lags along the strongest tree."""
     places, lags = {root: np.eye(4)}, {root: 0.0}
     for _ in edges:
         for a, b, fit, _ in edges:
@@ -77,7 +78,7 @@ def _spread(root: str, edges: list[Edge]) -> tuple[dict[str, Float], dict[str, f
 
 
 def _relaxed(root: str, free: list[str], places: dict[str, Float], edges: list[Edge]) -> dict[str, Float]:
-    """The placements of least contradiction, weighed by what each pair knows."""
+    """Returns the placements of least contradiction, each pair weighted by its precision."""
     factors = [np.linalg.cholesky(fit.precision[:6, :6] + 1e-9 * np.eye(6)).T for _, _, fit, _ in edges]
 
     def placed(x: Float) -> dict[str, Float]:
@@ -109,7 +110,7 @@ def _error(world_from_a: Float, world_from_b: Float, fit: Fit) -> Float:
 
 
 def _levelled(root: str, free: list[str], edges: list[Edge]) -> dict[str, float]:
-    """Lags of least contradiction: linear least squares."""
+    """Returns the lags of least contradiction: linear least squares."""
     rows, values = [], []
     for a, b, fit, _ in edges:
         weight = np.sqrt(max(float(fit.precision[6, 6]), 1e-9))

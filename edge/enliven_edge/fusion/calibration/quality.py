@@ -1,4 +1,4 @@
-"""What a calibration is worth, and what the user should do about it: never a silent bad result."""
+"""Judges a calibration and advises the user, so that no bad result passes silently."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.person import Joint
-from enliven_edge.fusion.calibration.matching import Match
+from enliven_edge.fusion.calibration.matching import BodyMatch
 from enliven_edge.fusion.calibration.refinement import Fit, refine
 from enliven_edge.fusion.placement import angle_between, inverse, moved
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _BLOCKS = 8
+"""Parts of the walk, and directions of facing, that the jackknife leaves out one after another: each still
+holds seconds of walking."""
 _CELL = 0.5
 """Metres: the walked floor is counted in squares of this side."""
 _LEFTS, _RIGHTS = [Joint.SHOULDER_LEFT, Joint.HIP_LEFT], [Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]
@@ -23,7 +25,7 @@ _COMFORTABLE = 2.5
 
 
 class Verdict(StrEnum):
-    """What may be done with a calibration."""
+    """What a calibration may be used for."""
 
     GOOD = "good"
     WALK_ON = "walk on"
@@ -33,10 +35,10 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Quality:
-    """How well two sensors fit together.
+    """The quality of the fit of two sensors.
 
     Attributes:
-        verdict: what may be done with it.
+        verdict: what the calibration may be used for.
         rms: metres between the joints of both, robust root mean square; nan where there was no match.
         doubt_cm, doubt_deg, doubt_ms: standard deviations of place (where people walked), direction, clock.
         seconds: for how long both saw the same person.
@@ -60,13 +62,13 @@ class Quality:
 
 
 def judged(
-    fit: Fit, matches: tuple[Match, ...], rivals: list[Fit], name: str, settings: CalibrationSettings
+    fit: Fit, matches: tuple[BodyMatch, ...], rivals: list[Fit], name: str, settings: CalibrationSettings
 ) -> Quality:
-    """The quality of a fit of sensor b to sensor a.
+    """Returns the quality of a fit of sensor b to sensor a.
 
     Args:
-        rivals: other placements of the sensors that explain what was seen as well.
-        name: what the user calls sensor b.
+        rivals: other placements of the sensors that explain the bodies equally well.
+        name: the user's name of sensor b.
     """
     place, direction, clock = _doubt(fit, matches, settings)
     length, breadth, thin = _walked(fit.feet)
@@ -100,11 +102,11 @@ def judged(
     )  # fmt: skip
 
 
-def nothing(a: str, b: str, blind: str | None) -> Quality:
-    """The quality where the same person was never seen by both.
+def no_match_quality(a: str, b: str, blind: str | None) -> Quality:
+    """Returns the quality where both sensors never saw the same person.
 
     Args:
-        blind: the sensor that saw nobody at all, if one did.
+        blind: the sensor that saw no person at all, if there is one.
     """
     nan = float("nan")
     advice = f"{a} and {b} saw nobody at one time: walk where both see you, for longer"
@@ -113,12 +115,14 @@ def nothing(a: str, b: str, blind: str | None) -> Quality:
     return Quality(Verdict.NO_MATCH, nan, nan, nan, nan, 0.0, 0.0, 0.0, 0, 0.0, advice)
 
 
-def _doubt(fit: Fit, matches: tuple[Match, ...], settings: CalibrationSettings) -> tuple[float, float, float]:
-    """Centimetres, degrees and milliseconds of one standard deviation.
+def _doubt(
+    fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
+) -> tuple[float, float, float]:
+    """Returns centimetres, degrees and milliseconds of one standard deviation.
 
-    The largest of three answers: what the equations say, how much the result changes where an eighth of the
-    walk is left out, and how much where one of eight directions that the people faced is left out. A
-    tracker errs slowly, and by the side from which it sees somebody: no equation knows that.
+    The largest of three estimates: the one of the equations, and two jackknives, over eighths of the walk and
+    over eight directions that the people faced. A tracker's errors change slowly and depend on the side from
+    which it sees a person; the equations' estimate does not include that.
     """
     covariance = np.linalg.pinv(fit.precision + 1e-9 * np.eye(7))
     formal = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -134,9 +138,10 @@ def _doubt(fit: Fit, matches: tuple[Match, ...], settings: CalibrationSettings) 
 
 
 def _jackknife(
-    fit: Fit, matches: tuple[Match, ...], blocks: list[Int], settings: CalibrationSettings
+    fit: Fit, matches: tuple[BodyMatch, ...], blocks: list[Int], settings: CalibrationSettings
 ) -> Float:
-    """(3,) metres, radians and seconds of one standard deviation, by leaving out one block after another.
+    """Returns (3,) metres, radians and seconds of one standard deviation, leaving out one block after
+    another.
 
     Args:
         blocks: by match, (N,) the block of each of its moments, from 0.
@@ -146,7 +151,7 @@ def _jackknife(
     for block in range(_BLOCKS):
         if not any((b == block).any() for b in blocks):
             continue
-        kept = tuple(Match(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True))
+        kept = tuple(BodyMatch(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True))
         other = refine(kept, fit.a_from_b, fit.lag, settings, steps=4, frames=300)
         if other is not None:
             shift = np.linalg.norm(moved(other.a_from_b, at) - fit.centre)
@@ -157,8 +162,8 @@ def _jackknife(
     return np.asarray(np.sqrt(share * (np.array(changes) ** 2).sum(0)))
 
 
-def _facing(match: Match, settings: CalibrationSettings) -> Int:
-    """(N,) which of eight directions the person faces, as the first sensor says."""
+def _facing(match: BodyMatch, settings: CalibrationSettings) -> Int:
+    """Returns (N,) the person's direction of facing, one of eight, by the first sensor."""
     joints, _, _ = match.a.at(match.times, settings.longest_gap)
     across = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
     turns = np.arctan2(across[:, 2], across[:, 0]) / (2 * np.pi)
@@ -166,7 +171,7 @@ def _facing(match: Match, settings: CalibrationSettings) -> Int:
 
 
 def _walked(feet: Float) -> tuple[float, float, Float]:
-    """Length and breadth of the walked floor, metres, and the unit vector (3,) of its narrow way."""
+    """Returns length and breadth of the walked floor, metres, and the unit vector (3,) of its narrow way."""
     flat = feet[:, [0, 2]]
     _, axes = np.linalg.eigh(np.cov((flat - flat.mean(0)).T) if len(flat) > 1 else np.eye(2))
     low, high = np.quantile(flat @ axes, [0.03, 0.97], axis=0)
@@ -174,12 +179,12 @@ def _walked(feet: Float) -> tuple[float, float, Float]:
 
 
 def _seconds(times: Float) -> float:
-    """How long, in stretches of a tenth of a second that hold a moment."""
+    """Returns seconds, counted in tenths that hold a moment."""
     return 0.1 * len(np.unique(np.floor(times / 0.1)))
 
 
 def _where(fit: Fit, thin: Float, name: str) -> str:
-    """Where to walk on so that the narrow way becomes wide, as sensor b looks at it."""
+    """Describes where to walk on so that the narrow way becomes wide, as seen by sensor b."""
     back = inverse(fit.a_from_b)
     centre, way = moved(back, fit.centre), back[:3, :3] @ thin
     if abs(way[0]) >= abs(way[2]):

@@ -12,24 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven_edge.fusion.calibration.matching import Match
+from enliven_edge.fusion.calibration.matching import BodyMatch
 from enliven_edge.fusion.live import OTHER_SIDE
 from enliven_edge.fusion.placement import UP, angle_between, cross_matrix, inverse, moved, rigid, turn, turned
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _FRAMES = 900
-"""Frames used at most: neighbours say the same."""
+"""Frames used at most: neighbouring frames hold the same information."""
 _MEMORY = 0.5
-"""Seconds in which one sensor's errors are the same error: no more independent looks than that."""
+"""Seconds over which one sensor's errors stay the same: each such span counts as one independent look."""
 _LOOKS = 3.0
-"""Independent points that one look at a body is worth; its 20 joints err together."""
+"""Independent points that one look at a body counts as; its 20 joints err together."""
 _STILL = 0.02
-"""Metres: disagreement below which no joint is doubted."""
+"""Metres of disagreement below which no joint is doubted: a tracker's noise."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Where sensor b stands for sensor a.
+    """The place of sensor b relative to sensor a.
 
     Attributes:
         a_from_b: (4, 4).
@@ -40,7 +40,7 @@ class Fit:
         times: (N,) seconds of a's stream; feet: (N, 3) the hips, in a's frame.
         swapped: (N,) whether the two named the sides differently.
         precision: (7, 7) inverse covariance of (turn about the centre, shift, lag) [rad, m, s].
-        centre: (3,) what the turn of ``precision`` is about, in a's frame.
+        centre: (3,) the centre of the turn in ``precision``, in a's frame.
     """
 
     a_from_b: Float
@@ -68,7 +68,7 @@ class Fit:
 
 
 def refine(
-    matches: tuple[Match, ...],
+    matches: tuple[BodyMatch, ...],
     a_from_b: Float,
     lag: float,
     settings: CalibrationSettings,
@@ -76,9 +76,9 @@ def refine(
     steps: int = 15,
     frames: int = _FRAMES,
 ) -> Fit | None:
-    """Steps from a first guess; None where the two never see the same body at one time."""
+    """Steps from a first guess; returns None where both never see the same body at one time."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
-    thinned = [Match(m.a, m.b, m.times[::stride]) for m in matches]
+    thinned = [BodyMatch(m.a, m.b, m.times[::stride]) for m in matches]
     held = [match.a.at(match.times, settings.longest_gap) for match in thinned]
     fit = None
     for _ in range(steps):
@@ -95,7 +95,7 @@ def refine(
 
 @dataclass(frozen=True)
 class _Look:
-    """Joints of both sensors at the moments that both have: p and q (N, 20, 3), q's velocity, weights."""
+    """The joints of both sensors at their common moments: p and q (N, 20, 3), q's velocity, weights."""
 
     times: Float
     p: Float
@@ -106,13 +106,14 @@ class _Look:
 
 
 def _looked(
-    matches: list[Match],
+    matches: list[BodyMatch],
     held: list[tuple[Float, Float, Float]],
     a_from_b: Float,
     lag: float,
     settings: CalibrationSettings,
 ) -> _Look | None:
-    """What both tell at the moments of the matches; ``held`` is what the first tells, by match."""
+    """Returns the joints of both sensors at the moments of the matches; ``held`` are the first sensor's, by
+    match."""
     looks = []
     for match, (p, _, seen_a) in zip(matches, held, strict=True):
         q, velocity, seen_b = match.b.at(match.times - lag, settings.longest_gap)
@@ -131,7 +132,7 @@ def _looked(
 
 
 def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width: float) -> Bool:
-    """(N,) whether the sides agree better exchanged, over a few neighbouring frames."""
+    """Returns (N,) whether the sides agree better exchanged, over a few neighbouring frames."""
     plain, other = (
         (seen_a * seen * np.minimum(_lengths(p - there), 2 * width)).sum(1)
         for seen, there in ((seen_b, q), (seen_b[:, OTHER_SIDE], q[:, OTHER_SIDE]))
@@ -146,7 +147,7 @@ def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width
 
 
 def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSettings) -> tuple[Fit, Float]:
-    """The state of the fit, and the step (7,) of turn, shift and lag that improves it."""
+    """Returns the state of the fit, and the step (7,) of turn, shift and lag that improves it."""
     placed = moved(a_from_b, look.q)
     error = placed - look.p
     residuals = _lengths(error)
@@ -172,7 +173,7 @@ def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSett
 
 
 def _width(residuals: Float, weights: Float, widest: float) -> float:
-    """Where doubt begins: three times the median disagreement, within bounds."""
+    """Returns metres where doubt begins: three times the median disagreement, within bounds."""
     seen = residuals[weights > 0]
     return float(np.clip(3.0 * np.median(seen), _STILL, widest)) if len(seen) else widest
 
@@ -214,7 +215,7 @@ def _lengths(vectors: Float) -> Float:
 
 
 def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: CalibrationSettings) -> None:
-    """Both floors are level and at y = 0, as well as each sensor knows its own."""
+    """Adds the priors that both floors are level and at y = 0, by the precision of each sensor's floor."""
     if not settings.floor_known:
         return
     tilt = 1.0 / (2 * np.deg2rad(settings.tilt) ** 2)
@@ -237,13 +238,13 @@ def _below(a_from_b: Float, centre: Float) -> Float:
 
 
 def _applied(a_from_b: Float, lag: float, step: Float, centre: Float) -> tuple[Float, float]:
-    """The transform turned about the centre and shifted, and the later lag."""
+    """Returns the transform turned about the centre and shifted, and the later lag."""
     rotation = turn(step[:3])
     translation = rotation @ (a_from_b[:3, 3] - centre) + centre + step[3:6]
     return rigid(rotation @ a_from_b[:3, :3], translation), lag + float(step[6])
 
 
 def differ(a: Fit, b: Fit) -> bool:
-    """Whether two fits place the people differently, beyond what noise explains."""
+    """Returns whether two fits place the people differently, beyond noise."""
     apart = moved(b.a_from_b, moved(inverse(a.a_from_b), a.centre)) - a.centre
     return angle_between(a.a_from_b, b.a_from_b) > np.deg2rad(15.0) or bool(np.linalg.norm(apart) > 0.4)

@@ -1,4 +1,4 @@
-"""What one sensor saw, by person: joints over time, and between the frames."""
+"""The bodies of one sensor by person: joints over time, interpolated between the frames."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.frames import BodyFrame
 
 _SLOWEST = 0.35
-"""Seconds over which nobody's way is a straight line any more."""
+"""Seconds between frames over which linear interpolation of a walking person still holds."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class BodyTrack:
     """One person as one sensor saw them.
 
     Attributes:
-        id: what the sensor calls the person.
+        id: the sensor's number of the person.
         times: (F,) seconds of the stream, rising.
         joints: (F, 20, 3) metres, the sensor's own level frame.
         confidence: (F, 20) in [0, 1].
@@ -32,7 +32,7 @@ class BodyTrack:
     confidence: Float
 
     def at(self, times: Float, longest_gap: float) -> tuple[Float, Float, Float]:
-        """Joints (N, 20, 3), velocities (N, 20, 3) m/s and confidence (N, 20) at times (N,).
+        """Returns joints (N, 20, 3), velocities (N, 20, 3) m/s and confidence (N, 20) at times (N,).
 
         Linear between neighbouring frames; confidence 0 where they are farther apart than ``longest_gap``
         seconds (or what is usual for a slow sensor), or where there is none on one side.
@@ -53,7 +53,7 @@ class BodyTrack:
 
     @cached_property
     def step(self) -> float:
-        """Seconds between two frames, usually."""
+        """The median seconds between two frames."""
         return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
 
     @cached_property
@@ -71,7 +71,7 @@ class BodyTrack:
 
 @dataclass(frozen=True)
 class BodyStream:
-    """Everybody that one sensor saw.
+    """All people that one sensor saw.
 
     Attributes:
         sensor: its identity.
@@ -90,7 +90,8 @@ class BodyStream:
 
 
 def stream_of(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
-    """The tracks of a sensor's body frames; frames out of order and frames of equal time are left out."""
+    """Returns the tracks of a sensor's body frames; frames out of order and frames of equal time are left
+    out."""
     kept: list[BodyFrame] = []
     for frame in frames:
         if not kept or frame.time_ns > kept[-1].time_ns:

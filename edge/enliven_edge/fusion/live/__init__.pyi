@@ -1,5 +1,5 @@
 from .fused_sensor import FusedFrame, FusedSensors
-from .merge import in_world, untouched
+from .merge import in_world, settings_before_fusion
 from .reading import PATIENCE, SensorThread
 from .sides import OTHER_SIDE, middle_weights, middles
 from .warmup import warm_up_fusion
@@ -13,6 +13,6 @@ __all__ = [
     "in_world",
     "middle_weights",
     "middles",
-    "untouched",
+    "settings_before_fusion",
     "warm_up_fusion",
 ]

@@ -1,7 +1,8 @@
-"""Live sensors' clocks by when their frames arrive: set anew after a restart, kept together as they drift.
+"""Aligns live sensors' clocks by the arrival of their frames: anew after a restart, and against drift.
 
-The youngest frame of a while is as old as that sensor's latency when it arrives, which stays. What changes of
-the difference between two sensors' youngest frames is their clocks, which drift apart by seconds a day.
+The age of the youngest frame over a while is the sensor's latency, which is constant. A change of the
+difference between two sensors' youngest frames is therefore one of their clocks, which drift apart by
+seconds a day.
 """
 
 from __future__ import annotations
@@ -14,11 +15,13 @@ log = logging.getLogger(__name__)
 _DIFFER_NS = 300_000_000
 """Difference of two sensors' youngest frames beyond which the clocks are not those of the calibration."""
 _WHILE_NS = 10_000_000_000
+"""Nanoseconds over which the youngest frame is taken: some hundred frames, in which clocks drift by less than
+a millisecond."""
 
 
 @dataclass
 class _Ages:
-    """The least age of a sensor's frames, nanoseconds: in this while, and in the last whole one."""
+    """The least age of a sensor's frames, nanoseconds: in this interval, and in the last whole one."""
 
     began_ns: int
     least: int
@@ -26,7 +29,7 @@ class _Ages:
 
 
 class ArrivalClocks:
-    """What to add to every live sensor's time, beyond what the calibration says; the first one's stays."""
+    """Offsets of every live sensor's time, beyond the calibration's; the first sensor's stays."""
 
     def __init__(self) -> None:
         self._ages: dict[str, _Ages] = {}
@@ -34,11 +37,11 @@ class ArrivalClocks:
         self._base: dict[str, int] = {}
 
     def shift(self, sensor: str) -> int:
-        """Nanoseconds to add to a sensor's time."""
+        """Returns the nanoseconds to add to a sensor's time."""
         return self._shift.get(sensor, 0)
 
     def note(self, sensor: str, time_ns: int, read_ns: int) -> None:
-        """Takes in when a frame arrived.
+        """Takes in the arrival of a frame.
 
         Args:
             time_ns: of the frame, by the calibration's clock.
@@ -54,7 +57,7 @@ class ArrivalClocks:
             ages.settled, ages.began_ns, ages.least = ages.least, read_ns, age
 
     def _set(self, sensor: str, ages: _Ages, first: _Ages) -> None:
-        """The shift by how the ages compare with those of the first sensor."""
+        """Sets the shift by comparing the ages with those of the first sensor."""
         if ages.settled is None or first.settled is None:
             apart = ages.least - first.least
             if abs(apart - self.shift(sensor)) > _DIFFER_NS:

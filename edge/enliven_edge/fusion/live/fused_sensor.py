@@ -1,4 +1,4 @@
-"""Several sensors that stand in one space, as one sensor that tells bodies."""
+"""Several sensors in one space, read as one sensor that delivers bodies."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from enliven.health import HealthKind, HealthState, Severity, worst_first
 from enliven_edge.fusion.live.arrival import ArrivalClocks
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.health import SensorState, SensorWarning
-from enliven_edge.fusion.live.merge import Rhythm, eyes
-from enliven_edge.fusion.live.watcher import Seen, Watcher
+from enliven_edge.fusion.live.merge import OutputSchedule, eyes
+from enliven_edge.fusion.live.watcher import SensorBodies, Watcher
 from enliven_edge.fusion.placement import Space
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_edge.sensors import Sensor
@@ -26,12 +26,13 @@ from enliven_edge.tracking.output import Output
 
 log = logging.getLogger(__name__)
 
-_GRAVITY = {
+_SEVERITY = {
     SensorState.MOVED: (HealthKind.MOVED, Severity.WARNING, "Calibrate again: enliven calibrate."),
     SensorState.LOST: (HealthKind.NO_FRAMES, Severity.WARNING, "Start the edge again."),
     SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Look after its cable."),
 }
-"""What a sensor's state is to the rest of the world; the others go on: none is worse than a warning."""
+"""Health kind, severity and remedy of each sensor state; the other sensors go on, so none is worse than a
+warning."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class FusedFrame(BodyFrame):
 
 
 class FusedSensors:
-    """Each sensor is read and tracked in a thread of its own; ``read`` fuses what they saw.
+    """Reads and tracks each sensor in a thread of its own; ``read`` fuses their bodies.
 
     Live sensors are taken as they come. Recordings wait for each other, so that they run side by side by
     the common clock at any pace. The stream ends with the last sensor.
@@ -55,7 +56,7 @@ class FusedSensors:
         sensors: by identity, opened; closed with this one.
         trackers: by identity.
         space: where they stand.
-        health: by identity, what says what is wrong; None makes some.
+        health: by identity, the monitors of the sensors; None makes some.
         output: smooths, mirrors and looks ahead once all is fused; None: as fused.
         once: end at the first fault of any sensor; otherwise that one is opened anew, and the others go on.
 
@@ -85,7 +86,7 @@ class FusedSensors:
             Watcher(name, sensor, trackers[name], space.sensors[name], health[name], self._changed, once)
             for name, sensor in sensors.items()
         ]
-        self._rhythm = Rhythm()
+        self._rhythm = OutputSchedule()
         self._clocks = ArrivalClocks()
         self._gone: set[str] = set()
         self._last: dict[str, SensorWarning] = {}
@@ -94,21 +95,21 @@ class FusedSensors:
 
     @property
     def states(self) -> dict[str, SensorState]:
-        """How every sensor is doing."""
+        """The state of every sensor."""
         return {view.name: view.state for view in self.fuser.views}
 
     @property
-    def ails(self) -> list[HealthState]:
-        """What is wrong with any of the sensors, and with where they stand, the gravest first."""
-        ails = [state for watcher in self._watchers for state in watcher.ails]
+    def health_states(self) -> list[HealthState]:
+        """The health states of all sensors and of their places, the gravest first."""
+        health_states = [state for watcher in self._watchers for state in watcher.health_states]
         for warning in self._last.values():
-            if warning.state in _GRAVITY:
-                kind, gravity, mend = _GRAVITY[warning.state]
-                ails.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", mend))
-        return worst_first(ails)
+            if warning.state in _SEVERITY:
+                kind, gravity, mend = _SEVERITY[warning.state]
+                health_states.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", mend))
+        return worst_first(health_states)
 
     def read(self, timeout: float | None = None) -> FusedFrame | None:
-        """The next set of bodies; None after the last sensor's end.
+        """Returns the next set of bodies; None after the last sensor's end.
 
         Raises:
             TimeoutError: when nothing came in time.
@@ -122,7 +123,7 @@ class FusedSensors:
         while True:
             seen = self._take(deadline)
             if seen is None:
-                self._mourn()
+                self._check_all_lost()
                 return None
             frame = self._fused(seen)
             if frame is not None:
@@ -141,11 +142,11 @@ class FusedSensors:
     ) -> None:
         self.close()
 
-    def _take(self, deadline: float | None) -> Seen | None:
-        """The next that any sensor saw, or None when all have ended."""
+    def _take(self, deadline: float | None) -> SensorBodies | None:
+        """Returns the next bodies of any sensor, or None when all have ended."""
         with self._changed:
             while True:
-                self._bury()
+                self._report_ended()
                 if len(self._gone) == len(self._watchers):
                     return None
                 ready = self._ready()
@@ -159,14 +160,15 @@ class FusedSensors:
                 self._changed.wait(wait)
 
     def _ready(self) -> Watcher | None:
-        """Whose turn it is: the oldest, of the recordings only when every one of them has something."""
+        """Returns the sensor to read: the one with the oldest bodies; recordings only when each of them has
+        some."""
         live = [w for w in self._watchers if w.seen and not w.recorded]
         recordings = [w for w in self._watchers if w.recorded and w.name not in self._gone]
         turn = live + (recordings if all(w.seen for w in recordings) else [])
         return min(turn, key=lambda w: self._common(w.seen[0]), default=None)
 
-    def _bury(self) -> None:
-        """Tells of sensors whose last word was taken."""
+    def _report_ended(self) -> None:
+        """Reports sensors that have ended and of which all bodies were fused."""
         for watcher in self._watchers:
             if watcher.ended and not watcher.seen and watcher.name not in self._gone:
                 self._gone.add(watcher.name)
@@ -178,12 +180,12 @@ class FusedSensors:
                         watcher.failure, where=self.name, mend="Mend it, or leave --once out."
                     )
 
-    def _fused(self, seen: Seen) -> FusedFrame | None:
-        """Takes in what a sensor saw; the bodies, where it is time for some."""
+    def _fused(self, seen: SensorBodies) -> FusedFrame | None:
+        """Takes in a sensor's bodies; returns the fused bodies where they are due."""
         if not next(w.recorded for w in self._watchers if w.name == seen.sensor):
             self._clocks.note(seen.sensor, seen.time_ns, seen.read_ns)
         time_ns = self._common(seen)
-        self.fuser.hear(seen.sensor, seen.bodies, time_ns, frozen=seen.frozen)
+        self.fuser.update(seen.sensor, seen.bodies, time_ns, frozen=seen.frozen)
         self._now_ns = max(self._now_ns, time_ns)
         due = self._rhythm.due(seen.sensor, time_ns)
         bodies = self.fuser.bodies(time_ns) if due else []
@@ -192,11 +194,11 @@ class FusedSensors:
         self._tell()
         return FusedFrame(bodies, time_ns, self.name, seen.read_ns) if due else None
 
-    def _common(self, seen: Seen) -> int:
+    def _common(self, seen: SensorBodies) -> int:
         return seen.time_ns + self._clocks.shift(seen.sensor)
 
     def _tell(self, why: str = "") -> None:
-        """What happened to the sensors goes into the log, and is kept."""
+        """Logs and keeps the warnings of the fuser."""
         for warning in self.fuser.take_warnings():
             self.warnings = [*self.warnings[-99:], warning]
             self._last[warning.sensor] = warning
@@ -204,15 +206,15 @@ class FusedSensors:
             text = f"{warning.what} ({why})" if why else warning.what
             log.log(logging.INFO if quiet else logging.WARNING, "%s", text)
 
-    def _mourn(self) -> None:
-        """An end for which nobody asked is an error."""
+    def _check_all_lost(self) -> None:
+        """Raises ResourceError where every sensor failed."""
         failures = [w.failure for w in self._watchers if w.failure]
         if len(failures) == len(self._watchers):
             raise ResourceError("every sensor was lost", where=self.name, mend=failures[0])
 
 
 def _known(sensors: Mapping[str, Sensor], space: Space) -> None:
-    """Every sensor must stand somewhere."""
+    """Raises InputError for a sensor without a place in the space."""
     for name in sensors:
         if name not in space.sensors:
             raise InputError(

@@ -1,4 +1,4 @@
-"""Bodies of several sensors in, one set of bodies out."""
+"""Fuses the bodies of several sensors into one set of bodies."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ from enliven_edge.fusion.live.sensor_view import SensorView
 from enliven_edge.fusion.settings import FusionSettings
 
 _SPEED = 1.5
-"""Metres a second by which somebody may have gone on while nobody saw them."""
-_ASTRAY, _ASTRAY_TIME = 0.2, 3.0
-"""Metres and seconds for which a sensor must see people elsewhere to count as moved."""
+"""Metres a second by which the gate of an unseen person grows: they may walk on."""
+_ASTRAY = 0.2
+"""Metres by which a sensor must see people elsewhere, on average, to count as moved: more than trackers
+differ in general."""
+_ASTRAY_TIME = 3.0
+"""Seconds of the low-pass of that difference: a passing error of tracking moves no sensor."""
 
-_SHADOW = 0.35
-"""Metres beside somebody within which a body that only some of the sensors see is no second person."""
+_DUPLICATE = 0.35
+"""Metres beside a person within which a body that only some of the sensors see is no second person."""
 
 
 class Fuser:
-    """Everybody in a space that several sensors watch.
+    """Tracks all people in a space that several sensors watch.
 
     Bodies come in the common world and on the common clock, each sensor's when it has them; bodies go out for
     any moment, usually that of the newest frame. Identities are the fuser's own.
@@ -42,24 +45,25 @@ class Fuser:
         self._next = 1
         self._now_ns: int | None = None
 
-    def hear(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
-        """What a sensor sees at a time of the common clock; False for what came too late to count."""
+    def update(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
+        """Takes in a sensor's bodies at a time of the common clock; returns False where they came too late to
+        count."""
         view = self.views[self._numbers[sensor]]
         before = view.state
-        heard = view.hear(bodies, time_ns, self.settings.silence, frozen=frozen)
+        heard = view.update(bodies, time_ns, self.settings.silence, frozen=frozen)
         self._say(view, before, time_ns)
         return heard
 
     def end(self, sensor: str, state: SensorState, time_ns: int) -> None:
-        """A sensor is gone: its recording has ended, or it was lost."""
+        """Marks a sensor as gone: its recording has ended, or it was lost."""
         view = self.views[self._numbers[sensor]]
         before, view.state, view.sightings = view.state, state, {}
         self._say(view, before, time_ns)
 
     def bodies(self, time_ns: int) -> list[Body]:
-        """Everybody at a time of the common clock, by identity."""
+        """Returns all people at a time of the common clock, by identity."""
         s = self.settings
-        self._look_after_sensors(time_ns)
+        self._drop_silent_sensors(time_ns)
         groups = grouped(self.views, time_ns, s.patience, s.gate, s.loyalty)
         told = []
         seen = self._recognised(groups, time_ns)
@@ -67,8 +71,8 @@ class Fuser:
             self._compare(group, person, time_ns)
             body = person.see(group, self.views, time_ns)
             known = person.hits >= s.sure_after
-            shadow = not known and _is_shadow(group, [other for other, _ in seen])
-            person.hits = 1 if shadow else person.hits + len(group.sightings)
+            duplicate = not known and _is_duplicate(group, [other for other, _ in seen])
+            person.hits = 1 if duplicate else person.hits + len(group.sightings)
             if person.hits >= s.sure_after:
                 told.append(body)
         self._forget(time_ns)
@@ -76,25 +80,25 @@ class Fuser:
         return sorted(told, key=lambda body: body.id)
 
     def take_warnings(self) -> list[SensorWarning]:
-        """What happened to the sensors since this was last asked."""
+        """Returns the warnings since the last call."""
         said, self.warnings = self.warnings, []
         return said
 
     def _recognised(self, groups: list[Group], time_ns: int) -> list[tuple[Group, FusedPerson]]:
-        """Who every group is; who is nobody known becomes somebody."""
+        """Assigns each group to a known person, or to a new one."""
         pairs = assigned(self._costs(groups, time_ns)) if groups and self.people else []
         known = {g: self.people[p] for g, p in pairs}
         found = []
         for number, group in enumerate(groups):
             person = known.get(number)
             if person is None:
-                person = self._somebody(group)
+                person = self._new_person(group)
                 self.people.append(person)
             found.append((group, person))
         return found
 
-    def _somebody(self, group: Group) -> FusedPerson:
-        """A new person, or one who is back: as the sensors say that see them."""
+    def _new_person(self, group: Group) -> FusedPerson:
+        """Returns a new person, or one who is back where the sensors of the group agree on an identity."""
         claimed = [s.person for s in group.sightings.values() if s.person]
         present = {p.id for p in self.people}
         number = max(claimed, key=claimed.count, default=0)
@@ -109,7 +113,8 @@ class Fuser:
         return person
 
     def _costs(self, groups: list[Group], time_ns: int) -> Float:
-        """(G, P) metres between groups and people, less for who was it a moment ago."""
+        """Returns (G, P) metres between groups and people, less for groups that were the person a moment
+        ago."""
         s = self.settings
         cost = distances(
             np.array([g.mean for g in groups]),
@@ -125,7 +130,7 @@ class Fuser:
         return np.where(allowed, np.minimum(cost, 10.0) - s.loyalty * votes + age, NEVER)
 
     def _forget(self, time_ns: int) -> None:
-        """Drops who was not seen for long, and at once who was never sure."""
+        """Drops people who were not seen for long, and at once those who were never sure."""
         s = self.settings
         self.people = [
             p
@@ -133,8 +138,8 @@ class Fuser:
             if p.unseen(time_ns) <= (s.remember if p.hits >= s.sure_after else s.patience)
         ]
 
-    def _look_after_sensors(self, time_ns: int) -> None:
-        """Gives up on who says nothing any more."""
+    def _drop_silent_sensors(self, time_ns: int) -> None:
+        """Marks sensors as silent that have sent nothing for long."""
         for view in self.views:
             if view.last_ns is None or view.state in (SensorState.ENDED, SensorState.LOST):
                 continue
@@ -143,7 +148,7 @@ class Fuser:
                 self._say(view, before, time_ns)
 
     def _compare(self, group: Group, person: FusedPerson, time_ns: int) -> None:
-        """Notices a sensor that sees everybody elsewhere than the others for a long time."""
+        """Marks a sensor as moved that sees people elsewhere than the others for a long time."""
         if len(group.joints) < 2 or self._now_ns is None:
             return
         seconds = max(0.0, (time_ns - self._now_ns) * 1e-9)
@@ -165,22 +170,23 @@ class Fuser:
             self._say(view, before, time_ns)
 
     def _say(self, view: SensorView, before: SensorState, time_ns: int) -> None:
-        """Warns of a change; the first word of a sensor is none."""
+        """Adds a warning about a change of state; the first frame of a sensor gives none."""
         if view.state is before or (before is SensorState.WAITING and view.state is SensorState.LIVE):
             return
         what = f"{view.name} {SENTENCE[view.state]}"
         self.warnings.append(SensorWarning(view.name, view.state, what, time_ns))
 
 
-def _is_shadow(group: Group, others: list[Group]) -> bool:
-    """Whether one sensor sees two where others, who see that place as well, see one: half a body, a ghost.
+def _is_duplicate(group: Group, others: list[Group]) -> bool:
+    """Returns whether a body seen by some sensors is one person seen twice (half a body, a ghost).
 
-    Somebody who is known already is not doubted for it: people do stand close, and hide each other.
+    It is where other sensors that see the same place as well see one person there. A person who is known
+    already is never dropped for it: people do stand close, and hide each other.
     """
     hips = group.mean[0]
     for other in others:
         if other is not group and set(group.sightings) < set(other.sightings):
             apart = (other.mean[0] - hips)[[0, 2]]
-            if float(np.hypot(apart[0], apart[1])) < _SHADOW:
+            if float(np.hypot(apart[0], apart[1])) < _DUPLICATE:
                 return True
     return False

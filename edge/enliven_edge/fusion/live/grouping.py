@@ -1,4 +1,4 @@
-"""Which bodies of the sensors are one person now, and who that person is."""
+"""Groups the bodies of all sensors by person, and finds the known person of each group."""
 
 from __future__ import annotations
 
@@ -10,35 +10,38 @@ from enliven.arrays import Float
 from enliven.matching import least_cost
 from enliven.person import Body
 from enliven_edge.fusion.live.blending import bones_within, trunk_distances
-from enliven_edge.fusion.live.sensor_view import SensorView, Sighting
+from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
 from enliven_edge.fusion.live.sides import MIDDLES
 
 _FAR = 1e3
+"""Metres of cost that stand for "never": above every distance in a room."""
 _BONES = np.array([(0, 2), (2, 3), (12, 13), (16, 17), (13, 14), (17, 18)])
+"""(6, 2) joints of the bones that are measured: trunk, neck and head, thighs and shanks."""
 _SHORTEST = np.array([0.15, 0.05, 0.1, 0.1, 0.1, 0.1])
+"""Metres: shortest of these bones of a person."""
 _LONGEST = np.array([0.9, 0.5, 0.8, 0.8, 0.8, 0.8])
-"""Metres: trunk, neck and head, thighs and shanks of anybody; a guessed joint may be off."""
+"""Metres: longest of these bones of a person; a guessed joint may be off."""
 
 
 @dataclass
 class Group:
-    """What the sensors say of one person now.
+    """The bodies of one person at one moment.
 
     Attributes:
         sightings: by the sensor's number.
         joints: by the sensor's number, (20, 3) carried on to now.
     """
 
-    sightings: dict[int, Sighting] = field(default_factory=dict)
+    sightings: dict[int, BodySighting] = field(default_factory=dict)
     joints: dict[int, Float] = field(default_factory=dict)
 
-    def add(self, sensor: int, sighting: Sighting, joints: Float) -> None:
-        """One more sensor sees this person."""
+    def add(self, sensor: int, sighting: BodySighting, joints: Float) -> None:
+        """Adds the body of one more sensor."""
         self.sightings[sensor], self.joints[sensor] = sighting, joints
 
     @property
     def mean(self) -> Float:
-        """(20, 3) the plain mean of what is said."""
+        """(20, 3) the plain mean of the joints."""
         return np.asarray(sum(self.joints.values()) / len(self.joints))
 
     @property
@@ -47,17 +50,17 @@ class Group:
         return np.max([s.body.confidence for s in self.sightings.values()], axis=0)
 
     def votes(self, person: int) -> float:
-        """The part of its bodies that were this person a moment ago."""
+        """Returns the share of its bodies that were this person a moment ago."""
         return sum(s.person == person for s in self.sightings.values()) / len(self.sightings)
 
 
 def plausible(body: Body) -> bool:
-    """Whether a body may be a person's: a tracker that lost somebody may tell a heap of joints."""
+    """Returns whether a body may be a person's: a tracker that lost a person may deliver a heap of joints."""
     return bool(bones_within(body.joints, _BONES, _SHORTEST, _LONGEST))
 
 
 def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
-    """(A, B) metres between bodies (A, 20, 3) and (B, 20, 3), whichever side they call left."""
+    """Returns (A, B) metres between bodies (A, 20, 3) and (B, 20, 3), independent of the naming of sides."""
     out = np.empty((len(a), len(b)))
     trunk_distances(a, a_sure, b, b_sure, MIDDLES, out)
     return out
@@ -66,12 +69,12 @@ def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
 def grouped(
     views: list[SensorView], time_ns: int, patience: float, gate: float, loyalty: float
 ) -> list[Group]:
-    """The bodies of all sensors, those of one person together; of one sensor at most one each.
+    """Groups the bodies of all sensors by person, at most one body of each sensor.
 
-    Sensors join one after another, those that see most first. Bodies that were one person a moment ago hold
-    together, but not against what lies clearly nearer: a sensor that has mixed up two people is parted from
-    the identities, not the identities from each other. What a sensor only supposes of somebody whom it does
-    not see says nothing beside another that sees them.
+    Sensors join one after another, those that see most people first. Bodies that were one person a moment ago
+    stay together, except against clearly nearer ones: a sensor that has mixed up two people loses their
+    identities, and the identities keep their people. A body that its sensor only predicts, since the person
+    is hidden, is dropped where another sensor sees that person.
     """
     recent = [[s for s in view.sightings.values() if s.age(time_ns) <= patience] for view in views]
     watched = {s.person for said in recent for s in said if s.body.confidence.any()}
@@ -97,9 +100,9 @@ def grouped(
 
 
 def _partners(
-    groups: list[Group], seen: list[tuple[Sighting, Float]], gate: float, loyalty: float
+    groups: list[Group], seen: list[tuple[BodySighting, Float]], gate: float, loyalty: float
 ) -> dict[int, Group]:
-    """The group that each body of one sensor belongs to, where one is near enough."""
+    """Returns the group of each body of one sensor, where one is near enough."""
     apart = distances(
         np.array([g.mean for g in groups]),
         np.array([g.sure for g in groups]),
@@ -111,7 +114,7 @@ def _partners(
 
 
 def assigned(cost: Float) -> list[tuple[int, int]]:
-    """The cheapest pairing of rows with columns (Hungarian); what costs _FAR stays alone."""
+    """Returns the cheapest pairing of rows with columns (Hungarian); entries of _FAR stay alone."""
     if not cost.size:
         return []
     rows, columns = least_cost(cost)
@@ -119,4 +122,4 @@ def assigned(cost: Float) -> list[tuple[int, int]]:
 
 
 NEVER = _FAR
-"""The cost of a pairing that must not be."""
+"""The cost of a forbidden pairing."""

@@ -1,4 +1,4 @@
-"""What is wrong with a sensor, while the others go on."""
+"""States and warnings of the single sensors of a fused set."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class SensorState(StrEnum):
-    """How a sensor of several is doing; everything but LIVE is worth a warning."""
+    """The state of one sensor of several; every state but LIVE gives a warning."""
 
     WAITING = "waiting"
     """It has not said anything yet."""
@@ -26,7 +26,7 @@ class SensorState(StrEnum):
 
 @dataclass(frozen=True)
 class SensorWarning:
-    """A change of a sensor's state that the user should know of.
+    """A change of a sensor's state that the user should know.
 
     Attributes:
         sensor: its identity.
@@ -50,4 +50,4 @@ SENTENCE = {
     SensorState.LOST: "was lost; the others go on",
     SensorState.ENDED: "has ended",
 }
-"""What is said of each state."""
+"""The sentence about each state."""

@@ -1,4 +1,4 @@
-"""What fused bodies are worth, without a truth: agreement, identities, jitter."""
+"""Measures of fused bodies without ground truth: agreement, identities, jitter."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from enliven.frames import BodyFrame
 from enliven.person import Body
 
 _LONGEST_STEP = 0.06
-"""Seconds between frames beyond which a change is no jitter."""
-_SAME, _NEAR = 0.3, 0.02
-"""Metres and seconds between a fused body and what one sensor says, where they are to be compared."""
+"""Seconds between frames beyond which a change is motion and no jitter."""
+_SAME = 0.3
+"""Metres between a fused body and one sensor's, at most, to compare them as one person."""
+_NEAR = 0.02
+"""Seconds between a fused frame and one sensor's, at most, to compare them: less than a frame."""
 
 
 def jitter_mm(frames: Iterable[BodyFrame]) -> float:
-    """Millimetres: the median distance of a joint from the straight line between its neighbours in time."""
+    """Returns millimetres: the median distance of a joint from the straight line between its neighbours in
+    time."""
     ways: dict[int, list[tuple[int, Float]]] = defaultdict(list)
     for frame in frames:
         for body in frame.bodies:
@@ -28,7 +31,7 @@ def jitter_mm(frames: Iterable[BodyFrame]) -> float:
 
 
 def _off_line(way: Sequence[tuple[int, Float]]) -> Float:
-    """(N * 20,) metres of each joint from between its neighbours, at steady frame times."""
+    """Returns (N * 20,) metres of each joint from the line between its neighbours, at steady frame times."""
     times = np.array([time for time, _ in way]) * 1e-9
     joints = np.array([body for _, body in way])
     steps = np.diff(times)
@@ -39,7 +42,8 @@ def _off_line(way: Sequence[tuple[int, Float]]) -> Float:
 
 
 def agreement(fused: Sequence[BodyFrame], sensor: Sequence[BodyFrame]) -> tuple[float, int]:
-    """Millimetres between fused bodies and one sensor's (in one world and clock), and identity changes.
+    """Returns millimetres between fused bodies and one sensor's (in one world and clock), and identity
+    changes.
 
     An identity changes where a fused body lies on another of the sensor's people than it did before.
     """
@@ -61,7 +65,7 @@ def agreement(fused: Sequence[BodyFrame], sensor: Sequence[BodyFrame]) -> tuple[
 
 
 def _partner(body: Body, others: Sequence[Body]) -> Body | None:
-    """Who of the others lies on this body's trunk, if anybody."""
+    """Returns the one of the others at this body's trunk, or None."""
     if not others:
         return None
     apart = [float(np.linalg.norm(body.joints[:4] - other.joints[:4], axis=1).mean()) for other in others]

@@ -1,4 +1,4 @@
-"""Several sensors' body frames as one stream: by the common clock, in the rhythm of the fastest sensor."""
+"""Merges several sensors' body frames into one stream on the common clock, at the fastest sensor's rate."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from enliven_edge.fusion.placement import Space, moved
 from enliven_edge.tracking import TrackerSettings
 
 _MISSED = 1.7
-"""Of its own steps, how late the sensor that keeps time may be until another does."""
+"""Frame intervals by which the leading sensor may be late before another one leads."""
 _FASTER = 0.8
-"""Part of its step below which another sensor's step makes that one keep time."""
+"""Share of the leading sensor's frame interval below which another sensor's interval makes it lead."""
 
 
-class Rhythm:
-    """When bodies go out: with the frames of one sensor, the fastest, as long as it has some."""
+class OutputSchedule:
+    """Decides when fused bodies are sent: with the frames of the fastest sensor, as long as it has some."""
 
     def __init__(self) -> None:
         self._steps: dict[str, float] = {}
@@ -32,7 +32,7 @@ class Rhythm:
         self._told_ns: int | None = None
 
     def due(self, sensor: str, time_ns: int) -> bool:
-        """Whether bodies are to go out with this frame of a sensor, on the common clock."""
+        """Returns whether fused bodies are sent with this frame of a sensor, on the common clock."""
         before = self._last.get(sensor, time_ns)
         if time_ns > before:
             step = (time_ns - before) * 1e-9
@@ -46,7 +46,7 @@ class Rhythm:
         return True
 
     def _leads_better(self, sensor: str, time_ns: int) -> bool:
-        """Whether a sensor is faster than the one that keeps time, or that one is late."""
+        """Returns whether a sensor is faster than the leading one, or the leading one is late."""
         assert self._lead is not None
         if self._lead not in self._steps:
             return time_ns - self._last[self._lead] > 1e8
@@ -55,15 +55,16 @@ class Rhythm:
         return late or self._steps.get(sensor, np.inf) < _FASTER * step
 
 
-def untouched(settings: TrackerSettings) -> TrackerSettings:
-    """The settings of a tracker whose bodies are fused yet: smoothing, mirror and foresight come after."""
+def settings_before_fusion(settings: TrackerSettings) -> TrackerSettings:
+    """Settings for a tracker with bodies that go to the fuser: smoothing, mirroring and prediction are off;
+    they are applied after fusion."""
     smoothing = dataclasses.replace(settings.smoothing, amount=0.0, amounts=())
     output = dataclasses.replace(settings.output, mirror=False, predict=0.0)
     return dataclasses.replace(settings, smoothing=smoothing, output=output)
 
 
 def in_world(bodies: list[Body], world_from_sensor: Float) -> list[Body]:
-    """Bodies of a sensor's own level frame, in the world."""
+    """Returns bodies of a sensor's own level frame, in the world."""
     turn = from_matrix(world_from_sensor[:3, :3])
     return [
         dataclasses.replace(
@@ -76,29 +77,29 @@ def in_world(bodies: list[Body], world_from_sensor: Float) -> list[Body]:
 
 
 def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser) -> Iterator[BodyFrame]:
-    """The fused bodies of recorded body streams, each in its sensor's own level frame and clock.
+    """Yields the fused bodies of recorded body streams, each in its sensor's own level frame and clock.
 
     Args:
         streams: by sensor of the space.
         fuser: of the same sensors; asked for its warnings by the caller.
     """
-    rhythm = Rhythm()
+    rhythm = OutputSchedule()
     for time_ns, name, frame in heapq.merge(
         *(_timed(name, frames, space) for name, frames in streams.items()), key=lambda entry: entry[0]
     ):
         place = space.sensors[name]
-        fuser.hear(name, in_world(frame.bodies, place.level), time_ns)
+        fuser.update(name, in_world(frame.bodies, place.level), time_ns)
         if rhythm.due(name, time_ns):
             yield BodyFrame(fuser.bodies(time_ns), time_ns, "fused")
 
 
 def _timed(name: str, frames: Iterable[BodyFrame], space: Space) -> Iterator[tuple[int, str, BodyFrame]]:
-    """The frames of one sensor with their time on the common clock."""
+    """Yields the frames of one sensor with their time on the common clock."""
     offset = space.sensors[name].clock_offset_ns
     for frame in frames:
         yield frame.time_ns + offset, name, frame
 
 
 def eyes(space: Space) -> dict[str, Float]:
-    """By sensor, (3,) where it looks from."""
+    """Returns by sensor (3,) metres: its optical centre in the world."""
     return {name: place.eye for name, place in space.sensors.items()}

@@ -1,4 +1,4 @@
-"""Which side of a person is left: what every sensor says, put right by continuity and by the majority."""
+"""Decides a person's left and right from all sensors, by continuity and by the majority."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from enliven_edge.fusion.live.blending import side_costs
 from enliven_edge.fusion.live.sides import OTHER_SIDE, exchanged
 
 _CLEARLY = 0.06
-"""Metres a joint by which the sides must fit better exchanged to be taken so."""
+"""Metres a joint by which exchanged sides must fit better to be taken."""
 _WALKING = 0.4
-"""Metres a second of the hips that say which way somebody faces."""
+"""Metres a second of the hips above which walking shows the direction of facing."""
 _SETTLED = 3.0
-"""Seconds after which it is known which side is which."""
+"""Seconds after which the sides of a new person count as known."""
 
 
 class SideKeeper:
-    """For one person: which of the sensors name the sides the wrong way round just now.
+    """Keeps for one person which of the sensors name the sides the wrong way round at present.
 
     Args:
         sensors: how many there are.
@@ -33,17 +33,17 @@ class SideKeeper:
         self._doubt, self._watched = 0.0, 0.0
 
     def put_right(self, bodies: Mapping[int, Body]) -> dict[int, Body]:
-        """The bodies with the sides that were decided on."""
+        """Returns the bodies with the sides that were decided on."""
         return {s: self._as_named(s, body) for s, body in bodies.items()}
 
     def compare(self, bodies: Mapping[int, Body], expected: Float, spoke: Bool, known: bool) -> None:
-        """Decides for every sensor whether it has exchanged the sides, by where they are expected.
+        """Decides for every sensor whether it has exchanged the sides, by the expected joints.
 
-        Where two sensors contradict each other after that, the one follows whose word was the closer call.
+        Where two sensors contradict each other after that, the one with the smaller margin is exchanged.
 
         Args:
-            expected: (20, 3); of somebody new, what any of the sensors says.
-            spoke: (S,) whether a sensor saw this person a moment ago; then it must be clear.
+            expected: (20, 3); of a new person, the joints of any of the sensors.
+            spoke: (S,) whether a sensor saw this person a moment ago; then the margin must be clear.
             known: whether this person was ever seen before.
         """
         margins = {}
@@ -60,14 +60,14 @@ class SideKeeper:
                 self._crossed[least] ^= True
 
     def vote(self, weights: Mapping[int, float], backward: float, seconds: float, known: bool) -> bool:
-        """Whether the sides are to be exchanged for all: most have said so for long enough.
+        """Returns whether the sides are exchanged for all sensors: most have said so for long enough.
 
-        Where sensors are at odds, the way somebody walks decides: forward, most of the time. Who has just
-        come in is not known yet: a first look errs more often than a long one.
+        Where sensors disagree, the direction of walking decides: people walk forward most of the time. A new
+        person is not decided yet: a first look errs more often than a long one.
 
         Args:
-            weights: by sensor, how much its word counts.
-            backward: 1 for somebody who walks backward as the sides are named, -1 forward, 0 standing.
+            weights: by sensor, the weight of its vote.
+            backward: 1 for a person who walks backward as the sides are named, -1 forward, 0 standing.
         """
         total = sum(weights.values()) or 1.0
         crossed = sum(w for s, w in weights.items() if self._crossed[s]) / total
@@ -81,7 +81,7 @@ class SideKeeper:
         return over
 
     def _margin(self, sensor: int, body: Body, reference: Float) -> float:
-        """Metres a joint by which the sides as they are named now fit better than exchanged."""
+        """Returns metres a joint by which the sides as named now fit better than exchanged."""
         plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
         return float(plain - crossed if self._crossed[sensor] else crossed - plain)
 
@@ -90,7 +90,7 @@ class SideKeeper:
 
 
 def walks_backward(joints: Float, velocity: Float) -> float:
-    """1 for walking backward as the sides are named, -1 forward, 0 standing.
+    """Returns 1 for walking backward as the sides are named, -1 forward, 0 standing.
 
     Args:
         joints: (20, 3) metres; velocity: (20, 3) metres a second.

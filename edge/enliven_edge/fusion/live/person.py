@@ -16,15 +16,17 @@ from enliven_edge.fusion.live.sides import OTHER_SIDE
 from enliven_edge.fusion.settings import FusionSettings
 
 _GLIDE = 0.5
-"""Seconds unseen up to which joints go on from where they were, and do not appear at once."""
+"""Seconds unseen up to which joints continue from their last place in place of jumping to the new one."""
 _MOVED = 0.02
-"""What a sensor counts that was moved, against one that was not."""
+"""Weight of a sensor that was moved, against one that was not."""
 _CONVINCING = 3.0
-"""Confidence that may be gained a second."""
-_SHAKEN, _CALM = 0.7, 0.05**2
-"""Seconds for which a surprising sensor is doubted, and square metres of surprise that are usual."""
+"""Confidence that a joint may gain a second: a sudden certainty counts little at first."""
+_SHAKEN = 0.7
+"""Seconds of the low-pass of a sensor's surprise: how long a surprising sensor is doubted."""
+_CALM = 0.05**2
+"""Square metres of surprise that are usual: 5 cm of a tracker's noise."""
 _GUESS = 1e-3
-"""The weight of a joint that nobody sees: it stays somewhere."""
+"""The weight of a joint that no sensor sees, so that it keeps a place."""
 
 
 class FusedPerson:
@@ -48,32 +50,32 @@ class FusedPerson:
         self._sure = np.zeros((sensors, 20))
         self._surprise = np.zeros(sensors)
         self._turn_spoke = np.zeros((sensors, 20), bool)
-        self._habit, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
+        self._offsets, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
 
     def unseen(self, time_ns: int) -> float:
-        """Seconds since somebody saw this person; infinite before the first time."""
+        """Returns seconds since any sensor saw this person; infinite before the first time."""
         return (time_ns - self.last_ns) * 1e-9 if self.hits else np.inf
 
     def expected(self, time_ns: int) -> Float:
-        """(20, 3) where the joints are to be expected."""
+        """Returns (20, 3) the predicted joints."""
         return self.joints + min(max(self.unseen(time_ns), 0.0), self.settings.patience) * self.velocity
 
     def see(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
-        """The body of this person by all that see them now."""
+        """Returns the body of this person, fused from all sensors of the group."""
         seconds = self.unseen(time_ns)
         known = seconds < _GLIDE
         expected = self.expected(time_ns) if self.hits else group.mean
         if not known:
-            self._forget_habits()
+            self._reset_offsets()
         bodies, expected = self._put_right(group, views, expected, seconds if known else 0.0)
-        x, w = self._words(bodies, views, seconds if known else np.inf)
+        x, w = self._observations(bodies, views, seconds if known else np.inf)
         if known:
             doubt_outliers(x, w, expected)
-            self._trust_the_steady(x, w, expected, seconds)
+            self._down_weight_unsteady(x, w, expected, seconds)
         step = 1.0 - np.exp(-max(seconds, 0.0) / self.settings.hand_over) if self.settings.hand_over else 1.0
         share = float(step) if known else 1.0
         joints = np.empty((20, 3))
-        blend(x, w, expected, known, self._spoke, self._habit, share, joints)
+        blend(x, w, expected, known, self._spoke, self._offsets, share, joints)
         confidence = _confidence(x, w, bodies, joints)
         turns = self._oriented(bodies, w, known, share)
         self._move(joints, time_ns, seconds, known)
@@ -82,25 +84,26 @@ class FusedPerson:
             views[sensor].bind(sighting, self.id, self.settings.believe_ids)
         return Body(self.id, joints, confidence, turns, _contacts(bodies, w), _stature(bodies, w))
 
-    def _trust_the_steady(self, x: Float, w: Float, expected: Float, seconds: float) -> None:
-        """Lowers the weights (S, 20) of a sensor that has been surprising for a while, against the others.
+    def _down_weight_unsteady(self, x: Float, w: Float, expected: Float, seconds: float) -> None:
+        """Lowers the weights (S, 20) of a sensor with surprising joints over the last seconds, against the
+        others.
 
-        What it always says differently is no surprise.
+        A constant difference of a sensor is no surprise.
         """
         sensors = np.flatnonzero(w.any(1) & self._spoke.any(1))
-        surprise = ((x[sensors] - self._habit[sensors] - expected) ** 2).sum(2).mean(1)
+        surprise = ((x[sensors] - self._offsets[sensors] - expected) ** 2).sum(2).mean(1)
         share = 1.0 - np.exp(-seconds / _SHAKEN)
         self._surprise[sensors] += share * (surprise - self._surprise[sensors])
         if len(sensors) > 1:
             least = self._surprise[sensors].min()
             w[sensors] *= ((least + _CALM) / (self._surprise[sensors] + _CALM))[:, None]
 
-    def _forget_habits(self) -> None:
+    def _reset_offsets(self) -> None:
         self._spoke[:], self._turn_spoke[:] = False, False
         self._turned_known = False
 
     def _move(self, joints: Float, time_ns: int, seconds: float, known: bool) -> None:
-        """The state for the next expectation."""
+        """Updates the state for the next prediction."""
         if known and seconds > 1e-4:
             speed = (joints - self.joints) / seconds
             self.velocity = self.velocity + 0.5 * (speed - self.velocity)
@@ -111,7 +114,7 @@ class FusedPerson:
     def _put_right(
         self, group: Group, views: list[SensorView], expected: Float, seconds: float
     ) -> tuple[dict[int, Body], Float]:
-        """The bodies with the right sides, and (20, 3) where they are expected."""
+        """Returns the bodies with the right sides, and (20, 3) their predicted joints."""
         bodies, known = group_bodies(group), bool(self.hits)
         reference = expected if known else next(iter(bodies.values())).joints
         self._sides.compare(bodies, reference, np.asarray(self._spoke.any(1)), known)
@@ -124,19 +127,21 @@ class FusedPerson:
         return self._sides.put_right(bodies), expected
 
     def _turn_over(self) -> None:
-        """What was left is right from now on."""
+        """Exchanges left and right in the state."""
         self.joints, self.velocity = self.joints[OTHER_SIDE], self.velocity[OTHER_SIDE]
-        self._spoke, self._habit = self._spoke.take(OTHER_SIDE, 1), self._habit.take(OTHER_SIDE, 1)
+        self._spoke, self._offsets = self._spoke.take(OTHER_SIDE, 1), self._offsets.take(OTHER_SIDE, 1)
         self._sure = self._sure[:, OTHER_SIDE]
         self._turn_spoke[:] = False
         self._turned_known = False
 
-    def _words(self, bodies: dict[int, Body], views: list[SensorView], seconds: float) -> tuple[Float, Float]:
-        """(S, 20, 3) joints and (S, 20) weights: sure and near words count most.
+    def _observations(
+        self, bodies: dict[int, Body], views: list[SensorView], seconds: float
+    ) -> tuple[Float, Float]:
+        """Returns (S, 20, 3) joints and (S, 20) weights: sure and near observations weigh most.
 
-        Who has only just become sure of a joint, and was not of where it was before, counts little yet.
+        A joint of which a sensor has just become sure, after it was not, weighs little yet.
         """
-        x, w = np.zeros(self._habit.shape), np.zeros(self._spoke.shape)
+        x, w = np.zeros(self._offsets.shape), np.zeros(self._spoke.shape)
         sure = np.zeros(self._sure.shape)
         for sensor, body in bodies.items():
             sure[sensor] = np.minimum(body.confidence, self._sure[sensor] + _CONVINCING * seconds)
@@ -148,7 +153,7 @@ class FusedPerson:
         return x, w
 
     def _oriented(self, bodies: dict[int, Body], w: Float, known: bool, share: float) -> Float | None:
-        """(20, 4) the weighted mean of the orientations (of quaternions of one sign), or None."""
+        """Returns (20, 4) the weighted mean of the orientations (of quaternions of one sign), or None."""
         have = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
         if not have:
             self._turned_known = False
@@ -167,7 +172,7 @@ class FusedPerson:
 
 
 def group_bodies(group: Group) -> dict[int, Body]:
-    """By sensor, the bodies carried on to now, as the sensors name their sides."""
+    """Returns by sensor the bodies predicted to now, with the sides as the sensors name them."""
     return {s: _replaced(sighting.body, group.joints[s]) for s, sighting in group.sightings.items()}
 
 
@@ -178,13 +183,13 @@ def _replaced(body: Body, joints: Float) -> Body:
 
 
 def _noise(body: Body, view: SensorView, settings: FusionSettings) -> float:
-    """Metres of doubt of a sensor's joints at the distance of a body."""
+    """Returns metres of noise of a sensor's joints at the distance of a body."""
     away = body.joints[Joint.HIP_CENTER] - view.eye
     return float(settings.near_noise + settings.far_noise * (away @ away))
 
 
 def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
-    """(20,) that of the sensor that is trusted most, lower where sensors contradict each other."""
+    """Returns (20,) the confidence of the most trusted sensor, lower where sensors contradict each other."""
     told, made = np.zeros(w.shape), np.empty(len(joints))
     for sensor, body in bodies.items():
         told[sensor] = body.confidence
@@ -193,7 +198,7 @@ def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> F
 
 
 def _contacts(bodies: dict[int, Body], w: Float) -> Float | None:
-    """(2,) contact of either foot, by who sees the ankles best."""
+    """Returns (2,) the contact of either foot, from the sensors that see the ankles best."""
     have = [(s, b.contacts) for s, b in bodies.items() if b.contacts is not None]
     if not have:
         return None
@@ -202,7 +207,7 @@ def _contacts(bodies: dict[int, Body], w: Float) -> Float | None:
 
 
 def _stature(bodies: dict[int, Body], w: Float) -> float | None:
-    """Metres, the mean of those who have measured it."""
+    """Returns metres: the mean of the sensors that have measured it."""
     have = [(float(w[s].sum()), b.stature) for s, b in bodies.items() if b.stature is not None]
     total = sum(weight for weight, _ in have)
     return sum(weight * stature for weight, stature in have) / total if total else None

@@ -1,4 +1,4 @@
-"""A sensor that is read in a thread of its own until it ends, fails, or is stopped."""
+"""Reads a sensor in a thread of its own until it ends, fails, or is stopped."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from enliven_edge.sensors import Sensor
 log = logging.getLogger(__name__)
 
 PATIENCE = 0.1
-"""Seconds to wait for a frame before looking whether to stop."""
+"""Seconds to wait for a frame before checking whether to stop."""
 
 
 class SensorThread(ABC):
-    """Runs :meth:`_read` for one sensor; a failure is kept for the user, who still has the other sensors.
+    """Runs :meth:`_read` for one sensor; a failure is kept for the user, and the other sensors go on.
 
     Args:
         name: the sensor's identity.
 
     Attributes:
-        ended: nothing more will come.
-        failure: why not, where it was no ordinary end.
-        recorded: it is a recording, whose frames may wait for those of others.
+        ended: no more frames will come.
+        failure: the reason, where it was no ordinary end.
+        recorded: whether it is a recording: its frames may wait for those of others.
     """
 
     def __init__(self, name: str, sensor: Sensor) -> None:
@@ -56,5 +56,5 @@ class SensorThread(ABC):
         """Reads until the end, or until :attr:`_stopped` is set."""
 
     def _end(self) -> None:
-        """Nothing more will come."""
+        """Marks the end of the frames."""
         self.ended = True

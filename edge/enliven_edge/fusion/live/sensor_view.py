@@ -1,4 +1,4 @@
-"""What one sensor last said of everybody, carried on to the moment that is asked for."""
+"""The last bodies of one sensor, predicted to the moment that is asked for."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ from enliven.arrays import Float
 from enliven.person import Body
 from enliven_edge.fusion.live.health import SensorState
 
-_CALM, _LIVELY, _START = 0.2, 0.7, 1.5
-"""Part of a new difference that a velocity takes over: little of noise, much of a start or a stop:
-a change by 1.5 m/s and more."""
+_CALM = 0.2
+"""Share of a small velocity change that is taken over at a frame: small changes are mostly noise."""
+_LIVELY = 0.7
+"""Share of a large velocity change that is taken over at a frame: a start or a stop."""
+_START = 1.5
+"""Metres a second of change that count as a start or a stop in full."""
 _FASTEST = 8.0
-"""Metres a second of a trunk beyond which it is another one, whatever the sensor calls it."""
+"""Metres a second of a trunk: a faster one is another person, whatever identity the sensor gives it."""
 _BACK_AGAIN = 0.5
-"""Seconds after which a velocity is measured anew."""
+"""Seconds after which a velocity starts anew at zero."""
 
 
 @dataclass
-class Sighting:
+class BodySighting:
     """One body of one sensor.
 
     Attributes:
@@ -36,17 +39,17 @@ class Sighting:
     person: int = 0
 
     def age(self, time_ns: int) -> float:
-        """Seconds since it was told."""
+        """Returns the seconds since the sensor sent it."""
         return (time_ns - self.time_ns) * 1e-9
 
     def joints(self, time_ns: int, longest: float) -> Float:
-        """(20, 3) where the joints are by now; never carried on for longer than ``longest`` seconds."""
+        """Returns (20, 3) the predicted joints; never predicted for longer than ``longest`` seconds."""
         seconds = min(max(self.age(time_ns), -longest), longest)
         return self.body.joints + seconds * self.velocity if seconds else self.body.joints
 
 
 class SensorView:
-    """One sensor's sightings.
+    """The sightings of one sensor.
 
     Args:
         name: its identity.
@@ -56,15 +59,15 @@ class SensorView:
     def __init__(self, name: str, eye: Float) -> None:
         self.name, self.eye = name, eye
         self.state = SensorState.WAITING
-        self.sightings: dict[int, Sighting] = {}
+        self.sightings: dict[int, BodySighting] = {}
         self.last_ns: int | None = None
         self.astray = np.zeros(3)
         self._same_since_ns = 0
         self._before: list[Body] = []
         self._bound: dict[int, tuple[int, int]] = {}
 
-    def hear(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
-        """Takes in what the sensor says now; False for what comes late and says nothing new.
+    def update(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
+        """Takes in a sensor's bodies; returns False where they are late and bring nothing new.
 
         Args:
             silence: seconds of unchanging bodies after which the sensor counts as frozen.
@@ -85,8 +88,8 @@ class SensorView:
         self.sightings = {body.id: self._sighted(body, time_ns) for body in bodies}
         return True
 
-    def bind(self, sighting: Sighting, person: int, believed: float) -> None:
-        """Remembers who a body is, for the case that the sensor loses and finds it again.
+    def bind(self, sighting: BodySighting, person: int, believed: float) -> None:
+        """Remembers the person of a body, for the case that the sensor loses and finds it again.
 
         Args:
             believed: seconds after which it is forgotten.
@@ -98,7 +101,7 @@ class SensorView:
             self._bound = {body: b for body, b in self._bound.items() if b[1] >= oldest}
 
     def _repeats(self, bodies: list[Body]) -> bool:
-        """Whether somebody is there, and nobody has moved by a bit."""
+        """Returns whether there are people and all their joints equal the last ones bit for bit."""
         before, self._before = self._before, bodies
         return (
             bool(bodies)
@@ -109,18 +112,18 @@ class SensorView:
             )
         )
 
-    def _sighted(self, body: Body, time_ns: int) -> Sighting:
+    def _sighted(self, body: Body, time_ns: int) -> BodySighting:
         before = self.sightings.get(body.id)
         if before is None:
-            return Sighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
+            return BodySighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
         seconds = before.age(time_ns)
         # Who was not seen was only supposed to be somewhere: the way from there is no motion.
         if seconds > _BACK_AGAIN or not before.body.confidence.any():
-            return Sighting(body, time_ns, np.zeros((20, 3)), before.person)
+            return BodySighting(body, time_ns, np.zeros((20, 3)), before.person)
         speed = (body.joints - before.body.joints) / seconds
         if np.linalg.norm(speed[:4].mean(0)) > _FASTEST:
-            return Sighting(body, time_ns, np.zeros((20, 3)))
+            return BodySighting(body, time_ns, np.zeros((20, 3)))
         change = speed - before.velocity
         size = np.minimum(np.sqrt((change**2).sum(1, keepdims=True)) / _START, 1.0)
         velocity = before.velocity + (_CALM + (_LIVELY - _CALM) * size) * change
-        return Sighting(body, time_ns, velocity, before.person)
+        return BodySighting(body, time_ns, velocity, before.person)

@@ -1,4 +1,4 @@
-"""Left and right: a sensor that sees a back may name the sides the wrong way round."""
+"""Exchanges left and right: a sensor that sees a back may name the sides the wrong way round."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ OTHER_SIDE = np.array(MIRROR)
 LATERAL = np.arange(J) != OTHER_SIDE
 """(20,) whether a joint has a side."""
 MIDDLES = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
-"""(12, 2) joints whose midpoint does not depend on which side is called left."""
+"""(12, 2) joints with a midpoint that does not depend on the naming of sides."""
 _ABOUT_FACE = np.array([0.0, 0.0, 1.0, 0.0])
 """(4,) half a turn about a bone's length."""
 
 
 def middles(joints: Float) -> Float:
-    """(..., 12, 3) points of a body that an exchange of sides leaves where they are."""
+    """Returns (..., 12, 3) the points of a body that an exchange of sides leaves in place."""
     return np.asarray(0.5 * (joints[..., MIDDLES[:, 0], :] + joints[..., MIDDLES[:, 1], :]))
 
 
 def middle_weights(weights: Float) -> Float:
-    """(..., 12) of (..., 20): as good as the worse of the two joints."""
+    """Returns (..., 12) of (..., 20): the smaller of the two joints' weights."""
     return np.minimum(weights[..., MIDDLES[:, 0]], weights[..., MIDDLES[:, 1]])
 
 
 def exchanged(body: Body) -> Body:
-    """The body with left and right named the other way round; twice is the body itself.
+    """Returns the body with left and right exchanged; twice is the body itself.
 
-    Positions change their names only. Who is taken for facing the other way has every bone turned half about
-    its length, so that its front is where it truly is.
+    Positions change their names only. Every bone is also turned half about its length, so that the front of a
+    person who was taken for facing the other way is where it truly is.
     """
     turns = body.orientations
     return dataclasses.replace(

@@ -15,15 +15,15 @@ from enliven_edge.tracking.body_model import Posture, lengths_for_height, standi
 
 @cache
 def warm_up_fusion() -> None:
-    """Two sensors that see one person stand for a few frames, with orientations."""
+    """Fuses a few frames of a standing person from two sensors, with orientations."""
     fuser = Fuser({"a": np.zeros(3), "b": np.ones(3)})
     turns = np.tile(IDENTITY, (20, 1))
     for n in range(3):
         for sensor in ("a", "b"):
-            fuser.hear(sensor, [Body(1, somebody() + 1e-3 * n, np.ones(20), turns)], n * 33_333_333)
+            fuser.update(sensor, [Body(1, standing_person() + 1e-3 * n, np.ones(20), turns)], n * 33_333_333)
         fuser.bodies(n * 33_333_333)
 
 
-def somebody() -> Float:
-    """(20, 3) metres: a person who stands."""
+def standing_person() -> Float:
+    """Returns (20, 3) metres: a standing person."""
     return Posture(np.array([0.0, 0.95, -2.0]), standing(elbow=0.5), lengths_for_height(1.75)).joints()

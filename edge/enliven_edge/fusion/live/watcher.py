@@ -1,4 +1,4 @@
-"""One of several sensors in a thread of its own: read, track, hand on."""
+"""One sensor of several in a thread of its own: reads, tracks and queues its bodies."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _WAITING = 2
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What one sensor saw at one moment.
+class SensorBodies:
+    """The bodies of one sensor at one moment.
 
     Attributes:
         bodies: in the world.
@@ -47,13 +47,13 @@ class Watcher(SensorThread):
     Args:
         name: the sensor's identity in the space.
         place: where it stands.
-        health: says what is wrong with it.
+        health: monitors the sensor.
         changed: notified after everything that is new.
         once: end at the sensor's first fault, in place of going on with its next good frame.
 
     Attributes:
-        ails: what is wrong with the sensor now, the gravest first.
-        seen: what waits to be fused, the oldest first; guarded by ``changed``.
+        health_states: the sensor's health states now, the gravest first.
+        seen: the bodies that wait to be fused, the oldest first; guarded by ``changed``.
     """
 
     def __init__(
@@ -68,13 +68,13 @@ class Watcher(SensorThread):
     ) -> None:
         super().__init__(name, sensor)
         self.place = place
-        self.seen: deque[Seen] = deque()
-        self.ails: list[HealthState] = []
+        self.seen: deque[SensorBodies] = deque()
+        self.health_states: list[HealthState] = []
         self._tracker, self._health, self._changed = tracker, health, changed
         self._once = once
 
     def stop(self) -> None:
-        """Ends the thread and lets the sensor go."""
+        """Ends the thread and releases the sensor."""
         self._stopped.set()
         with self._changed:
             self._changed.notify_all()
@@ -93,13 +93,13 @@ class Watcher(SensorThread):
                 frame = self.sensor.read(PATIENCE)
             except TimeoutError:
                 self._health.silent(time.monotonic() - heard)
-                self.ails = self._health.states
+                self.health_states = self._health.states
                 continue
             except (SensorFault, InputError) as error:
                 self._health.failed(error)
                 self._health.silent(time.monotonic() - heard)
                 self._end_at_fault()
-                self.ails = self._health.states
+                self.health_states = self._health.states
                 continue
             if frame is None:
                 return
@@ -110,16 +110,16 @@ class Watcher(SensorThread):
                 bodies = self._bodies(frame)
                 frozen = any(state.kind == HealthKind.FROZEN for state in self._health.states)
                 time_ns = frame.time_ns + self.place.clock_offset_ns
-                self._hand_on(Seen(self.name, bodies, time_ns, read_ns, frozen))
-            self.ails = self._health.states
+                self._hand_on(SensorBodies(self.name, bodies, time_ns, read_ns, frozen))
+            self.health_states = self._health.states
 
     def _end_at_fault(self) -> None:
-        """Ends where the sensor had a fault and that was asked for."""
+        """Raises ResourceError after a fault where ``once`` was asked for."""
         if self._once and self._health.fault:
             raise ResourceError(self._health.fault, where=f"sensor {self.name}")
 
-    def _hand_on(self, seen: Seen) -> None:
-        """Waits for room, so that a recording is not read faster than it is used."""
+    def _hand_on(self, seen: SensorBodies) -> None:
+        """Queues bodies after waiting for room, so that a recording is not read faster than it is used."""
         with self._changed:
             while len(self.seen) >= _WAITING and not self._stopped.is_set():
                 self._changed.wait(PATIENCE)
@@ -127,7 +127,7 @@ class Watcher(SensorThread):
             self._changed.notify_all()
 
     def _bodies(self, frame: Frame) -> list[Body]:
-        """Who is there, in the world."""
+        """Returns the people of a frame, in the world."""
         if isinstance(frame, BodyFrame):
             self._health.judge(frame, frame.bodies)
             return in_world(frame.bodies, self.place.level)

@@ -7,6 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 
 UP = np.array([0.0, 1.0, 0.0])
+"""(3,) the vertical of the world, +Y."""
 
 
 def moved(transform: Float, points: Float) -> Float:

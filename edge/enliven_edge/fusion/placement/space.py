@@ -1,4 +1,4 @@
-"""Where the sensors stand, on disk: a TOML file that a person can read and mend."""
+"""Reads and writes the places of the sensors as a TOML file that a person can read and edit."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from enliven.settings import load_settings, read_toml, setting
 _Row = tuple[float, float, float, float]
 _Rows = tuple[_Row, _Row, _Row, _Row]
 _UNIT = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+"""Rows of the identity: a sensor stands at the world's origin unless the file says otherwise."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where one sensor stands, and what time it has."""
+    """The place of one sensor, and the offset of its clock."""
 
     world_from_sensor: _Rows = setting(_UNIT, "(4, 4) from the level frame in which the sensor tells bodies.")
     world_from_camera: _Rows | None = setting(None, "(4, 4) of its depth camera; left out where it has none.")
@@ -52,7 +53,7 @@ class Space:
 
 
 def load_space(path: Path) -> Space:
-    """The space of a file that :func:`save_space` wrote.
+    """Reads the space of a file that :func:`save_space` wrote.
 
     Raises:
         InputError: for an unreadable file, or a matrix that is no rigid transform.
@@ -77,7 +78,7 @@ def load_space(path: Path) -> Space:
 
 
 def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
-    """Writes the file whole or not at all; what was there before is kept beside it.
+    """Writes the file whole or not at all; the previous file is kept beside it.
 
     Returns:
         Where the file that was there before is now, or None.
@@ -93,13 +94,13 @@ def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
 
 
 def rows(transform: Float) -> _Rows:
-    """A (4, 4) array as nested tuples."""
+    """Returns a (4, 4) array as nested tuples."""
     a, b, c, d = (tuple(float(v) for v in row) for row in transform)
     return a, b, c, d  # type: ignore[return-value]
 
 
 def _text(space: Space, remarks: list[str]) -> str:
-    """The file's text: remarks as comments, a table a sensor."""
+    """Returns the file's text: remarks as comments, a table a sensor."""
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]
     for name, place in space.sensors.items():
         quoted = name.replace("\\", "\\\\").replace('"', '\\"')
@@ -116,7 +117,7 @@ def _matrix(key: str, matrix: _Rows) -> list[str]:
 
 
 def _checked(transform: Float, where: str) -> None:
-    """Refuses what is no rigid transform: a slip of the hand would bend every body."""
+    """Raises InputError for a matrix that is no rigid transform: a typing error would bend every body."""
     rotation = transform[:3, :3]
     crooked = np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0
     if crooked or not np.array_equal(transform[3], [0, 0, 0, 1]) or not math.isfinite(transform.sum()):

@@ -1,4 +1,4 @@
-"""The fields of a ROS message, one after the other, none beyond its end."""
+"""Reads the fields of a ROS message one after the other, within its bounds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import struct
 from enliven.errors import InputError
 
 _MOST_TEXT = 4096
-"""Bytes of a name or a number in words."""
+"""Bytes of a name, or of a number as text."""
 
 
 class Fields:
@@ -22,16 +22,16 @@ class Fields:
         self._data, self._at, self.where = data, 0, where
 
     def number(self, kind: str) -> int | float:
-        """The next number, of a kind of :mod:`struct`, such as "I" or "d"."""
+        """Reads the next number, of a kind of :mod:`struct`, such as "I" or "d"."""
         (value,) = self.numbers(kind)
         return value
 
     def count(self) -> int:
-        """The next unsigned number of 32 bits."""
+        """Reads the next unsigned number of 32 bits."""
         return int(self.number("I"))
 
     def numbers(self, kinds: str) -> tuple[float, ...]:
-        """The next numbers, one for each letter.
+        """Reads the next numbers, one for each letter.
 
         Raises:
             InputError: where the message is shorter.
@@ -39,18 +39,18 @@ class Fields:
         return struct.unpack("<" + kinds, self._take(struct.calcsize("<" + kinds)))
 
     def text(self) -> str:
-        """The next text."""
+        """Reads the next text."""
         size = self.count()
         if size > _MOST_TEXT:
             raise self.damaged()
         return self._take(size).decode("utf-8", errors="replace")
 
     def block(self) -> bytes:
-        """The next bytes, as many as are said before them."""
+        """Reads the next bytes, as many as the number before them states."""
         return self._take(self.count())
 
     def damaged(self) -> InputError:
-        """What to raise where the message says what cannot be."""
+        """Returns the error for a message with impossible content."""
         return InputError("a message is damaged", where=self.where, mend="Copy the recording again.")
 
     def _take(self, size: int) -> bytes:
@@ -70,7 +70,7 @@ class AlignedFields(Fields):
             raise self.damaged()
 
     def numbers(self, kinds: str) -> tuple[float, ...]:
-        """The next numbers, one for each letter."""
+        """Reads the next numbers, one for each letter."""
         values: list[float] = []
         for kind in kinds:
             self._at += -self._at % struct.calcsize(kind)
@@ -78,5 +78,5 @@ class AlignedFields(Fields):
         return tuple(values)
 
     def text(self) -> str:
-        """The next text, without the zero behind it."""
+        """Reads the next text, without its final zero byte."""
         return super().text().rstrip("\0")

@@ -19,11 +19,11 @@ _WIDEST = 8192
 _PNG_BEGINS = 12
 """Bytes that ROS puts before the PNG of a packed depth image."""
 _DEPTHS = ("mono16", "16uc1", "z16")
-"""What the makers call images of 16 bits a pixel in distances."""
+"""The makers' names of images with 16-bit distances."""
 
 
 def plain_image(fields: Fields) -> UInt16:
-    """(H, W) the pixels of a ``sensor_msgs/Image`` behind its head.
+    """Returns (H, W) the pixels of a ``sensor_msgs/Image`` after its header.
 
     Raises:
         InputError: where it is no depth image, or has another size than it says.
@@ -45,7 +45,7 @@ def plain_image(fields: Fields) -> UInt16:
 
 
 def packed_image(fields: Fields) -> UInt16:
-    """(H, W) the pixels of a ``sensor_msgs/CompressedImage`` behind its head.
+    """Returns (H, W) the pixels of a ``sensor_msgs/CompressedImage`` after its header.
 
     Raises:
         InputError: where it is no depth image.
@@ -62,14 +62,14 @@ def packed_image(fields: Fields) -> UInt16:
 
 
 def in_millimetres(depth: UInt16, millimetres: float) -> UInt16:
-    """Depths of another step, rounded."""
+    """Converts depths in steps of ``millimetres`` to millimetres, rounded."""
     if millimetres == 1.0:
         return depth
     return np.rint(depth * millimetres).clip(0, 65535).astype(np.uint16)
 
 
 def checked_step(millimetres: float, where: str) -> float:
-    """A step of depth that a camera may have, without the rounding of a float32, which knows seven digits.
+    """Returns a plausible step of depth without float32's rounding, which keeps seven digits.
 
     Raises:
         InputError: where it is none.
@@ -80,7 +80,7 @@ def checked_step(millimetres: float, where: str) -> float:
 
 
 def checked_time(time_ns: int, where: str) -> int:
-    """A time that a recording may have, nanoseconds.
+    """Returns a plausible time of a recording, nanoseconds.
 
     Raises:
         InputError: where it is beyond all calendars.
@@ -113,7 +113,7 @@ def plain_lens(
 
 
 def rational_places(camera: Intrinsics, bent: tuple[float, ...]) -> Int:
-    """(H*W,) from which pixel of an image with OpenCV's rational distortion each pixel without it comes.
+    """Returns (H*W,) the pixel of a distorted image (OpenCV's rational model) for each undistorted pixel.
 
     The nearest one: between depths there is no mean. H*W stands for none.
 

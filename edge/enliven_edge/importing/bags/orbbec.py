@@ -1,6 +1,6 @@
-"""Recordings of OrbbecSDK 2.4 and later.
+"""Reads recordings of OrbbecSDK 2.4 and later.
 
-Its image messages have a field that their written definition lacks, so that no reader that goes by the
+Its image messages have a field that their written definition lacks, so that no reader that follows the
 definition understands them.
 """
 
@@ -36,9 +36,14 @@ _IMAGES, _STREAM, _DEVICE, _PROPERTY = (
     "/cam/deviceInfo",
     "/cam/property",
 )
-_VERSION, _PRECISION, _UNIT, _IN_DEVICE = 0, 75, 176, 85
-"""Properties: the file's version, the step of depth in levels and in millimetres, and whether the camera made
-depth of its disparities."""
+_VERSION = 0
+"""Orbbec's property number of the file's version."""
+_PRECISION = 75
+"""Orbbec's property number of the step of depth as a level, an index of the steps below."""
+_UNIT = 176
+"""Orbbec's property number of the step of depth in millimetres."""
+_IN_DEVICE = 85
+"""Orbbec's property number of whether the camera itself computed depth from its disparities."""
 _STEPS = (1.0, 0.8, 0.4, 0.1, 0.2, 0.5, 0.05)
 """Millimetres a step of depth, by Orbbec's level of precision."""
 _MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fisheye")
@@ -46,22 +51,23 @@ _MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fis
 _MEASURES_DEPTH = (0x0669, 0x06C0, 0x066B)
 """USB's product ids of Femto Mega and Bolt, which measure by time of flight and have no disparities."""
 _KNOWN = re.compile(r"Gemini [3-9]\d\d|Astra 2")
-"""Cameras that make depth of their disparities themselves, where a property says so, in the steps above. The
+"""Cameras that compute depth from disparities themselves, where a property says so, in the steps above. The
 library plays those of a Gemini 2 with a quarter of the recorded numbers; older ones were not tried."""
 _PLAY = "Have the library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
 _RATIONAL = 4
-"""The number of the model with six coefficients; with three it is ours."""
+"""Orbbec's number of the distortion model with six radial coefficients; with three it equals ours."""
 _NONE = (0.0,) * 5
+"""Distortion coefficients k1, k2, p1, p2, k3 of an image without distortion."""
 
 
 @dataclass
 class _About:
-    """What a recording says beside its images, most of it at its end.
+    """The information beside the images of a recording, most of it at its end.
 
     Attributes:
         camera: the lens of the images that are handed on.
         places: (H*W,) from where in a recorded image each of their pixels comes; None: all stay.
-        name, product, serial: what the camera calls itself, USB's product id, its serial number.
+        name, product, serial: the camera's own name, USB's product id, its serial number.
         properties: its settings, as bytes, by Orbbec's numbers.
     """
 
@@ -74,7 +80,7 @@ class _About:
 
 
 def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
-    """The depth images of a recording.
+    """Yields the depth images of a recording.
 
     Args:
         device: the name to give the sensor; None for one with its serial number.
@@ -98,7 +104,7 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
 
 
 def check_playback(path: Path) -> None:
-    """Looks whether Orbbec's library can play a recording: it hangs on one of another version.
+    """Checks that Orbbec's library can play a recording: it hangs on one of another version.
 
     Raises:
         InputError: where it cannot.
@@ -107,7 +113,7 @@ def check_playback(path: Path) -> None:
 
 
 def _about(path: Path) -> _About:
-    """What the small messages say.
+    """Reads the small messages.
 
     Raises:
         InputError: where the depth camera is missing, or the file is of another version.
@@ -134,7 +140,7 @@ def _about(path: Path) -> _About:
 
 
 def _check_depth(about: _About, path: Path) -> None:
-    """Looks whether the images are depth.
+    """Checks that the images are depth.
 
     Raises:
         InputError: where they are disparities, or may be.
@@ -150,21 +156,22 @@ def _check_depth(about: _About, path: Path) -> None:
 
 
 def _value(about: _About, number: int, kind: str, otherwise: float) -> float:
-    """A property as a number."""
+    """Returns a property as a number."""
     data = about.properties.get(number, b"")
     size = struct.calcsize(kind)
     return float(struct.unpack("<" + kind, data[:size])[0]) if len(data) >= size else otherwise
 
 
 def _step(about: _About, path: Path) -> float:
-    """Millimetres of one step of depth."""
+    """Returns millimetres of one step of depth."""
     level = round(_value(about, _PRECISION, "i", 0.0))
     usual = _STEPS[level] if 0 <= level < len(_STEPS) else 1.0
     return checked_step(_value(about, _UNIT, "f", usual), str(path))
 
 
 def _camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
-    """``custom_msg/OBStreamProfileInfo``: the lens, and how to straighten images where it is not ours."""
+    """Reads ``custom_msg/OBStreamProfileInfo``: the lens, and the undistortion where the model is not
+    ours."""
     fields.numbers("BB12f")
     width, height, _fps = (int(each) for each in fields.numbers("HHH"))
     fx, fy, cx, cy, k1, k2, k3, k4, k5, k6, p1, p2 = fields.numbers("12f")
@@ -178,7 +185,7 @@ def _camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
 
 
 def _device(fields: Fields) -> tuple[str, int, str]:
-    """``custom_msg/OBDeviceInfo``: name, product and serial number."""
+    """Reads ``custom_msg/OBDeviceInfo``: name, product and serial number."""
     name, _full, _chip = fields.text(), fields.text(), fields.text()
     _vendor, product = fields.numbers("HH")
     _place = fields.text()

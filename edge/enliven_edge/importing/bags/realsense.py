@@ -1,4 +1,4 @@
-"""Recordings of librealsense: a .bag until 2.56, a .db3 since."""
+"""Reads recordings of librealsense: a .bag until 2.56, a .db3 since."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Read = Callable[[Path, Callable[[str], bool]], Iterator[Message]]
 
 @dataclass
 class _About:
-    """What a recording says of its cameras, by the beginnings of their topics."""
+    """The information about a recording's cameras, by the beginnings of their topics."""
 
     cameras: dict[str, Intrinsics] = field(default_factory=dict)
     steps: dict[str, float] = field(default_factory=dict)
@@ -41,7 +41,7 @@ class _About:
 
 
 def frames(path: Path, read: Read, device: str | None) -> Iterator[DepthFrame]:
-    """The depth images of one camera of a recording.
+    """Yields the depth images of one camera of a recording.
 
     Args:
         read: the messages of the file.
@@ -72,7 +72,7 @@ def frames(path: Path, read: Read, device: str | None) -> Iterator[DepthFrame]:
 
 
 def _frame(topic: str, fields: Fields, camera: Intrinsics, step: float, name: str) -> DepthFrame:
-    """An image of a recording; a .bag has its number before it, a .db3 behind it."""
+    """Reads an image of a recording; its number stands before it in a .bag, after it in a .db3."""
     number = None if isinstance(fields, AlignedFields) else fields.count()
     seconds, rest = fields.numbers("II")
     fields.text()
@@ -82,7 +82,7 @@ def _frame(topic: str, fields: Fields, camera: Intrinsics, step: float, name: st
 
 
 def _numbered(frame: DepthFrame, said: dict[str, str]) -> DepthFrame:
-    """An image of a .db3, with the number and the camera's own time that come behind it."""
+    """Returns an image of a .db3 with the number and the camera's own time that follow it."""
     try:
         time_ns = checked_time(round(1e6 * float(said["timestamp"])), frame.sensor)
         return replace(frame, sequence=int(said["Frame number"]), time_ns=time_ns)
@@ -91,7 +91,7 @@ def _numbered(frame: DepthFrame, said: dict[str, str]) -> DepthFrame:
 
 
 def _about(path: Path, read: Read) -> _About:
-    """What the small messages say."""
+    """Reads the small messages."""
     about = _About()
     for topic, fields in read(path, _is_small):
         if topic.endswith("camera_info"):
@@ -108,12 +108,12 @@ def _about(path: Path, read: Read) -> _About:
 
 
 def _is_small(topic: str) -> bool:
-    """Whether a topic says something of a camera; a .db3 has its lens in words too, beside each image."""
+    """Returns whether a topic describes a camera; a .db3 also has its lens as text beside each image."""
     return _SMALL.fullmatch(topic) is not None
 
 
 def _camera(fields: Fields) -> Intrinsics:
-    """A lens: ``sensor_msgs/CameraInfo`` in a .bag, words in a .db3."""
+    """Reads a lens: ``sensor_msgs/CameraInfo`` in a .bag, text in a .db3."""
     if isinstance(fields, AlignedFields):
         return _camera_in_words(fields)
     fields.numbers("III")
@@ -138,7 +138,7 @@ def _camera_in_words(fields: Fields) -> Intrinsics:
 
 
 def _step(fields: Fields) -> float:
-    """Millimetres of one step of depth."""
+    """Returns millimetres of one step of depth."""
     try:
         metres = float(fields.text() if isinstance(fields, AlignedFields) else fields.number("f"))
     except ValueError:
@@ -147,7 +147,7 @@ def _step(fields: Fields) -> float:
 
 
 def _pairs(fields: Fields) -> Iterator[tuple[str, str]]:
-    """Keys and values: one pair in a .bag, ``key=value;`` in a .db3."""
+    """Reads keys and values: one pair in a .bag, ``key=value;`` in a .db3."""
     if not isinstance(fields, AlignedFields):
         yield fields.text(), fields.text()
         return
@@ -158,7 +158,7 @@ def _pairs(fields: Fields) -> Iterator[tuple[str, str]]:
 
 
 def _chosen(about: _About, device: str | None, path: Path) -> str:
-    """The stream of the camera that is meant."""
+    """Returns the stream of the chosen camera."""
     if not about.cameras:
         mend = "Record depth: in the RealSense Viewer the stereo module must be on."
         raise InputError("it holds no depth of a RealSense camera", where=str(path), mend=mend)

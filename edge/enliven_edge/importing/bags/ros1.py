@@ -1,4 +1,4 @@
-"""The messages of a ROS bag of version 2.0, read from its beginning: its index is not needed."""
+"""Reads the messages of a ROS bag of version 2.0 from its beginning, without its index."""
 
 from __future__ import annotations
 
@@ -20,8 +20,12 @@ _MOST_HEADER = 1 << 16
 """Bytes of a record's header; a connection's has a topic's name."""
 _MOST_CHUNK = 1 << 27
 """Bytes of a chunk, unpacked: the makers' have one message or 768 KiB, an image has up to 50 MB."""
-_MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
-"""The kinds of record that matter; the others are the index."""
+_MESSAGE = 2
+"""Record kind (op) of message data in a bag."""
+_CHUNK = 5
+"""Record kind (op) of a chunk of records."""
+_CONNECTION = 7
+"""Record kind (op) of a connection, which names a topic; the other kinds are the index."""
 _COPY = "Copy it again; it was not closed, or copied only in part."
 
 
@@ -33,7 +37,7 @@ class Message(NamedTuple):
 
 
 def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
-    """The messages of the wanted topics, in the order of the file.
+    """Yields the messages of the wanted topics, in the order of the file.
 
     Raises:
         InputError: where the file is damaged, cut off, or would not fit into memory.
@@ -59,7 +63,7 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
 def _inside(
     chunk: bytes, topics: dict[bytes, str], wanted: Callable[[str], bool], path: Path
 ) -> Iterator[Message]:
-    """The messages of a chunk; its connections are added to ``topics``."""
+    """Yields the messages of a chunk; its connections are added to ``topics``."""
     at = 0
     while at < len(chunk):
         header_at, at = _extent(chunk, at, path)
@@ -76,7 +80,7 @@ def _inside(
 
 
 def _extent(chunk: bytes, at: int, path: Path) -> tuple[int, int]:
-    """Where a sized part of a chunk begins and ends."""
+    """Returns the begin and the end of a sized part of a chunk."""
     begin = at + 4
     end = begin + int.from_bytes(chunk[at:begin], "little")
     if begin > len(chunk) or end > len(chunk):
@@ -85,7 +89,7 @@ def _extent(chunk: bytes, at: int, path: Path) -> tuple[int, int]:
 
 
 def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
-    """The content of a chunk, never more than it says of itself."""
+    """Returns the content of a chunk, never more than it states."""
     how, size = header.get(b"compression", b""), int.from_bytes(header.get(b"size", b"")[:4], "little")
     if size > _MOST_CHUNK:
         raise _too_large(size, path)
@@ -109,7 +113,7 @@ def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
 
 
 def _header(content: bytes, path: Path) -> dict[bytes, bytes]:
-    """The fields of a record's header."""
+    """Returns the fields of a record's header."""
     fields, at = {}, 0
     while at < len(content):
         begin, at = _extent(content, at, path)
@@ -134,7 +138,7 @@ def _size(file: BinaryIO, path: Path) -> int:
 
 
 def _sized(file: BinaryIO, most: int, path: Path) -> bytes:
-    """The next bytes of the file, as many as are said before them."""
+    """Reads the next bytes of the file, as many as the number before them states."""
     size = _size(file, path)
     if size > os.fstat(file.fileno()).st_size - file.tell():
         raise _cut(file.tell(), path)

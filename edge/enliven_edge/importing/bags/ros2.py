@@ -1,4 +1,4 @@
-"""The messages of a ROS 2 recording in a database, as librealsense has written them since 2.57."""
+"""Reads the messages of a ROS 2 recording in a database, as librealsense writes them since 2.57."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ MAGIC = b"SQLite format 3\0"
 _MOST_MESSAGE = 1 << 27
 """Bytes of a message; an image has up to 50 MB."""
 _MOST_TOPICS = 1000
-"""Topics; a camera's recording has some 200, an option each."""
+"""Topics of a recording: a camera's has some 200, one for each option."""
 
 
 def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
-    """The messages of the wanted topics, in the order in which they were recorded.
+    """Yields the messages of the wanted topics, in the order in which they were recorded.
 
     Raises:
         InputError: where the file is damaged or no recording.
@@ -42,11 +42,11 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
 _TOPICS = f"SELECT id, name FROM topics LIMIT {_MOST_TOPICS}"
 _MESSAGES = "SELECT topic_id, data FROM messages WHERE topic_id IN ({}) ORDER BY id"
 _TABLES = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('topics', 'messages')"
-"""A view of such a name could be made to run for ever."""
+"""Counts real tables only: a view of such a name could be made to run for ever."""
 
 
 def _opened(path: Path) -> sqlite3.Connection:
-    """The database, which is only read.
+    """Opens the database for reading.
 
     Raises:
         sqlite3.Error: where it is none, or has no such tables.

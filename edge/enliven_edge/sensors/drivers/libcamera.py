@@ -7,7 +7,7 @@ from pathlib import Path
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven_edge.landmarks import LandmarkSource, LevelEye, check_view
+from enliven_edge.landmarks import LandmarkSource, MonocularPoseEstimator, check_view
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
 from enliven_edge.sensors.stereo import (
@@ -81,7 +81,7 @@ class LibcameraSensor(Sensor):
             raise InputError(f"the rate is {fps}", where="sensor libcamera", mend="Give fps=1 to 240.")
         self.fps = fps
         self._matcher: StereoMatcher | None = None
-        self._eye: LevelEye | None = None
+        self._eye: MonocularPoseEstimator | None = None
         size, cameras = (width, height), [str(left)]
         if calibration:
             size, cameras = self._prepare(calibration, near, far), [str(left), str(right)]
@@ -97,7 +97,7 @@ class LibcameraSensor(Sensor):
         self._pairing = Pairing(self.name, round(1e6 * apart_ms))
         try:
             if not calibration:
-                self._eye = LevelEye(view, stand, tilt, body_height, python, model, source)
+                self._eye = MonocularPoseEstimator(view, stand, tilt, body_height, python, model, source)
             elif isinstance(self._images, LibcameraImages):
                 self._check_sizes(self._images.sizes, size)
         except BaseException:

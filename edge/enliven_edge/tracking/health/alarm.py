@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 
-from enliven.health import NOBODY, HealthKind, HealthState, Severity, worst_first
+from enliven.health import NO_PERFORMER, HealthKind, HealthState, Severity, worst_first
 from enliven_edge.tracking.health.messages import COMPLAINTS
 
 log = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ class Alarms:
         return worst_first([self._state(key) for key, held in self._held.items() if held[0].active])
 
     def note(
-        self, kind: HealthKind, wrong: bool | None, now: int, performer: int = NOBODY, **facts: object
+        self, kind: HealthKind, wrong: bool | None, now: int, performer: int = NO_PERFORMER, **facts: object
     ) -> None:
         """Takes in whether something is wrong at a moment; None: it cannot be told.
 
@@ -92,7 +92,7 @@ class Alarms:
         held[0].update(wrong, now)
 
     def between(
-        self, kind: HealthKind, value: float | None, good: float, bad: float, performer: int = NOBODY
+        self, kind: HealthKind, value: float | None, good: float, bad: float, performer: int = NO_PERFORMER
     ) -> bool | None:
         """Whether a value is too low: below ``bad``, and then until it is above ``good``; None: not known."""
         if value is None:
@@ -107,12 +107,12 @@ class Alarms:
             state = self._state(key)
             log.log(logging.INFO if state.severity is Severity.NOTE else logging.WARNING, "%s", state)
         for kind, performer in self._told - active:
-            log.info("over: %s%s", kind, "" if performer == NOBODY else f" (performer {performer})")
+            log.info("over: %s%s", kind, "" if performer == NO_PERFORMER else f" (performer {performer})")
         self._told = active
 
     def keep(self, present: set[int]) -> None:
         """Drops what was said of performers who are not there."""
-        for key in [k for k in self._held if k[1] != NOBODY and k[1] not in present]:
+        for key in [k for k in self._held if k[1] != NO_PERFORMER and k[1] not in present]:
             del self._held[key]
 
     def clear(self) -> None:

@@ -1,4 +1,4 @@
-"""The binary half of a GLB that is being made: arrays in, accessors out."""
+"""The binary chunk of a GLB under construction: takes arrays and gives accessors."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pygltflib
 from enliven.arrays import AnyArray
 
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+"""glTF's accessor type for a number of components (glTF 2.0, table 3.6.2.2)."""
 _COMPONENTS: dict[Any, int] = {
     np.dtype(np.uint8): pygltflib.UNSIGNED_BYTE,
     np.dtype(np.uint16): pygltflib.UNSIGNED_SHORT,
@@ -19,7 +20,7 @@ _COMPONENTS: dict[Any, int] = {
 
 
 class Blob:
-    """Arrays one after the other, each at a multiple of four bytes, with their views and accessors."""
+    """The arrays one after another, each at a multiple of four bytes, with buffer views and accessors."""
 
     def __init__(self) -> None:
         self._pieces: list[bytes] = []
@@ -28,7 +29,8 @@ class Blob:
         self.accessors: list[pygltflib.Accessor] = []
 
     def add(self, array: AnyArray, target: int | None = None, normalised: bool = False) -> int:
-        """The number of a new accessor of an array (N, C) or (N,); its rows must fill whole words of 4 bytes.
+        """Adds an array (N, C) or (N,) and returns its accessor's number; its rows must fill whole words of 4
+        bytes.
 
         Args:
             target: what a graphics card will use it as, for vertices and faces.
@@ -57,5 +59,5 @@ class Blob:
         return len(self.accessors) - 1
 
     def bytes(self) -> bytes:
-        """All of it."""
+        """Returns the whole binary chunk."""
         return b"".join(self._pieces)

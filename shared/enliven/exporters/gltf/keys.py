@@ -1,4 +1,4 @@
-"""Keys of an animation: those that linear interpolation needs to stay within a tolerance of all frames."""
+"""Key reduction of an animation: keeps the keys with which linear interpolation stays within a tolerance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.kernels import njit
 
 
 def needed_keys(values: Float, tolerance: float, turns: bool = False) -> Int:
-    """(K,) frames to be kept of ``values`` (T, C), the first and the last among them.
+    """Returns (K,) the frames of ``values`` (T, C) to keep, the first and the last among them.
 
     Between two that are kept no frame is farther than the tolerance from what a player shows. From each key
     the next is as far on as it can be without a search back.
@@ -47,7 +47,7 @@ def _needed(values, tolerance, turns):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _holds(values, begin, end, tolerance, turns):  # type: ignore[no-untyped-def]
-    """Whether all frames between two are near what is interpolated between these."""
+    """Returns whether all frames between two keys are within the tolerance of their interpolation."""
     width = values.shape[1]
     dot = 0.0
     for c in range(width):

@@ -1,4 +1,5 @@
-"""Baked puppets in a glTF scene: joints under a node that goes through the world, or morph targets on it.
+"""Baked puppets in a glTF scene: joints below a node that moves through the world, or morph targets on that
+node.
 
 A joint turns, and stretches along three axes of its own, at right angles. These axes are the same in all
 frames: the joint stands in them at rest, and its inverse bind matrix takes them back.
@@ -19,7 +20,7 @@ from enliven.rotation import from_matrix
 
 
 def add_puppet(scene: GltfScene, performance: PuppetPerformance) -> None:
-    """The puppet with its mesh and its motion."""
+    """Adds the puppet with its mesh and its motion."""
     holder = scene.node(name=f"{performance.name} frame", children=[])
     signs = np.ones(len(performance.turns))
     signs[1:] = np.cumprod(np.sign((performance.turns[1:] * performance.turns[:-1]).sum(1) + 1e-300))
@@ -38,7 +39,7 @@ def add_puppet(scene: GltfScene, performance: PuppetPerformance) -> None:
 def _joints(
     scene: GltfScene, performance: PuppetPerformance, surface: BakedSurface, holder: int
 ) -> list[int]:
-    """A joint for each transform, with the keys that it needs."""
+    """Adds a joint for each transform, with the keys that it needs."""
     axes = np.tile(np.eye(3), (len(surface.pivots), 1, 1)) if surface.axes is None else surface.axes
     turns, scales = stretches_of(surface.linear @ axes)
     standing = from_matrix(axes)
@@ -59,7 +60,7 @@ def _joints(
 
 
 def reaches(performance: PuppetPerformance, surface: BakedSurface) -> Float:
-    """(K,) metres: how far vertices that follow a transform are from its pivot, in any frame."""
+    """Returns (K,) metres: the largest distance of a transform's vertices from its pivot, in any frame."""
     far = np.zeros(len(surface.pivots))
     for slot in range(4):
         node, there = surface.skin.indices[:, slot], surface.skin.weights[:, slot] > 0.0
@@ -70,7 +71,7 @@ def reaches(performance: PuppetPerformance, surface: BakedSurface) -> Float:
 
 
 def _add_morphs(scene: GltfScene, performance: PuppetPerformance, surface: BakedMorphs, holder: int) -> None:
-    """The mesh on the holder itself, with a target for each shape and their weights over time."""
+    """Adds the mesh to the holder, with a target for each shape and their weights over time."""
     document, blob = scene.document, scene.blob
     primitive = scene.primitive(performance.name, performance.mesh)
     for shape, bent in zip(surface.targets, surface.normals, strict=True):

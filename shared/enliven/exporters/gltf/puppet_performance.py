@@ -1,4 +1,4 @@
-"""What a puppet does, baked for programs that cannot solve its surface: transforms, or morph targets.
+"""A puppet's performance, baked as transforms or morph targets for programs that cannot solve its surface.
 
 write_gltf("out.glb", [puppet_performance_of(project, "cactus")])
 """
@@ -26,7 +26,7 @@ from enliven.modeling.puppet import end_of_puppet, frame_times
 
 @dataclass(frozen=True, eq=False)
 class PuppetPerformance:
-    """What a puppet does.
+    """A puppet's mesh with its baked motion.
 
     Attributes:
         name: the puppet's.
@@ -47,7 +47,8 @@ class PuppetPerformance:
 
     @property
     def error(self) -> BakeError:
-        """How far the baked surface is from the solved one at the frames, before keys are left out."""
+        """Metres: how far the baked surface is from the solved one at the frames, before keys are left
+        out."""
         return self.surface.error
 
 
@@ -61,7 +62,7 @@ def puppet_performance_of(
     how: Literal["skin", "morphs"] = "skin",
     settings: BakeSettings | None = None,
 ) -> PuppetPerformance:
-    """A puppet of a project from ``start`` to ``end`` seconds, baked at ``rate`` frames a second.
+    """Bakes a puppet of a project from ``start`` to ``end`` seconds at ``rate`` frames a second.
 
     Args:
         end: None takes the end of the last of its layers.

@@ -1,4 +1,4 @@
-"""A glTF document that is being made: nodes, skinned and plain meshes, and one animation."""
+"""A glTF document under construction: nodes, skinned and plain meshes, and one animation."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
 
 _STILL = 1e-7
-"""How far a quaternion or a place (metres) may stray in all its frames and count as still."""
+"""Largest change of a quaternion or a place (metres) over all frames that counts as no motion: below
+float32's resolution."""
 
 
 class GltfScene:
     """Takes nodes, meshes and channels, and gives the bytes of a GLB.
 
     Attributes:
-        document: what there is so far.
+        document: the glTF document so far.
         blob: its binary half.
     """
 
@@ -35,7 +36,7 @@ class GltfScene:
         self._known: dict[bytes, int] = {}
 
     def bytes(self) -> bytes:
-        """The file."""
+        """Returns the file."""
         document = self.document
         if self._animation.channels:
             document.animations = [self._animation]
@@ -46,7 +47,7 @@ class GltfScene:
         return b"".join(document.save_to_bytes())
 
     def node(self, parent: int | None = None, **attributes: Any) -> int:
-        """The number of a new node, hung on another."""
+        """Adds a node below another and returns its number."""
         self.document.nodes.append(pygltflib.Node(**attributes))
         number = len(self.document.nodes) - 1
         if parent is not None:
@@ -54,7 +55,7 @@ class GltfScene:
         return number
 
     def put(self, *nodes: int) -> None:
-        """Nodes that hang on no other."""
+        """Adds nodes without a parent."""
         self.document.scenes[0].nodes += list(nodes)
 
     def skinned(
@@ -67,7 +68,7 @@ class GltfScene:
         pivots: Float,
         axes: Float | None = None,
     ) -> None:
-        """A mesh that follows joints.
+        """Adds a mesh that follows joints.
 
         Args:
             tree: the node that all of them hang on.
@@ -94,7 +95,8 @@ class GltfScene:
         self.put(tree, made)
 
     def animate(self, times: Float, node: int, path: str, values: Float, keys: Int | None = None) -> None:
-        """A channel for what moves; what is still is written at the node, or with two keys if it must be.
+        """Adds a channel for values that change; constant values are written at the node, or with two keys on
+        request.
 
         Args:
             keys: frames that are enough; None for all.
@@ -110,7 +112,7 @@ class GltfScene:
         self.channel(times[kept], node, path, self.blob.add(stored))
 
     def channel(self, times: Float, node: int, path: str, output: int) -> None:
-        """A channel whose values are an accessor already."""
+        """Adds a channel that reads its values from an existing accessor."""
         sampler = pygltflib.AnimationSampler(input=self._times(times), output=output, interpolation="LINEAR")
         self._animation.samplers.append(sampler)
         target = pygltflib.AnimationChannelTarget(node=node, path=path)
@@ -118,7 +120,7 @@ class GltfScene:
         self._animation.channels.append(channel)
 
     def primitive(self, name: str, mesh: Mesh) -> pygltflib.Primitive:
-        """The triangles of a mesh with normals, colours and a plain material."""
+        """Adds the triangles of a mesh with normals, colours and a plain material."""
         blob = self.blob
         faces = mesh.faces.astype(np.uint16 if len(mesh.vertices) < 65535 else np.uint32)
         array, elements = pygltflib.ARRAY_BUFFER, pygltflib.ELEMENT_ARRAY_BUFFER
@@ -140,7 +142,7 @@ class GltfScene:
         )
 
     def _times(self, times: Float) -> int:
-        """The accessor of key times; the same times are stored once."""
+        """Returns the accessor of key times; equal times are stored once."""
         stored = times.astype(np.float32)
         key = stored.tobytes()
         if key not in self._known:
@@ -149,7 +151,7 @@ class GltfScene:
 
 
 def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
-    """Whether a node without the channel stands so already."""
+    """Returns whether a node without the channel has this value already."""
     if path == "translation":
         rest = np.zeros(3) if node.translation is None else np.array(node.translation)
     elif path == "rotation":

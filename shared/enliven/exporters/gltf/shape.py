@@ -1,4 +1,4 @@
-"""What of a shape a GLB is told: names and turns of its joints, clean weights, colours and normals."""
+"""A shape as a GLB needs it: joint names, local turns, clean weights, colours and normals."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from enliven.rotation import conjugate, from_matrix, multiply, normalized, to_ma
 
 
 def bone_names(skeleton: Skeleton) -> list[str]:
-    """What each bone is called as a joint: where it begins; of several, all but one also where they lead."""
+    """Names each bone after the joint where it begins; of several there, all but one also say where they
+    lead."""
     named = []
     for j, parent in enumerate(skeleton.parents):
         if j == 0:
@@ -23,7 +24,7 @@ def bone_names(skeleton: Skeleton) -> list[str]:
 
 
 def _onward(skeleton: Skeleton, joint: int) -> int:
-    """The child that goes on straightest."""
+    """Returns the child that continues a joint's bone in the straightest line."""
     into = skeleton.vectors[joint]
 
     def straight(child: int) -> float:
@@ -84,26 +85,26 @@ def pivots_of(skeleton: Skeleton) -> Float:
 
 
 def listed(values: Float | Float32) -> list[float]:
-    """As JSON: rounded to float32, which every reader will do."""
+    """Converts to a JSON list; numbers are rounded to float32, which every reader accepts."""
     return [float(v) for v in np.asarray(values, np.float32)]
 
 
 def unit32(quaternions: Float) -> Float32:
-    """Unit in float32 too."""
+    """Normalises quaternions in float32."""
     made = quaternions.astype(np.float32)
     length = np.linalg.norm(made.astype(np.float64), axis=-1, keepdims=True)
     return np.asarray(made / length, np.float32)
 
 
 def unit_normals(normals: Float) -> Float32:
-    """Unit, also where no face has any area."""
+    """Normalises normals; a vertex of faces without area gets a unit normal too."""
     missing = np.linalg.norm(normals, axis=1) < 0.5
     single = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
     return np.asarray(single / np.linalg.norm(single.astype(np.float64), axis=1, keepdims=True), np.float32)
 
 
 def linear16(colours: UInt8) -> UInt16:
-    """(V, 4) linear, opaque, 16 bits: eight would not do for dark colours."""
+    """Returns (V, 4) linear opaque colours of 16 bits: 8 bits would band in dark colours."""
     srgb = colours / 255.0
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     opaque = np.concatenate([linear, np.ones((len(linear), 1))], 1)

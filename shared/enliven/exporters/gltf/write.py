@@ -41,7 +41,7 @@ from enliven.rotation import from_matrix, to_matrix
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """What a shape does.
+    """A skinned shape with its motion.
 
     Attributes:
         shape: with its mesh.
@@ -58,7 +58,7 @@ class Performance:
 
 @dataclass(frozen=True, eq=False)
 class GraphPerformance:
-    """What a possessed mesh does.
+    """A possessed mesh with the motion of its deformation graph.
 
     Attributes:
         shape: the mesh and its nodes.
@@ -74,7 +74,7 @@ class GraphPerformance:
 
     @property
     def lost(self) -> float:
-        """The largest part of a node's map that a joint cannot say: stretch along axes that change."""
+        """The largest part of a node's map that a joint cannot express: stretch along axes that change."""
         axes = self.axes
         turns, scales = stretches_of(self.linear @ axes)
         said = to_matrix(turns) * scales[..., None, :] @ axes.transpose(0, 2, 1)
@@ -92,7 +92,7 @@ AnyPerformance = Performance | GraphPerformance | PuppetPerformance
 def graph_performance_of(
     project: Project, shape_id: str, start: float = 0.0, end: float | None = None, rate: float = 30.0
 ) -> GraphPerformance:
-    """A possessed mesh of a project from ``start`` to ``end`` seconds; as :func:`performance_of`."""
+    """Samples a possessed mesh of a project from ``start`` to ``end`` seconds; see :func:`performance_of`."""
     shape = project.graph(shape_id)
     ends = [p.offset + project.streams[p.stream].duration / abs(p.speed) for p in shape.parts]
     times = frame_times(start, max(ends, default=0.0) if end is None else end, rate, shape_id)
@@ -104,7 +104,7 @@ def graph_performance_of(
 def performance_of(
     project: Project, shape_id: str, start: float = 0.0, end: float | None = None, rate: float = 30.0
 ) -> Performance:
-    """A shape of a project from ``start`` to ``end`` seconds, at ``rate`` frames a second.
+    """Samples a shape of a project from ``start`` to ``end`` seconds, at ``rate`` frames a second.
 
     Args:
         end: None takes the end of the last layer that moves the shape.
@@ -119,7 +119,7 @@ def performance_of(
 
 
 def end_of(project: Project, shape: Shape) -> float:
-    """Seconds at which the last take that moves a shape ends; 0 where none does."""
+    """Returns the seconds at which the last take that moves a shape ends; 0 where no take does."""
     named = {ref.layer for spans in shape.spans for span in spans for ref in span.refs}
     named |= {shape.travel} if shape.travel else set()
     layers = [project.layers[name] for name in named if not project.layers[name].muted]
@@ -128,7 +128,7 @@ def end_of(project: Project, shape: Shape) -> float:
 
 
 def write_gltf(path: Path | str, performances: Sequence[AnyPerformance], name: str = "enliven") -> None:
-    """Write shapes, each moving as it does, into one GLB with one animation.
+    """Writes shapes with their motion into one GLB with one animation.
 
     Raises:
         InputError: where there is none, or one has no mesh.
@@ -141,7 +141,7 @@ def write_gltf(path: Path | str, performances: Sequence[AnyPerformance], name: s
 
 
 def glb_of(performances: Sequence[AnyPerformance], name: str = "enliven") -> bytes:
-    """The bytes of the file; see :func:`write_gltf`."""
+    """Returns the bytes of the file; see :func:`write_gltf`."""
     if not performances:
         raise InputError("there is nothing to write", where="glTF", mend="Give a shape.")
     scene = GltfScene(name)
@@ -156,7 +156,7 @@ def glb_of(performances: Sequence[AnyPerformance], name: str = "enliven") -> byt
 
 
 def _add_shape(scene: GltfScene, performance: Performance) -> None:
-    """The shape with its mesh, its joints and their animation."""
+    """Adds the shape with its mesh, its joints and their animation."""
     shape = performance.shape
     if shape.mesh is None or shape.skin is None or not len(shape.mesh.faces):
         raise InputError("it has no mesh", where=f"shape {shape.id!r}", mend="Give it one, or leave it out.")
@@ -167,7 +167,7 @@ def _add_shape(scene: GltfScene, performance: Performance) -> None:
 
 
 def _skeleton(scene: GltfScene, performance: Performance) -> list[int]:
-    """The nodes of the bones, then of the ends of limbs; their animation on the way."""
+    """Adds the nodes of the bones, then of the ends of limbs, and animates them."""
     skeleton = performance.shape.skeleton
     names, local = bone_names(skeleton), local_turns(skeleton, performance.turns)
     offsets = local_offsets(skeleton)
@@ -188,7 +188,7 @@ def _skeleton(scene: GltfScene, performance: Performance) -> list[int]:
 
 
 def _add_graph(scene: GltfScene, performance: GraphPerformance) -> None:
-    """The mesh, and a joint for each node of its graph, side by side under one that holds them."""
+    """Adds the mesh, and a joint for each node of its graph, side by side below one holder."""
     graph, times = performance.shape, performance.times
     holder = scene.node(name=f"{graph.id} nodes", children=[])
     axes = performance.axes

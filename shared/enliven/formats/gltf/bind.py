@@ -1,9 +1,9 @@
-"""The bind pose of a glTF file: where its nodes were when the skin was put on, in the world.
+"""The bind pose of a glTF file: the world transforms of its nodes at the time of skinning.
 
 A vertex v of a skin is drawn at sum_k w_k G_k(t) IBM_k v, with G world_from_joint and IBM the inverse bind
-matrix: mesh_from_joint inverted, when it was bound. What the file does not say is where the mesh stood in
-the world then. A model that is not playing stands at its node, or it would have been bound elsewhere; where
-its joints disagree with that, they decide.
+matrix: mesh_from_joint inverted, at binding. The file does not state where the mesh stood in the world then.
+A model at rest stands at its node, or it would have been bound elsewhere; where its joints disagree with
+that, the joints decide.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.motion import rest_locals, world_matrices
-from enliven.formats.gltf.parts import Part, shown_nodes
+from enliven.formats.gltf.parts import GltfPart, shown_nodes
 
 _GROWN = 1e-3
-"""How much a joint must differ in size from when it was bound."""
+"""Relative difference of a joint's size from its size at binding that counts as scaled: less is rounding."""
 _NEAR = 0.1
-"""Share of the model's size within which the node of the mesh is believed."""
+"""Share of the model's size: a mesh node that is farther from the joints than this is not used for the bind
+pose."""
 
 
 class Bind:
@@ -30,7 +31,7 @@ class Bind:
         inverse: for each skin that is used, the inverse bind matrix of each of its joints.
     """
 
-    def __init__(self, file: GltfFile, parts: list[Part]) -> None:
+    def __init__(self, file: GltfFile, parts: list[GltfPart]) -> None:
         self._file = file
         self.rest = world_matrices(file, rest_locals(file))[0]
         self.world = self.rest.copy()
@@ -47,8 +48,8 @@ class Bind:
         self._follow(known)
         self._resize(known)
 
-    def vertices(self, part: Part) -> Float:
-        """(V, 3) metres: a part in the bind pose, by its own skinning."""
+    def vertices(self, part: GltfPart) -> Float:
+        """Returns (V, 3) metres: a part in the bind pose, by its own skinning."""
         if part.skin < 0:
             matrix = self.world[part.carrier]
             return np.asarray(part.vertices @ matrix[:3, :3].T + matrix[:3, 3])
@@ -100,7 +101,7 @@ class Bind:
         return depth
 
     def _follow(self, known: set[int]) -> None:
-        """Nodes that no skin names go along with the joint that they hang on."""
+        """Moves nodes that no skin names along with the joint above them."""
         for node in shown_nodes(self._file):
             parent = self._file.parents[node]
             if node in known or parent not in known:
@@ -110,7 +111,7 @@ class Bind:
             known.add(node)
 
     def _resize(self, known: set[int]) -> None:
-        """Joints that the file leaves at another size than they were bound in, and never animates it.
+        """Scales joints that the file leaves at another size than at binding and never animates.
 
         Such a size belongs to the rest pose, with all that hangs on it; bones cannot have it over time.
         """

@@ -1,4 +1,4 @@
-"""The joints of a glTF file as bodies: where each is at rest and over time, and what it moves."""
+"""The joints of a glTF file as bodies: rest place, motion over time and the surface that each moves."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.formats.gltf.bind import Bind
 from enliven.formats.gltf.file import GltfFile
-from enliven.formats.gltf.parts import Part
-from enliven.formats.rig import Body
+from enliven.formats.gltf.parts import GltfPart
+from enliven.formats.rig import LinkBody
 from enliven.rotation import from_matrix
 
 
 def bodies_of(
-    file: GltfFile, chosen: list[int], parts: list[Part], rest: list[Float], bind: Bind, world: Float
-) -> tuple[list[Body], Float]:
-    """What each joint is and does, and (J,) by how much its motion is more than a turn."""
+    file: GltfFile, chosen: list[int], parts: list[GltfPart], rest: list[Float], bind: Bind, world: Float
+) -> tuple[list[LinkBody], Float]:
+    """Returns a body for each joint, and (J,) the largest part of its motion that is no rotation."""
     number = {node: k for k, node in enumerate(chosen)}
-    bodies, skewed = list[Body](), np.zeros(len(chosen))
+    bodies, skewed = list[LinkBody](), np.zeros(len(chosen))
     for k, node in enumerate(chosen):
         away = world[:, node] @ np.linalg.inv(bind.world[node])
         turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
@@ -30,7 +30,7 @@ def bodies_of(
             for child in file.document.nodes[node].children or []
             if child not in number and file.document.nodes[child].mesh is None
         ]
-        body = Body(
+        body = LinkBody(
             file.name(node), number.get(above, -1), bind.world[node][:3, 3], turns, world[:, node, :3, 3]
         )
         body.leaves = leaves
@@ -46,8 +46,8 @@ def _skew(linear: Float) -> float:
     return float(np.abs(np.linalg.svd(linear, compute_uv=False) - 1.0).max())
 
 
-def _weigh(bodies: list[Body], number: dict[int, int], parts: list[Part], rest: list[Float]) -> None:
-    """Give every body how much it moves, and the far end of that."""
+def _weigh(bodies: list[LinkBody], number: dict[int, int], parts: list[GltfPart], rest: list[Float]) -> None:
+    """Gives each body the area of the surface that it moves, and the far end of that surface."""
     vertices = np.concatenate(rest)
     nodes = np.concatenate([part.nodes for part in parts])
     weights = np.concatenate([part.weights for part in parts])
@@ -60,15 +60,16 @@ def _weigh(bodies: list[Body], number: dict[int, int], parts: list[Part], rest: 
             bodies[k].reach = _far_end(bodies[k].rest, mine)
 
 
-def _area(part: Part, vertices: Float) -> Float:
-    """(V,) m2 of the faces around each vertex, a third of each; never nothing."""
+def _area(part: GltfPart, vertices: Float) -> Float:
+    """Returns (V,) m2 around each vertex, a third of each face; at least a tiny amount."""
     a, b, c = (vertices[part.faces[:, k]] for k in range(3))
     third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
     return np.asarray(np.bincount(part.faces.ravel(), np.repeat(third, 3), len(vertices)) + 1e-12, np.float64)
 
 
 def _far_end(start: Float, vertices: Float) -> Float:
-    """(3,) the end of a bone from ``start`` through the middle of its vertices to the farthest of them."""
+    """Returns (3,) the end of a bone from ``start`` through the middle of its vertices to the farthest
+    one."""
     middle = (vertices.min(0) + vertices.max(0)) / 2 - start
     length = float(np.linalg.norm(middle))
     if length < 1e-9:

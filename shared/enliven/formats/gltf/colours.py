@@ -1,4 +1,4 @@
-"""What colour a vertex of a glTF primitive has: base colour, texture and vertex colour, baked together."""
+"""The colour of each vertex of a glTF primitive: base colour, texture and vertex colour multiplied."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from enliven.formats.gltf.file import GltfFile
 
 _WHITE = np.ones(3)
 _PICTURES = ("PNG", "JPEG", "WEBP")
-"""What a texture may be; other readers of the library start programs or are not made for strangers' bytes."""
+"""Allowed image formats of a texture; Pillow's other decoders start programs or are not hardened against
+hostile bytes."""
 _MOST_PIXELS = 1 << 28
 """Pixels of all textures of a file, 0.8 GB: four of 8192 x 8192; a few kilobytes can state as many."""
 
 
 class Colours:
-    """The materials of a file, and their pictures once each.
+    """The materials of a file; each picture is decoded once.
 
     Attributes:
-        notes: what could not be had.
+        notes: sentences about textures that could not be read.
     """
 
     def __init__(self, file: GltfFile) -> None:
@@ -34,7 +35,7 @@ class Colours:
         self.notes: list[str] = []
 
     def of(self, primitive: Any) -> UInt8:
-        """(V, 3) sRGB of the vertices: factor, texture at the vertex and vertex colour multiplied."""
+        """Returns (V, 3) sRGB of the vertices: factor, texture at the vertex and vertex colour multiplied."""
         file = self._file
         count = file.document.accessors[primitive.attributes.POSITION].count
         linear = np.tile(_WHITE, (count, 1))
@@ -80,7 +81,7 @@ class Colours:
         return self._pictures[texture]
 
     def _decoded(self, data: bytes) -> UInt8:
-        """(H, W, 3) sRGB of a picture; what it states is looked at before it is decoded."""
+        """Decodes a picture to (H, W, 3) sRGB after checking the size that it states."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             picture = Image.open(io.BytesIO(data), formats=_PICTURES)

@@ -1,4 +1,4 @@
-"""A glTF or GLB file: its tree of nodes and its accessors, checked, whatever way the bytes are packed."""
+"""A glTF or GLB file: its node tree and its accessors, checked, in every packing that glTF 2.0 allows."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from enliven.files import DAMAGE, Beside, read_file
 from enliven.meshes import Entry, gltf_document
 
 _TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+"""Components of each accessor type (glTF 2.0, table 3.6.2.2)."""
 _COMPONENTS: dict[int, Any] = {
     5120: np.int8,
     5121: np.uint8,
@@ -23,6 +24,7 @@ _COMPONENTS: dict[int, Any] = {
     5125: np.uint32,
     5126: np.float32,
 }
+"""NumPy type of each component type (glTF 2.0, section 3.6.2.2)."""
 _KNOWN_EXTENSIONS = {"KHR_mesh_quantization", "KHR_materials_unlit", "KHR_texture_transform"}
 
 
@@ -49,15 +51,16 @@ class GltfFile:
             raise self.wrong(f"it needs {', '.join(sorted(needed))}, which is not known here", mend)
 
     def wrong(self, what: str, mend: str = "Export the model again.") -> InputError:
-        """An error that names the file."""
+        """Returns an error that names the file."""
         return InputError(what, where=str(self.path), mend=mend)
 
     def name(self, node: int) -> str:
-        """What a node is called; the nameless have their number."""
+        """Returns a node's name; a nameless node gets its number."""
         return str(self.document.nodes[node].name or f"joint {node}")
 
     def accessor(self, index: int) -> AnyArray:
-        """(N, C) the elements of an accessor: sparse ones filled in, normalised integers as -1..1 or 0..1."""
+        """Returns (N, C) the elements of an accessor: sparse ones filled in, normalised integers as -1..1 or
+        0..1."""
         return np.asarray(self._guarded(self._accessor, index, f"accessor {index}"))
 
     def data_of_view(self, view: int) -> bytes:
@@ -65,7 +68,7 @@ class GltfFile:
         return bytes(self._guarded(self._view_bytes, view, f"buffer view {view}"))
 
     def _guarded(self, read: Callable[[int], Any], index: int, what: str) -> Any:
-        """What ``read`` gives; its complaints become an error that names the file."""
+        """Returns what ``read`` gives; its exceptions become an error that names the file."""
         try:
             return read(index)
         except InputError:
@@ -142,7 +145,7 @@ def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> F
 
 
 def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
-    """The document, the parents of its nodes and the bytes of a GLB, or one clear message."""
+    """Parses the document, the parents of its nodes and the bytes of a GLB; raises one clear message."""
     if path.suffix.lower() not in (".glb", ".gltf") and path.is_file():
         raise InputError("it is no glTF file", where=str(path), mend="Give a .glb or .gltf file.")
     data = read_file(path)

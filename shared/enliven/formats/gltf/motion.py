@@ -1,4 +1,4 @@
-"""Where the nodes of a glTF file are: at rest, and over time in one of its animations."""
+"""World transforms of the nodes of a glTF file: at rest, and over time in one of its animations."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from enliven import rotation
 from enliven.arrays import Float
 from enliven.formats.gltf.file import GltfFile, matrices_of
 
-_LONGEST_STEP, _SHORTEST_STEP = 1 / 24, 1 / 120
-"""Seconds: where keys are further apart, world turns would bend between frames; nearer is not needed."""
+_LONGEST_STEP = 1 / 24
+"""Seconds between samples at most: over a longer step world turns would bend between frames."""
+_SHORTEST_STEP = 1 / 120
+"""Seconds between samples at least: denser keys are no visible motion and cost memory."""
 MOST_PLACES = 1 << 23
 """Frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 a second."""
 
@@ -31,7 +33,7 @@ class Locals:
 
 
 def rest_locals(file: GltfFile) -> Locals:
-    """The nodes as the file has them when nothing plays, F = 1."""
+    """Returns the nodes' rest transforms as the file states them, F = 1."""
     nodes = file.document.nodes
     count = len(nodes)
     made = Locals(np.zeros((1, count, 3)), np.zeros((1, count, 4)), np.ones((1, count, 3)), {})
@@ -76,7 +78,7 @@ def _settle(parents: list[int], world: Float, local: Float, done: set[int], node
 
 
 def frame_times(file: GltfFile, animation: int) -> Float:
-    """(F,) seconds, evenly apart, that an animation is sampled at; keys that are even fall on them."""
+    """Returns (F,) the evenly spaced seconds of an animation's samples; evenly spaced keys fall on them."""
     keys = [_keys(file, s.input) for s in file.document.animations[animation].samplers]
     keys = [k for k in keys if len(k)]
     if not keys:
@@ -93,7 +95,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
 
 
 def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
-    """The nodes over time: every channel of an animation at ``times`` (F,) seconds."""
+    """Samples every channel of an animation at ``times`` (F,) seconds."""
     rest = rest_locals(file)
     count = len(times)
     made = Locals(
@@ -123,7 +125,7 @@ def _keys(file: GltfFile, accessor: int) -> Float:
 
 
 def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Float) -> Float:
-    """(F, C) a channel at ``times``, as glTF 2.0 appendix C has it; the ends are held.
+    """Returns (F, C) a channel at ``times``, as glTF 2.0 appendix C defines it; the ends are held.
 
     Args:
         keys: (K,) seconds.

@@ -1,4 +1,4 @@
-"""The skinned surfaces of a glTF file: every primitive with which nodes its vertices follow."""
+"""The skinned surfaces of a glTF file: each primitive with the nodes that its vertices follow."""
 
 from __future__ import annotations
 
@@ -11,11 +11,16 @@ from enliven.arrays import Float, Int, Int32, UInt8
 from enliven.formats.gltf.colours import Colours
 from enliven.formats.gltf.file import GltfFile
 
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_TRIANGLES = 4
+"""glTF's mode of a list of separate triangles (section 3.7.2.1); points and lines are left out."""
+_STRIP = 5
+"""glTF's mode of a triangle strip."""
+_FAN = 6
+"""glTF's mode of a triangle fan."""
 
 
 @dataclass
-class Part:
+class GltfPart:
     """One primitive of a mesh, as the file has it.
 
     Attributes:
@@ -37,9 +42,10 @@ class Part:
     carrier: int
 
 
-def parts_of(file: GltfFile, notes: list[str]) -> list[Part]:
-    """All the triangles that the scene shows; what is left out is told in ``notes``."""
-    colours, parts = Colours(file), list[Part]()
+def parts_of(file: GltfFile, notes: list[str]) -> list[GltfPart]:
+    """Returns all primitives with triangles that the scene shows; ``notes`` takes a sentence about each left
+    out."""
+    colours, parts = Colours(file), list[GltfPart]()
     for number in shown_nodes(file):
         node = file.document.nodes[number]
         if node.mesh is None:
@@ -74,7 +80,7 @@ def shown_nodes(file: GltfFile) -> list[int]:
     return found
 
 
-def _part(file: GltfFile, colours: Colours, primitive: Any, mode: int, carrier: int, node: Any) -> Part:
+def _part(file: GltfFile, colours: Colours, primitive: Any, mode: int, carrier: int, node: Any) -> GltfPart:
     vertices = np.asarray(file.accessor(primitive.attributes.POSITION), np.float64)
     if vertices.shape[1] != 3 or not np.isfinite(vertices).all():
         raise file.wrong(f"a vertex of {file.name(carrier)!r} is no finite point")
@@ -99,7 +105,7 @@ def _part(file: GltfFile, colours: Colours, primitive: Any, mode: int, carrier: 
             )
         joints = named[np.minimum(joints, len(named) - 1)]
     four, shares = strongest(joints, weights)
-    return Part(vertices, faces.astype(np.int32), four, shares, colours.of(primitive), skin, carrier)
+    return GltfPart(vertices, faces.astype(np.int32), four, shares, colours.of(primitive), skin, carrier)
 
 
 def _influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:

@@ -21,12 +21,12 @@ from enliven.formats.gltf.bind import Bind
 from enliven.formats.gltf.bodies import bodies_of
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.motion import MOST_PLACES, animated_locals, frame_times, world_matrices
-from enliven.formats.gltf.parts import Part, parts_of, shown_nodes
-from enliven.formats.rig import Body, Rig, Tree, on_floor, resized, strays, tree_of, welded
+from enliven.formats.gltf.parts import GltfPart, parts_of, shown_nodes
+from enliven.formats.rig import LinkBody, Rig, Tree, joint_drift, on_floor, resized, tree_of, welded
 from enliven.meshes import Mesh
 
 _TOLD = 1e-3
-"""Share of the model's size above which something that was left out is worth a note."""
+"""Share of the model's size above which a motion that was left out gets a note: less is not visible."""
 
 _MOST_JOINTS = 4096
 """As many as a pose on the wire has (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
@@ -34,7 +34,7 @@ _MOST_JOINTS = 4096
 
 @dataclass
 class _Animation:
-    """One animation: what it is called, its frames among those of all, and the seconds between them."""
+    """One animation: its name, its frames among those of all, and the seconds between them."""
 
     name: str
     frames: slice
@@ -44,12 +44,12 @@ class _Animation:
 def read_gltf(
     path: Path | str, *, name: str = "", height: float | None = None, floor: bool = False, weld: bool = False
 ) -> Rig:
-    """Read a model.
+    """Reads a model from a glTF or GLB file.
 
     A model without a rig gets one bone, from the middle of its foot to the middle of its top.
 
     Args:
-        name: what to call the shape; the file's name if empty.
+        name: the name for the shape; the file's name if empty.
         height: metres to scale the model to; None takes it as modelled.
         floor: put its lowest vertex on the floor.
         weld: join vertices of one place that follow the same bones; see ``welded``.
@@ -71,7 +71,7 @@ def read_gltf(
 
 
 def _read(file: GltfFile, name: str) -> Rig:
-    """The model as the file has it."""
+    """Reads the model without scaling or moving it."""
     notes = list[str]()
     parts = parts_of(file, notes)
     if not parts:
@@ -84,8 +84,8 @@ def _read(file: GltfFile, name: str) -> Rig:
     return _rigged(file, name, parts, rest, mesh, bind, notes)
 
 
-def _mesh(name: str, parts: list[Part], rest: list[Float], bind: Bind) -> Mesh:
-    """All the parts as one mesh; a mirrored part gets its faces turned round."""
+def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind) -> Mesh:
+    """Joins all parts into one mesh; a mirrored part gets its faces turned round."""
     first = np.cumsum([0, *(len(v) for v in rest)])
     faces = []
     for part, start in zip(parts, first[:-1], strict=True):
@@ -111,7 +111,7 @@ def _unrigged(name: str, mesh: Mesh, notes: list[str]) -> Rig:
 def _rigged(
     file: GltfFile,
     name: str,
-    parts: list[Part],
+    parts: list[GltfPart],
     rest: list[Float],
     mesh: Mesh,
     bind: Bind,
@@ -150,9 +150,9 @@ def _played(file: GltfFile) -> tuple[list[_Animation], Float]:
     return animations, np.concatenate(worlds) if worlds else np.zeros((0, count, 4, 4))
 
 
-def _chosen(file: GltfFile, parts: list[Part]) -> list[int]:
-    """The nodes that may be joints, parents before children: those of the used skins, those that carry a
-    mesh stiffly, and those between them that are animated."""
+def _chosen(file: GltfFile, parts: list[GltfPart]) -> list[int]:
+    """Returns the nodes that may be joints, parents before children: those of the used skins, those that
+    carry a mesh stiffly, and animated nodes between them."""
     named = {int(n) for p in parts if p.skin >= 0 for n in file.document.skins[p.skin].joints}
     named |= {part.carrier for part in parts if part.skin < 0}
     animated = {c.target.node for a in file.document.animations or [] for c in a.channels}
@@ -168,8 +168,8 @@ def _chosen(file: GltfFile, parts: list[Part]) -> list[int]:
     return [n for n in shown_nodes(file) if n in named or (n in between and n in animated)]
 
 
-def _skin(parts: list[Part], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
-    """Four bones a vertex, for the joints that it follows in the file."""
+def _skin(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
+    """Returns four bones a vertex, for the joints that it follows in the file."""
     nodes: Int = np.concatenate([part.nodes for part in parts])
     weights = np.concatenate([part.weights for part in parts])
     bone = np.zeros(max(body_of) + 1, np.uint16)
@@ -178,7 +178,7 @@ def _skin(parts: list[Part], tree: Tree, body_of: dict[int, int]) -> SkinWeights
     return SkinWeights(bone[nodes], weights.astype(np.float32))
 
 
-def _clip(animation: _Animation, tree: Tree, bodies: list[Body], taken: set[str]) -> Clip:
+def _clip(animation: _Animation, tree: Tree, bodies: list[LinkBody], taken: set[str]) -> Clip:
     number, name = 1, animation.name
     while name in taken:
         number += 1
@@ -188,10 +188,10 @@ def _clip(animation: _Animation, tree: Tree, bodies: list[Body], taken: set[str]
     return Clip(name, tree.skeleton, turns, bodies[tree.root].places[animation.frames], animation.step)
 
 
-def _told(bodies: list[Body], tree: Tree, skewed: Float, size: float) -> list[str]:
-    """What the animations do that bones cannot, with its size."""
+def _told(bodies: list[LinkBody], tree: Tree, skewed: Float, size: float) -> list[str]:
+    """Returns notes on the parts of the animations that bones cannot represent, with their sizes."""
     told = []
-    away = [(name, far) for name, far in strays(bodies, tree) if far > _TOLD * size]
+    away = [(name, far) for name, far in joint_drift(bodies, tree) if far > _TOLD * size]
     if away:
         name, far = max(away, key=lambda pair: pair[1])
         what = f"animations move {len(away)} joint{'s' * (len(away) > 1)} off their bones; not kept"

@@ -1,4 +1,4 @@
-"""Biovision hierarchy files (.bvh), whatever their order of rotations, their unit and their rate."""
+"""Reads Biovision hierarchy files (.bvh) of every order of rotations, unit and rate."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from enliven.files import read_file
 from enliven.formats.motion.capture import Capture, composed
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
+"""Column of each rotation or translation axis in a vector."""
 _LONGEST_FRAME = 1.0
+"""Seconds: a longer time between frames is a damaged header, since no capture is slower than one frame a
+second."""
 _MOST_DEEP = 256
 """Joints above one another: the deepest known skeletons, with tails and ropes, have some 60."""
 _MOST_JOINTS = 4096
@@ -73,9 +76,9 @@ class _Lines:
 
 
 def read_bvh(path: Path | str) -> Capture:
-    """Read a BVH file.
+    """Reads a BVH file.
 
-    A file whose frames are not as many as its header says is read as far as it goes, with a note.
+    A file with fewer or more frames than its header states is read as far as it goes, with a note.
 
     Raises:
         InputError: for a file that cannot be read or is no BVH, with the line that is wrong.
@@ -85,7 +88,7 @@ def read_bvh(path: Path | str) -> Capture:
 
 
 def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
-    """The motion in the text of a BVH file; ``path`` is named in errors."""
+    """Reads the motion in the text of a BVH file; ``path`` is named in errors."""
     lines = _Lines(path, text.removeprefix("\ufeff"))
     if not lines.more() or lines.next("HIERARCHY") != ["HIERARCHY"]:
         raise lines.wrong("the first line is not HIERARCHY", "Is this a BVH file?")
@@ -98,7 +101,7 @@ def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
 
 
 def _read_hierarchy(lines: _Lines) -> _Hierarchy:
-    """Everything up to the line MOTION."""
+    """Reads everything up to the line MOTION."""
     tree, chain = _Hierarchy(), list[int]()
     while True:
         words = lines.next("MOTION")
@@ -122,7 +125,7 @@ def _read_hierarchy(lines: _Lines) -> _Hierarchy:
 
 
 def _begin(lines: _Lines, tree: _Hierarchy, chain: list[int], word: str, name: str) -> None:
-    """A joint begins: its name, and the brace after it."""
+    """Reads the name of a joint and the brace after it."""
     if (word == "ROOT") != (not chain):
         raise lines.wrong(f"{word} {name} does not belong here")
     parent = chain[-1] if chain else -1
@@ -143,7 +146,7 @@ def _begin(lines: _Lines, tree: _Hierarchy, chain: list[int], word: str, name: s
 
 
 def _unused(name: str, taken: dict[str, int]) -> str:
-    """The name, or the first with a number that no joint has yet: a wrist may have two ends."""
+    """Returns the name, or the first numbered one that no joint has yet: a wrist may have two ends."""
     plain, number = name, taken.get(name, 1)
     while name in taken:
         number += 1
@@ -172,7 +175,7 @@ def _is_count(word: str) -> bool:
 
 
 def _read_header(lines: _Lines) -> tuple[int, float]:
-    """How many frames are promised, and the seconds between them."""
+    """Returns the number of frames that the header states, and the seconds between them."""
     words = lines.next("Frames:")
     if words[0] != "Frames:" or len(words) != 2 or not _is_count(words[1]):
         raise lines.wrong("expected 'Frames:' and their number")
@@ -187,7 +190,7 @@ def _read_header(lines: _Lines) -> tuple[int, float]:
 
 
 def _read_rows(lines: _Lines, tree: _Hierarchy, promised: int) -> tuple[Float, tuple[str, ...]]:
-    """(F, C) the numbers of every frame for every channel, and what was odd."""
+    """Returns (F, C) the numbers of every frame for every channel, and notes on what was unusual."""
     width = sum(map(len, tree.channels))
     rows: list[list[float]] = []
     while lines.more():

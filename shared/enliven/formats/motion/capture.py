@@ -1,4 +1,4 @@
-"""Motion capture as read from a file: a named tree of joints, posed frame by frame."""
+"""A motion capture from a file: a named tree of joints, posed frame by frame."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enliven.arrays import Float
 UNITS: dict[str, float] = {"m": 1.0, "in": 0.0254, "cmu": 0.0254 / 0.45, "cm": 0.01, "mm": 0.001}
 """Metres in a unit. CMU's files count 0.45ths of an inch."""
 _LEG = 0.82
-"""Metres from hip to ankle of an average adult: what a file's unit is guessed by."""
+"""Metres from hip to ankle of an average adult, from which a file's unit is guessed."""
 
 
 @dataclass(frozen=True)
@@ -75,5 +75,6 @@ def composed(parents: tuple[int, ...], offsets: Float, rotations: Float) -> tupl
 
 
 def guess_unit(leg: float) -> str:
-    """The unit in which ``leg`` (from hip to ankle, in the file's numbers) is nearest to a person's."""
+    """Returns the unit in which ``leg`` (hip to ankle, in the file's numbers) is nearest to a person's
+    leg."""
     return min(UNITS, key=lambda name: abs(np.log(max(leg, 1e-9) * UNITS[name] / _LEG)))

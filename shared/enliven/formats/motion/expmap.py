@@ -19,7 +19,9 @@ from enliven.formats.motion.capture import Capture, composed
 from enliven.rotation import from_rotation_vector, to_matrix
 
 COLUMNS = 117
+"""Numbers of a frame: 3 for the root's place and 3 for each of 38 joints."""
 SECONDS = 1.0 / 120.0
+"""Seconds between frames: CMU captures at 120 Hz and the files do not state it."""
 
 _JOINTS: tuple[tuple[str, int, tuple[float, float, float]], ...] = (
     ("Hips", -1, (0.0, 0.0, 0.0)),
@@ -65,7 +67,7 @@ _JOINTS: tuple[tuple[str, int, tuple[float, float, float]], ...] = (
 
 
 def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
-    """Read a table of exponential maps.
+    """Reads a table of exponential maps.
 
     Args:
         mend_root: put the root's angles into their right order; False takes the file at its word.
@@ -101,7 +103,7 @@ def _row(line: str, number: int, path: Path) -> list[float]:
 
 
 def _mended(wrong: Float) -> Float:
-    """(F, 3, 3) Rz Ry Rx of the angles whose Rz Rx Ry is ``wrong``."""
+    """Returns (F, 3, 3) Rz Ry Rx from rotations composed in the wrong order, Rz Rx Ry = ``wrong``."""
     x = np.arcsin(np.clip(wrong[:, 2, 1], -1.0, 1.0))
     y = np.arctan2(-wrong[:, 2, 0], wrong[:, 2, 2])
     z = np.arctan2(-wrong[:, 0, 1], wrong[:, 1, 1])

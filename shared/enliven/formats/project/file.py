@@ -1,8 +1,8 @@
-"""Project files (.enliven): everything an artist has made, in one file that later versions read for ever.
+"""Project files (.enliven): everything an artist has made, in one file that every later version reads.
 
-A zip archive of project.json (what there is, with its version) and arrays/<name>.npy, where the name is a
-checksum of what is in it. So anything can look inside, and damage is noticed. Writing is atomic: the file
-from before stays until the new one is whole.
+A zip archive of project.json (the document with its version) and arrays/<name>.npy, where the name is a
+checksum of the content, so that other tools can read it and damage is noticed. Writing is atomic: the
+previous file stays until the new one is complete.
 """
 
 from __future__ import annotations
@@ -27,21 +27,25 @@ from enliven.formats.npy import array_of
 from enliven.formats.project.values import name_of, packed, unpacked
 
 VERSION = 1
-"""Of the format. A field more needs no new one; whatever changes the meaning of what was written does."""
+"""Of the format. An added field needs no new version; a changed meaning of a written field does."""
 _UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {}
-"""For each version that is not the newest: the project's object as the next version has it."""
+"""For each older version: the function that turns its project object into that of the next version."""
 _FORMAT = "enliven project"
 _HEADER, _ARRAYS = "project.json", "arrays/"
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""What is written, and plain bytes; other ways of packing may ask for gigabytes before a byte comes out."""
-_FREE_BYTES, _MOST_RATIO = 1 << 28, 20
-"""Bytes that a file may unpack to, however few it has, and more for each byte that it has: motion packs to a
-third, and 256 MB that are all alike to 300 kB."""
+"""Zip methods that are read: stored and deflated; other methods can ask for gigabytes before the first byte.
+"""
+_FREE_BYTES = 1 << 28
+"""Bytes that any file may unpack to: 256 MB of equal numbers pack to 300 kB."""
+_MOST_RATIO = 20
+"""Further bytes that a file may unpack to for each byte that it has: motion packs to a third, so this leaves
+room."""
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)
+"""Date of every zip entry, the earliest that zip can store: equal projects make equal files."""
 
 
 def write_project(path: Path | str, project: Project) -> None:
-    """Write a project; the same project makes the same bytes.
+    """Writes a project; the same project makes the same bytes.
 
     Raises:
         ResourceError: where the file cannot be written; one that was there stays.
@@ -50,7 +54,7 @@ def write_project(path: Path | str, project: Project) -> None:
 
 
 def read_project(path: Path | str) -> Project:
-    """Read a project of this or any earlier version.
+    """Reads a project of this or any earlier version.
 
     Raises:
         InputError: where the file is missing, no project, cut short, damaged, or of a later version.
@@ -60,7 +64,7 @@ def read_project(path: Path | str) -> Project:
 
 
 def project_bytes(project: Project) -> bytes:
-    """What :func:`write_project` writes."""
+    """Returns the bytes that :func:`write_project` writes."""
     arrays: dict[str, AnyArray] = {}
     header = {"format": _FORMAT, "version": VERSION, "made_by": __version__}
     header["project"] = packed(project, arrays)
@@ -75,7 +79,7 @@ def project_bytes(project: Project) -> bytes:
 
 
 def project_of(data: bytes, where: str = "project") -> Project:
-    """The project in the bytes of a file; ``where`` is named in errors."""
+    """Reads the project from the bytes of a file; ``where`` is named in errors."""
     if not data.startswith(b"PK"):
         raise InputError("it is no enliven project", where=where, mend="Open a file ending in .enliven.")
     try:
@@ -99,14 +103,14 @@ def project_of(data: bytes, where: str = "project") -> Project:
 
 
 def _entry(name: str) -> zipfile.ZipInfo:
-    """An entry without the time, so that the same project makes the same file."""
+    """Returns a zip entry without a time, so that the same project makes the same file."""
     info = zipfile.ZipInfo(name, _LONG_AGO)
     info.compress_type = zipfile.ZIP_DEFLATED
     return info
 
 
 def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str) -> None:
-    """Refuse a file that states more than a project packs to: nothing of it is unpacked."""
+    """Refuses a file that states a larger size than a project packs to; nothing of it is unpacked."""
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
     if total > _FREE_BYTES + _MOST_RATIO * packed:
@@ -117,14 +121,14 @@ def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str) -> None:
 
 
 def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
-    """The bytes of an entry: no more than it states, which is not left to the archive's own reader."""
+    """Returns an entry's bytes, at most as many as it states; the archive's own reader has no limit."""
     entry = archive.getinfo(name)
     with archive.open(entry) as file:
         return file.read(entry.file_size + 1)
 
 
 def _header(archive: zipfile.ZipFile, where: str) -> dict[str, Any]:
-    """What project.json says, brought to the newest version."""
+    """Returns the content of project.json, upgraded to the newest version."""
     try:
         header = json.loads(_unpacked_entry(archive, _HEADER))
     except (KeyError, ValueError, RecursionError):
@@ -144,7 +148,7 @@ def _header(archive: zipfile.ZipFile, where: str) -> dict[str, Any]:
 
 
 def _arrays(archive: zipfile.ZipFile, where: str) -> dict[str, AnyArray]:
-    """Every array by its name, which is checked against what is in it."""
+    """Returns every array by its name, which is checked against its content."""
     arrays: dict[str, AnyArray] = {}
     for entry in archive.namelist():
         if not entry.startswith(_ARRAYS):

@@ -24,7 +24,7 @@ ARRAY = "array"
 
 
 def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
-    """``value`` as JSON; its arrays are put into ``arrays`` by a name made of what is in them."""
+    """Returns ``value`` as JSON; its arrays are put into ``arrays`` by a name made of their content."""
     if isinstance(value, np.ndarray):
         name = name_of(value)
         arrays[name] = value
@@ -44,14 +44,14 @@ def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
 
 
 def name_of(array: AnyArray) -> str:
-    """A name made of an array's type, shape and numbers: equal for equal arrays, and a checksum."""
+    """Returns a name made of an array's type, shape and numbers: equal for equal arrays, and a checksum."""
     told = hashlib.blake2b(f"{array.dtype.str}{array.shape}".encode(), digest_size=16)
     told.update(np.ascontiguousarray(array).tobytes())
     return told.hexdigest()
 
 
 def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
-    """The value of a type that JSON stands for.
+    """Converts JSON to a value of the type ``hint``.
 
     Raises:
         InputError: where it does not fit the type; ``where`` is the path to it.

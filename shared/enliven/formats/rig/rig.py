@@ -1,9 +1,9 @@
-"""Rigged models: a shape with the clips that came with it.
+"""Rigged models: a shape with the clips from its file.
 
 rig = read_gltf("horse.glb")
 rig.shape        # enliven.document.rigged.Shape, at rest in its bind pose, metres, +Y up
 rig.clips        # its own animations, on the same skeleton
-rig.notes        # what was changed, and what cannot be said, with its size
+rig.notes        # what was changed or left out, with its size
 project, shape = playing(Project(), rig.shape, rig.clips[0])    # as it moves by itself
 """
 
@@ -35,7 +35,7 @@ class Rig:
 
 
 def resized(rig: Rig, height: float) -> Rig:
-    """The model scaled to ``height`` metres.
+    """Returns the model scaled to ``height`` metres.
 
     Raises:
         InputError: where the model is flat from above, or the height is none.
@@ -49,14 +49,14 @@ def resized(rig: Rig, height: float) -> Rig:
 
 
 def on_floor(rig: Rig) -> Rig:
-    """The model with its lowest vertex on the floor, y = 0; where it stands there does not change."""
+    """Returns the model with its lowest vertex at y = 0; x and z do not change."""
     mesh = rig.shape.mesh
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
     return _moved(rig, 1.0, np.array([0.0, -points[:, 1].min(), 0.0]))
 
 
 def _moved(rig: Rig, scale: float, by: Float) -> Rig:
-    """Everything scaled about the origin, then moved."""
+    """Returns the model scaled about the origin, then moved."""
     shape = rig.shape
     skeleton = _placed(shape.skeleton, scale, by)
     mesh = shape.mesh
@@ -71,7 +71,7 @@ def _placed(skeleton: Skeleton, scale: float, by: Float) -> Skeleton:
 
 
 def welded(shape: Shape) -> Shape:
-    """The shape with vertices of one place and one skin as one vertex, as surgery wants it.
+    """Returns the shape with vertices of one place and one skin merged into one, as surgery needs it.
 
     Flat-shaded files have every face apart. Where two colours meet, the first vertex's stays.
     """
@@ -91,7 +91,8 @@ def welded(shape: Shape) -> Shape:
 
 
 def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
-    """The project with the shape in it, moved by a clip of its own skeleton, bone by bone and root as well.
+    """Returns the project with the shape added and moved by a clip of its own skeleton: every bone, and the
+    root.
 
     Every bone has a layer of its own (the chain from the joint above it to it), so each turns just as the
     clip says.

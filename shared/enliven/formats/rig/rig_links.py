@@ -1,8 +1,8 @@
-"""Which joint of a rig hangs on which: as the file says, unless its own animations say otherwise.
+"""Finds the parent of each joint of a rig: the file's parent, unless the animations contradict it.
 
 Files of animators have controllers: a foot that inverse kinematics drove hangs on the ground, and is only
-moved to where the shin ends. To a skeleton whose bones only turn, the foot must hang on the shin. So a link
-that does not hold over the animations is cut, and what is cut off hangs on the joint that it follows best.
+moved to the end of the shin. A skeleton with bones that only turn needs the foot on the shin. So a link that
+does not hold over the animations is cut, and the cut branch is attached to the joint that it follows best.
 """
 
 from __future__ import annotations
@@ -15,20 +15,23 @@ from enliven.arrays import Float
 from enliven.rotation import rotate
 
 _LOOSE = 0.01
-"""Share of the size that a joint may leave its parent by before the link counts as cut."""
+"""Share of the model's size: a joint that leaves its parent by more counts as detached."""
 _NEARNESS = 0.5
-"""Metres of not following that a metre of distance at rest counts as much as."""
+"""Metres of misfit that weigh as much as a metre of distance at rest: near joints win over equally good far
+ones."""
 _BETTER = 3.0
-"""How many times better another joint must be followed than the parent that the file names."""
+"""Factor by which another joint's misfit must be smaller than that of the file's parent to replace it: the
+file is mostly right."""
 _HEAVY = 0.1
-"""Share of the surface that a root must carry."""
+"""Share of the surface that a root must carry: lighter branches are loose parts, not the body."""
 _LOOKED_AT = 150
-"""Frames of all the animations together that are looked at."""
+"""Frames of all animations together that are compared: enough to see a link break, and quadratic in joints.
+"""
 
 
 @dataclass
-class Body:
-    """A joint of a rig, with all that is rigid with it.
+class LinkBody:
+    """A joint of a rig, with everything that is rigid with it.
 
     Attributes:
         name: its own.
@@ -53,11 +56,11 @@ class Body:
 
 @dataclass
 class Links:
-    """What hangs on what.
+    """The tree of the joints.
 
     Attributes:
         parents: of each body that is kept, -1 at the root.
-        merged: bodies whose vertices go along with the root, since they were above it.
+        merged: bodies that were above the root: their vertices follow the root.
         notes: what was changed, a sentence each.
     """
 
@@ -67,12 +70,12 @@ class Links:
 
     @property
     def root(self) -> int:
-        """The body at the root."""
+        """The number of the body at the root."""
         return next(j for j, parent in self.parents.items() if parent < 0)
 
 
-def links_of(bodies: list[Body], size: float) -> Links:
-    """What hangs on what; of all the loose parts that one is the root which leaves the least to be noted.
+def links_of(bodies: list[LinkBody], size: float) -> Links:
+    """Returns the tree of the joints; of all loose parts the root is the one that leaves the smallest misfit.
 
     Joints that neither move a vertex nor carry one that does are dropped; where they were, their parents
     have a leaf. A root that moves nothing and carries one joint is dropped too.
@@ -101,7 +104,7 @@ def links_of(bodies: list[Body], size: float) -> Links:
 
 
 def downward(parents: dict[int, int]) -> list[int]:
-    """The bodies, each after its parent, a branch at a time."""
+    """Returns the bodies in depth-first order, each after its parent."""
     below: dict[int, list[int]] = {}
     for j, parent in parents.items():
         below.setdefault(parent, []).append(j)
@@ -112,8 +115,8 @@ def downward(parents: dict[int, int]) -> list[int]:
     return order
 
 
-def _residuals(bodies: list[Body]) -> Float:
-    """(J, J) metres (root mean square) that body j leaves the place on body p that it has at rest."""
+def _residuals(bodies: list[LinkBody]) -> Float:
+    """Returns (J, J) metres (root mean square) that body j strays from its rest place on body p."""
     count, frames = len(bodies), len(bodies[0].places)
     looked = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _LOOKED_AT)).astype(int))
     if frames == 0:
@@ -127,8 +130,8 @@ def _residuals(bodies: list[Body]) -> Float:
     return off
 
 
-def _weights(bodies: list[Body], parents: list[int]) -> list[float]:
-    """For each body how much it and all below it move."""
+def _weights(bodies: list[LinkBody], parents: list[int]) -> list[float]:
+    """Returns for each body the surface that it and all bodies below it move."""
     weight = [body.mass for body in bodies]
     for j in range(len(bodies) - 1, -1, -1):
         if parents[j] >= 0:
@@ -136,8 +139,8 @@ def _weights(bodies: list[Body], parents: list[int]) -> list[float]:
     return weight
 
 
-def _hung(bodies: list[Body], before: list[int], loose: list[bool], off: Float, root: int) -> Links:
-    """Everything that moves vertices hung on ``root``, or on what hangs on it."""
+def _hung(bodies: list[LinkBody], before: list[int], loose: list[bool], off: Float, root: int) -> Links:
+    """Attaches everything that moves vertices to ``root``, directly or through other bodies."""
     above = _above(before, root)
     parents = [-1 if loose[j] or j == root or p in above else p for j, p in enumerate(before)]
     tops = [_top(parents, j) for j in range(len(bodies))]
@@ -156,7 +159,7 @@ def _hung(bodies: list[Body], before: list[int], loose: list[bool], off: Float, 
 
 
 def _above(before: list[int], j: int) -> list[int]:
-    """The bodies above one, in the file."""
+    """Returns the ancestors of a body in the file."""
     chain = []
     while before[j] >= 0:
         j = before[j]
@@ -164,14 +167,14 @@ def _above(before: list[int], j: int) -> list[int]:
     return chain
 
 
-def _home(bodies: list[Body], child: int, usual: int, inside: set[int], off: Float) -> int:
-    """The body that what was cut off hangs on: its old parent, unless another is followed far better."""
+def _home(bodies: list[LinkBody], child: int, usual: int, inside: set[int], off: Float) -> int:
+    """Returns the body to attach a cut branch to: its old parent, unless another is followed far better."""
     costs = {c: off[child, c] + _NEARNESS * _distance(bodies, child, c) for c in inside}
     best = min(costs, key=lambda c: (costs[c], c))
     return usual if usual in inside and off[child, usual] < _BETTER * off[child, best] else best
 
 
-def _distance(bodies: list[Body], child: int, parent: int) -> float:
+def _distance(bodies: list[LinkBody], child: int, parent: int) -> float:
     points = [bodies[parent].rest, *(place for _, place in bodies[parent].leaves)]
     return min(float(np.linalg.norm(bodies[child].rest - p)) for p in points)
 
@@ -182,8 +185,8 @@ def _top(parents: list[int], j: int) -> int:
     return j
 
 
-def _carries(bodies: list[Body], parents: list[int], inside: set[int]) -> set[int]:
-    """The bodies that move vertices, and those above them."""
+def _carries(bodies: list[LinkBody], parents: list[int], inside: set[int]) -> set[int]:
+    """Returns the bodies that move vertices, and their ancestors."""
     found: set[int] = set()
     for j in inside:
         at = j
@@ -193,8 +196,8 @@ def _carries(bodies: list[Body], parents: list[int], inside: set[int]) -> set[in
     return found
 
 
-def _unsaid(bodies: list[Body], links: Links, off: Float) -> float:
-    """Metres by which what is moved leaves its place, on the average over the surface."""
+def _unsaid(bodies: list[LinkBody], links: Links, off: Float) -> float:
+    """Returns metres: the mean over the surface of the distance by which moved vertices leave their place."""
     away = {j: 0.0 if p < 0 else float(off[j, p]) for j, p in links.parents.items()}
     for j in downward(links.parents):
         if links.parents[j] >= 0:
@@ -203,8 +206,8 @@ def _unsaid(bodies: list[Body], links: Links, off: Float) -> float:
     return sum(bodies[j].mass * far for j, far in away.items()) / max(sum(b.mass for b in bodies), 1e-12)
 
 
-def _trim(bodies: list[Body], links: Links) -> None:
-    """Drop roots that move no vertex and carry one joint: a controller at the feet is no bone."""
+def _trim(bodies: list[LinkBody], links: Links) -> None:
+    """Drops roots that move no vertex and carry one joint: a controller at the feet is no bone."""
     while True:
         root = links.root
         below = [j for j, parent in links.parents.items() if parent == root]

@@ -24,12 +24,13 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Skeleton
-from enliven.formats.rig.rig_links import Body, downward, links_of
+from enliven.formats.rig.rig_links import LinkBody, downward, links_of
 from enliven.rotation import rotate
 
 _SAME_PLACE = 2e-5
-"""Share of the size within which two joints are at one place."""
+"""Share of the size within which two joints are at one place: less is rounding."""
 _STRAIGHT = np.cos(np.radians(25.0))
+"""Cosine of 25 degrees: bones within that angle of the incoming bone count as equally straight."""
 
 
 @dataclass
@@ -38,7 +39,7 @@ class Tree:
 
     Attributes:
         skeleton: joints and tips.
-        driver: for each bone the body whose turn it takes.
+        driver: for each bone the body that it turns with.
         bone: for each body that vertices follow, the bone that they follow now.
         root: the body that the root joint is at.
         notes: what was changed, a sentence each.
@@ -51,8 +52,8 @@ class Tree:
     notes: list[str]
 
 
-def tree_of(bodies: list[Body], size: float) -> Tree:
-    """The skeleton of a rig.
+def tree_of(bodies: list[LinkBody], size: float) -> Tree:
+    """Returns the skeleton of a rig.
 
     Args:
         bodies: parents before children, one at least moves vertices.
@@ -65,8 +66,9 @@ def tree_of(bodies: list[Body], size: float) -> Tree:
     return tree
 
 
-def strays(bodies: list[Body], tree: Tree) -> list[tuple[str, float]]:
-    """What bones cannot say: each joint that leaves its place on its parent, and by how many metres."""
+def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
+    """Returns each joint that leaves its place on its parent, and by how many metres: bones cannot follow
+    it."""
     skeleton, found = tree.skeleton, []
     at = np.empty((len(bodies[0].places), len(skeleton), 3))
     at[:, 0] = bodies[tree.root].places
@@ -82,8 +84,8 @@ def strays(bodies: list[Body], tree: Tree) -> list[tuple[str, float]]:
     return found
 
 
-def _joined(bodies: list[Body], parents: dict[int, int], size: float) -> dict[int, int]:
-    """For each body, the first of those that are at its place and beside or above it in the tree."""
+def _joined(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
+    """Returns for each body the first body at its place that is beside or above it in the tree."""
     first: dict[int, int] = {}
     for j in downward(parents):
         if parents[j] < 0:
@@ -96,12 +98,12 @@ def _joined(bodies: list[Body], parents: dict[int, int], size: float) -> dict[in
     return first
 
 
-def _apart(bodies: list[Body], a: int, b: int) -> float:
+def _apart(bodies: list[LinkBody], a: int, b: int) -> float:
     return float(np.linalg.norm(bodies[a].rest - bodies[b].rest))
 
 
 def _built(
-    bodies: list[Body], parents: dict[int, int], first: dict[int, int], size: float, notes: list[str]
+    bodies: list[LinkBody], parents: dict[int, int], first: dict[int, int], size: float, notes: list[str]
 ) -> Tree:
     """The skeleton: one joint for each place, one bone for each link, and the tips."""
     names: dict[int, str] = {}
@@ -169,7 +171,7 @@ class _Joints:
         return len(inside)
 
     def sorted(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], dict[int, int]]:
-        """As a skeleton, a branch at a time, and drivers and bones by its numbers."""
+        """Returns a skeleton, a branch at a time, with drivers and bones by its numbers."""
         order = downward(dict(enumerate(self.parents)))
         new = {old: k for k, old in enumerate(order)}
         above = [-1 if self.parents[old] < 0 else new[self.parents[old]] for old in order]
@@ -178,8 +180,8 @@ class _Joints:
         return skeleton, [self.drivers[old] for old in order], {j: new[k] for j, k in bone.items()}
 
 
-def _tip(bodies: list[Body], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
-    """What the end of the bone of a joint without children is called, and where it is."""
+def _tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
+    """Returns the name and the place of the end of the bone of a joint without children."""
     body = bodies[j]
     for name, place in body.leaves:
         if np.linalg.norm(place - body.rest) > 1e-3 * size:
