@@ -14,7 +14,7 @@ from enliven.errors import InputError
 from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS, Crop
 from enliven_edge.tracking.estimator.estimator import PoseEstimator
 from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
-from enliven_synthesis.training.dataset import Album, render_album
+from enliven_synthesis.training.dataset import Dataset, render_dataset
 from enliven_synthesis.training.pose_network import training
 from enliven_synthesis.training.pose_network.network import JOINTS, PoseNetwork
 from enliven_synthesis.training.pose_network.quantisation import quantise
@@ -28,8 +28,8 @@ LEARNT = 0.8
 
 
 @pytest.fixture(scope="module")
-def album(tmp_path_factory) -> Album:
-    return render_album(tmp_path_factory.mktemp("album"), COUNT, 0.5, 1)
+def album(tmp_path_factory) -> Dataset:
+    return render_dataset(tmp_path_factory.mktemp("album"), COUNT, 0.5, 1)
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def test_the_exported_network_says_what_it_said_before(tmp_path):
     np.testing.assert_allclose(seen[0].joints, crop.to_camera(expected[0][0].astype(float)), atol=1e-2)
 
 
-def loss_of(network, album: Album) -> float:
+def loss_of(network, album: Dataset) -> float:
     """Of the lessons that are not kept back, the facing told."""
     batch = album.batch(np.arange(BACK, COUNT))
     told = np.stack([np.cos(batch.facing), np.sin(batch.facing), batch.cell], 1).astype(np.float32)
@@ -130,17 +130,17 @@ def test_the_same_seed_learns_the_same_and_another_does_not(album, few_kept_back
 
 def test_lessons_that_are_kept_back_are_not_learnt(album, few_kept_back, monkeypatch):
     drawn = []
-    batch = Album.batch
-    monkeypatch.setattr(Album, "batch", lambda self, which: drawn.extend(which) or batch(self, which))
+    batch = Dataset.batch
+    monkeypatch.setattr(Dataset, "batch", lambda self, which: drawn.extend(which) or batch(self, which))
     train(album, TrainingSettings(steps=3, batch=64))
     assert min(drawn) >= BACK and max(drawn) < COUNT
 
 
 def test_what_a_network_is_worth_are_shares(album, monkeypatch, tmp_path):
     """Measured on the lessons kept back, 250 at a time: of a small album all of them, again and again."""
-    batch = Album.batch
+    batch = Dataset.batch
     monkeypatch.setattr(training, "KEPT_BACK", 250)
-    monkeypatch.setattr(Album, "batch", lambda self, which: batch(self, which % COUNT))
+    monkeypatch.setattr(Dataset, "batch", lambda self, which: batch(self, which % COUNT))
     export(PoseNetwork(), tmp_path / "made.onnx")
     found = measure(tmp_path / "made.onnx", album)
     assert all(0 <= share <= 1 for share in (*found.within, found.facing, found.parts))
