@@ -228,7 +228,7 @@ class Edge:
     def _look(self, asked: Look) -> None:
         """From where a viewer looks."""
         eye = None if asked.eye is None else np.array(asked.eye)
-        self.stage.look(View(np.array(asked.direction), np.array(asked.up), eye))
+        self.stage.set_view(View(np.array(asked.direction), np.array(asked.up), eye))
 
     def _possess(self, asked: Possess) -> None:
         """A viewer's wish that somebody take hold, or that it be shown what they would hold."""

@@ -12,7 +12,7 @@ from enliven.deformation.graph import DeformationGraph, character_from
 from enliven.meshes import Mesh, fit_height, refine
 from enliven.samples import make_chair, make_lamp
 from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
-from enliven_edge.stage.standing import stood_in
+from enliven_edge.stage.standing import fit_standing_person
 
 log = logging.getLogger(__name__)
 
@@ -74,6 +74,6 @@ def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]
     size = float(np.ptp(mesh.vertices[:, "xyz".index(up)])) / _HEIGHT
     mesh = fit_height(mesh, _HEIGHT, up)  # type: ignore[arg-type]
     if settings.stand == "fitted":
-        mesh, fit = stood_in(mesh)
+        mesh, fit = fit_standing_person(mesh)
         log.info("%s: moved to where a standing person fits into it (%.0f %%)", spec, 100 * fit)
     return refine(mesh, _LONGEST_EDGE), size

@@ -50,7 +50,7 @@ class EmbeddedActor:
         height = float(np.ptp(character.vertices[:, 1])) or 1.0
         self._rules = PlacementRules(self.settings, graph, height, size)
         self._placement = AS_MODELLED
-        self._met = self.settings.place == "fixed"
+        self._placed = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None
         self._easing = Easing(self.settings.fade, self.settings.fade_pace)
         self._soft = SoftConstraints(character, graph, self.settings)
@@ -104,7 +104,7 @@ class EmbeddedActor:
         start = self._solver.state() if kept and self._solver is not None else None
         if not kept:
             self._placement = self._rules.at_performer(body)
-        self._met, self._candidate = True, (None, parts)
+        self._placed, self._candidate = True, (None, parts)
         at = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
         self._hold([*others[:at], hold, *others[at:]], start)
 
@@ -146,10 +146,10 @@ class EmbeddedActor:
         Args:
             seen: by body id, the part of the performer's surface that a depth sensor sees.
         """
-        if not self._met and bodies and not self.holds:
-            self._placement, self._met = self._rules.waiting_place(bodies[0]), True
+        if not self._placed and bodies and not self.holds:
+            self._placement, self._placed = self._rules.waiting_place(bodies[0]), True
         self._hand_over(bodies, time_ns)
-        self._look_for_performers(bodies, time_ns)
+        self._update_holds(bodies, time_ns)
         world = self._placement.state_to_world(*self._solved(seen or {}, time_ns))
         linear, positions = self._easing(*world, time_ns)
         self._time_ns = time_ns
@@ -167,7 +167,7 @@ class EmbeddedActor:
         count = len(self.graph.positions)
         held = [(hold.body, hold.strengths(count)) for hold in self.holds if hold.active]
         preview = None
-        if body is not None and self._met:
+        if body is not None and self._placed:
             others = [hold for hold in self.holds if hold.body != body.id]
             preview = body.id, EmbeddedHold(body.id, [self._grip(body, parts, others)]).strengths(count)
         return cues_of(held, preview)
@@ -231,7 +231,7 @@ class EmbeddedActor:
                 grip.carrying.handed_over(idle[0])
             self._easing.restart_fade()
 
-    def _look_for_performers(self, bodies: list[Body], time_ns: int) -> None:
+    def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
         """Updates the targets of all holds; a performer who is away lets go, unless all holders are away."""
         present = {body.id: body for body in bodies}
         sunk = {h.body for h in self.holds if h.body in present and not h.believes(present[h.body])}

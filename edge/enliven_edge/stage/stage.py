@@ -99,7 +99,7 @@ class Stage:
         """Ends the hold of one performer, or of all; a free character eases back to rest where it stands."""
         self._actor(character).release(body)
 
-    def look(self, view: View) -> None:
+    def set_view(self, view: View) -> None:
         """Sets the viewer's direction: rigged characters match poses as they look on its screen."""
         for actor in self._rigs():
             actor.view = view

@@ -73,7 +73,7 @@ def standing_figure(height: float = _HEIGHT) -> Float:
     return np.asarray(joints * (height / _HEIGHT))
 
 
-def stood_in(mesh: Mesh) -> tuple[Mesh, float]:
+def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
     """Moves the mesh, its floor at y = 0, so that a person standing at the origin facing +Z fits in best.
 
     Returns:

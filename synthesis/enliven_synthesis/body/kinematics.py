@@ -66,7 +66,7 @@ def numbers_of(posture: PerformerPosture) -> tuple[Any, Any, Any]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def put(build: Any, trunk: Any, arms: Any, feet: Any, joints: Float, frames: Float) -> None:
+def forward_kinematics(build: Any, trunk: Any, arms: Any, feet: Any, joints: Float, frames: Float) -> None:
     """Fills the joints (20, 3) and the frames (16, 3, 4) of a posture.
 
     Args:

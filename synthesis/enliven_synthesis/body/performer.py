@@ -13,7 +13,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Joint, Limb
 from enliven.settings import setting
-from enliven_synthesis.body.kinematics import STRAIGHTEST, Lengths, numbers_of, put
+from enliven_synthesis.body.kinematics import STRAIGHTEST, Lengths, forward_kinematics, numbers_of
 from enliven_synthesis.body.posture import PerformerPosture
 from enliven_synthesis.body.rotations import on_grid
 
@@ -74,7 +74,7 @@ class Performer:
         foot in the air that is out of reach, or nearer than a folded leg, is moved along the leg.
         """
         joints, frames = np.zeros((20, 3)), np.zeros((16, 3, 4))
-        put(self._lengths, *numbers_of(posture), joints, frames)
+        forward_kinematics(self._lengths, *numbers_of(posture), joints, frames)
         return Figure(on_grid(joints), on_grid(frames))
 
     def figure(self, rotations: Float, pelvis: Float) -> Figure:

@@ -84,10 +84,10 @@ def test_without_a_mirror_left_is_where_it_is_seen() -> None:
 def test_who_looks_from_behind_sees_the_other_side() -> None:
     show = Show()
     show.actor.preview(None, "arms")
-    show.stage.look(View(np.array([0.0, 0.0, 1.0])))
+    show.stage.set_view(View(np.array([0.0, 0.0, 1.0])))
     show.play(person())
     assert show.shown == ["right", "left"]
-    show.stage.look(View(np.array([1.0, 0.0, 0.0])))
+    show.stage.set_view(View(np.array([1.0, 0.0, 0.0])))
     show.play(person(left=(0.0, 1.0, 0.0)), frames=20)
     assert show.shown == ["up", "front"], "seen from the left, the front limb is on the right"
 

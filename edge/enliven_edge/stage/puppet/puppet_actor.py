@@ -60,8 +60,8 @@ class PuppetActor:
         self._state = State(puppet.rest.copy(), 0.0, np.zeros(3))
         self._easing = Easing(self.settings.fade, self.settings.fade_pace)
         self._lead: ControlPointHold | None = None
-        self._turned = 0.0
-        self._anew = self._met = False
+        self._yaw_offset = 0.0
+        self._restarts = self._placed = False
         self._candidate: tuple[int | None, str] = (None, "all")
         self._time_ns = 0
 
@@ -82,15 +82,15 @@ class PuppetActor:
 
     def perform(self, bodies: list[Body], time_ns: int, seen: Mapping[int, Seen] | None = None) -> Pose:
         """Returns the pose at a moment; performers out of view keep their last pose."""
-        if not self._met and bodies and np.isfinite(bodies[0].joints).all():
-            self._meet(bodies[0])
+        if not self._placed and bodies and np.isfinite(bodies[0].joints).all():
+            self._place_beside(bodies[0])
         self._hand_over(bodies, time_ns)
         paused = not 0 < time_ns - self._time_ns <= self.settings.pause * 1e9
         if paused:
             self._easing.skip(time_ns)
-        self._look(bodies, time_ns)
+        self._update_holds(bodies, time_ns)
         if self.holds:
-            self._follow(time_ns, paused)
+            self._update_state(time_ns, paused)
         self._time_ns = time_ns
         pose = pose_of_state(self._puppet, self._state, time_ns)
         linear, positions = self._easing(
@@ -204,7 +204,7 @@ class PuppetActor:
         held = frozenset[int]().union(*(hold.points for hold in holds))
         count = len(self._puppet.points)
         self._live.loose = np.array([k for k in range(count) if k not in held], np.int64)
-        self._anew = True
+        self._restarts = True
         self._easing.restart_fade()
         if not holds:
             self._lead = None
@@ -218,7 +218,7 @@ class PuppetActor:
             still = State(still.places, still.yaw, by * np.array([1.0, 0.0, 1.0]))
         self._state = still
 
-    def _look(self, bodies: list[Body], time_ns: int) -> None:
+    def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
         """Updates all holds from the bodies in view; a performer who comes back is eased in."""
         present = {body.id: body for body in bodies}
         for hold in self.holds:
@@ -226,23 +226,23 @@ class PuppetActor:
             if body is None:
                 continue
             if hold.away(time_ns) > self.settings.pause:
-                self._anew = True
+                self._restarts = True
             hold.see(body, self._retargeting, time_ns, mirror=self.settings.mirror)
 
-    def _follow(self, time_ns: int, paused: bool) -> None:
+    def _update_state(self, time_ns: int, paused: bool) -> None:
         """Updates the state from the holds' last poses."""
         lead = self._leader()
         if lead is not self._lead:
-            self._lead, self._turned = lead, self._state.yaw - lead.yaw
+            self._lead, self._yaw_offset = lead, self._state.yaw - lead.yaw
         pose = lead.pose.copy()
         for hold in self.holds:
             rows = list(hold.points)
             pose[rows] = hold.pose[rows]
-        yaw = self._turned + lead.yaw if self._locomotion.goes else 0.0
+        yaw = self._yaw_offset + lead.yaw if self._locomotion.goes else 0.0
         size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
         sample = Sample(pose, yaw, lead.footing, size)
-        if self._anew or paused:
-            self._anew = False
+        if self._restarts or paused:
+            self._restarts = False
             self._easing.restart_fade()
             self._state = self._live.begin(time_ns, sample, self._state)
         else:
@@ -265,9 +265,9 @@ class PuppetActor:
             new.see(body, self._retargeting, time_ns, mirror=self.settings.mirror)
             self._hold([new if hold is old else hold for hold in self.holds])
 
-    def _meet(self, body: Body) -> None:
+    def _place_beside(self, body: Body) -> None:
         """Places the puppet beside the first performer, to the right as the sensor sees it."""
-        self._met = True
+        self._placed = True
         if not self.settings.meet:
             return
         where = rotate(self._puppet.turn, self._puppet.mesh.vertices)

@@ -43,7 +43,7 @@ class Chooser:
         """The number of matches."""
         return 0 if self._ranking is None else self._ranking.total
 
-    def look(self, body: Body | None, parts: str, joints: Float, seconds: float) -> None:
+    def rank(self, body: Body | None, parts: str, joints: Float, seconds: float) -> None:
         """Ranks every match of a body and picks one; forgets the performer where ``body`` is None.
 
         Args:
@@ -73,7 +73,7 @@ class Chooser:
         self._picker.reset()
         self.body, self._source, self._ranking, self.pick = -1, None, None, _NOTHING
 
-    def again(self) -> None:
+    def restart(self) -> None:
         """Starts anew: the performer must move before holding still accepts a match."""
         self._picker.reset()
 

@@ -35,7 +35,7 @@ class RigActor:
         self.live_shape = LiveShape(shape, self.settings.fade)
         self.chooser = Chooser(shape.skeleton, self.settings)
         self._candidate: tuple[int | None, str] = (None, "all")
-        self._met = False
+        self._placed = False
         self._time_ns = 0
 
     @property
@@ -67,8 +67,8 @@ class RigActor:
         """Returns the pose at a moment, and ranks the matches of the performer who chooses."""
         self._time_ns = time_ns
         bodies = [body for body in bodies if np.isfinite(body.joints).all()]
-        if not self._met and bodies:
-            self._meet(bodies[0])
+        if not self._placed and bodies:
+            self._place_beside(bodies[0])
         if self.settings.hand_over > 0.0:
             self.live_shape.hand_over(bodies, time_ns, self.settings.hand_over)
         pose = self.live_shape.pose(bodies, time_ns)
@@ -93,7 +93,7 @@ class RigActor:
             where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
             raise InputError(f"the joints of performer {body.id} are not known", where=where, mend=mend)
         self._candidate = (body.id, parts)
-        self._look(body)
+        self._rank(body)
         self._bind([body], mode)
 
     def release(self, body: int | None = None) -> None:
@@ -107,7 +107,7 @@ class RigActor:
             what, mend = f"performer {body} does not drive it", f"It is driven by: {who}."
             raise InputError(what, where=f"releasing {self.character.id!r}", mend=mend)
         self.live_shape.release(body)
-        self.chooser.again()
+        self.chooser.restart()
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
         """Makes this performer (None: the next one) choose, with these parts.
@@ -157,9 +157,9 @@ class RigActor:
             rehearsal.perform([body], 33_333_333)
             rehearsal.release()
 
-    def _meet(self, body: Body) -> None:
+    def _place_beside(self, body: Body) -> None:
         """Places the character beside the first performer, to the right as the sensor sees it."""
-        self._met = True
+        self._placed = True
         low, high = self.character.vertices.min(0), self.character.vertices.max(0)
         across = body.joints[0, 0] + self.settings.beside - low[0]
         self.live_shape.stand(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
@@ -169,10 +169,10 @@ class RigActor:
         body = next((body for body in bodies if body.id == self._candidate[0]), None)
         if body is None or body.id in {hold.body for hold in self.holds}:
             body = self.next_performer(bodies)
-        self._look(body)
+        self._rank(body)
 
-    def _look(self, body: Body | None) -> None:
-        self.chooser.look(body, self._candidate[1], self.live_shape.joints, self._time_ns * 1e-9)
+    def _rank(self, body: Body | None) -> None:
+        self.chooser.rank(body, self._candidate[1], self.live_shape.joints, self._time_ns * 1e-9)
 
     def _bind(self, bodies: Sequence[Body], mode: Mode) -> None:
         """Binds the picked match to its performer."""
