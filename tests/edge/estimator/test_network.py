@@ -53,7 +53,7 @@ def seen_by(network, count: int, seed: int = 0):
 def test_it_says_what_it_promises():
     (joints, spread, facing, parts), _, _ = seen_by(PoseNetwork(), 3)
     assert joints.shape == (3, JOINTS, 3) and spread.shape == (3, JOINTS)
-    assert facing.shape == (3, FACINGS) and parts.shape == (3, PARTS, ROWS // 2, COLUMNS // 2)
+    assert facing.shape == (3, FACINGS + 1) and parts.shape == (3, PARTS, ROWS // 2, COLUMNS // 2)
 
 
 def test_a_joint_is_where_its_heat_is():
