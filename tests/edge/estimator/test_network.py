@@ -98,7 +98,8 @@ def test_the_exported_network_says_what_it_said_before(tmp_path):
 def loss_of(network, album: Dataset) -> float:
     """Of the lessons that are not kept back, the facing told."""
     batch = album.batch(np.arange(BACK, COUNT))
-    told = np.stack([np.cos(batch.facing), np.sin(batch.facing), batch.cell], 1).astype(np.float32)
+    known, facing = batch.is_person, np.nan_to_num(batch.facing)
+    told = np.stack([known * np.cos(facing), known * np.sin(facing), batch.cell], 1).astype(np.float32)
     with torch.no_grad():
         return float(
             training._loss(network.train()(torch.from_numpy(batch.image), torch.from_numpy(told)), batch)
