@@ -229,7 +229,7 @@ class Edge:
     def _look(self, asked: Look) -> None:
         """Sets the direction from which a viewer looks."""
         eye = None if asked.eye is None else np.array(asked.eye)
-        self.stage.look(ScreenView(np.array(asked.direction), np.array(asked.up), eye))
+        self.stage.set_view(ScreenView(np.array(asked.direction), np.array(asked.up), eye))
 
     def _possess(self, asked: Possess) -> None:
         """Lets a person take hold for a viewer, or previews what they would hold."""

@@ -1,1 +1,1 @@
-"""A made-up performer before a made-up depth camera that has the faults of a real one."""
+"""Synthesises a performer and a depth camera with the faults of a real one, for tests and training."""

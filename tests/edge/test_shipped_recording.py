@@ -10,7 +10,7 @@ from enliven.recording import Recording
 from enliven_edge.assets import CHAIR
 from enliven_edge.sensors.profile import load_profile
 from enliven_synthesis.commands.synthesize import synthesize
-from enliven_synthesis.sensor.studio import Studio, StudioSettings
+from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 
 AGAIN = "make it again:  enliven synthesize -o edge/enliven_edge/assets/chair.mcap --overwrite"
 
@@ -37,7 +37,7 @@ def test_it_holds_nine_seconds_with_the_truth() -> None:
 def test_its_images_and_joints_are_those_of_the_studio() -> None:
     """Sixteen frames of it, however the file was packed."""
     recording = Recording(CHAIR)
-    studio = Studio(load_profile("kinect1"), StudioSettings(width=320))
+    studio = SyntheticStudio(load_profile("kinect1"), SyntheticSettings(width=320))
     for n, (frame, truth) in enumerate(zip(recording.frames(), recording.truth(), strict=True)):
         if n % 17:
             continue

@@ -11,14 +11,14 @@ from enliven.person.body import Joint
 from enliven.person.limbs import Limb
 from enliven_synthesis.body.kinematics import FOLDED, STRAIGHTEST
 from enliven_synthesis.body.performer import Figure, Performer
-from enliven_synthesis.body.posture import Arm, Foot, Posture
+from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.body.rotations import about_x, about_y, about_z, on_grid
 
 
 class SlowPerformer(Performer):
     """A performer whose postures are taken by the slow twin."""
 
-    def pose(self, posture: Posture) -> Figure:
+    def pose(self, posture: PerformerPosture) -> Figure:
         """Forward kinematics.
 
         The pelvis sinks below the height asked for where a planted foot would otherwise lose the floor; a
@@ -36,14 +36,16 @@ class SlowPerformer(Performer):
             self._leg(foot, *feet[side], side, pelvis, joints, frames)
         return Figure(on_grid(joints), on_grid(frames))
 
-    def _ankle(self, foot: Foot) -> tuple[Float, Float]:
+    def _ankle(self, foot: FootPose) -> tuple[Float, Float]:
         """(3,) where the ankle wants to be, and (3, 3) the foot's orientation."""
         heading = about_y(foot.yaw)
         ball = np.array([foot.x, self.ankle_height + foot.lift, foot.z]) + heading @ self.ball
         orientation = heading @ about_x(-foot.pitch)
         return ball - orientation @ self.ball, orientation
 
-    def _pelvis_position(self, posture: Posture, pelvis: Float, feet: list[tuple[Float, Float]]) -> Float:
+    def _pelvis_position(
+        self, posture: PerformerPosture, pelvis: Float, feet: list[tuple[Float, Float]]
+    ) -> Float:
         """(3,) the hip centre: the height asked for, or less where a planted leg is not that long."""
         y = self.standing + posture.rise
         reach = STRAIGHTEST * (self.thigh + self.shank)
@@ -56,7 +58,7 @@ class SlowPerformer(Performer):
             y = min(y, float(feet[side][0][1] - hip[1] + math.sqrt(max(reach**2 - across, 0.0))))
         return np.array([posture.x, y, posture.z])
 
-    def _trunk(self, posture: Posture, pelvis: Float, joints: Float, frames: Float) -> None:
+    def _trunk(self, posture: PerformerPosture, pelvis: Float, joints: Float, frames: Float) -> None:
         """Pelvis to head: a third of the spine's bend below the spine joint, the rest above it."""
         lower = _bend(posture.spine_yaw / 3, posture.spine_pitch / 3, posture.spine_roll / 3)
         upper = _bend(2 * posture.spine_yaw / 3, 2 * posture.spine_pitch / 3, 2 * posture.spine_roll / 3)
@@ -71,7 +73,7 @@ class SlowPerformer(Performer):
         frames[Limb.CHEST] = _frame(chest, joints[Joint.SHOULDER_CENTER])
         frames[Limb.SKULL] = _frame(skull, joints[Joint.HEAD])
 
-    def _arm(self, arm: Arm, side: int, joints: Float, frames: Float) -> None:
+    def _arm(self, arm: ArmPose, side: int, joints: Float, frames: Float) -> None:
         """Shoulder to hand; ``side`` 0 is the left, 1 the right."""
         sign = 1.0 - 2.0 * side
         first = (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)[side]
@@ -90,7 +92,7 @@ class SlowPerformer(Performer):
 
     def _leg(
         self,
-        foot: Foot,
+        foot: FootPose,
         ankle: Float,
         orientation: Float,
         side: int,

@@ -87,7 +87,7 @@ class House:
     @property
     def tips(self) -> list[str]:
         """The limbs that the viewer shows as meant, by where their tips are."""
-        names, joints = self.actor.puppet.shape.skeleton.names, self.actor.puppet.joints
+        names, joints = self.actor.live_shape.shape.skeleton.names, self.actor.live_shape.joints
         lines = self.board.rows[self.board.shown].lines
         return [names[int(np.linalg.norm(joints - line[-1], axis=1).argmin())][:-2] for line in lines]
 
@@ -121,9 +121,9 @@ def test_a_viewer_sees_chooses_and_takes(house: House) -> None:
     house.until(lambda: house.board.state == "playing")
     assert house.tips == second
     assert cards_of(app._scene, app.camera.view(1.6)) == ()
-    before = house.actor.puppet.joints
+    before = house.actor.live_shape.joints
     house.sensor.right = (0.0, -1.0, 0.0)
-    house.until(lambda: np.abs(house.actor.puppet.joints - before).max() > 0.2)
+    house.until(lambda: np.abs(house.actor.live_shape.joints - before).max() > 0.2)
     app.release()
     house.until(lambda: house.board.state == "choosing")
 

@@ -1,7 +1,7 @@
-"""The stage: characters that performers take hold of, drive and let go, frame by frame.
+"""The stage holds the characters that performers take hold of, drive and let go, frame by frame.
 
-:class:`Stage` holds an actor for each character; this room has the actor of a possessed mesh, ``rig`` that
-of a rigged model, ``puppet`` that of a mesh moved by example poses.
+:class:`Stage` has one actor for each character. This room has the actor of a possessed mesh, the room ``rig``
+has the actor of a rigged model, and ``puppet`` has the actor of a mesh that example poses move.
 """
 
 import lazy_loader

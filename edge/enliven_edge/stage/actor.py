@@ -1,4 +1,4 @@
-"""What a character on the stage does, whatever moves its mesh."""
+"""The protocol that every character on the stage implements, whatever moves its mesh."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from enliven.person import Body
 from enliven_edge.stage.highlights import Cues, State
 
 Mode = Literal["alone", "join", "extend"]
-"""Who else holds after a performer took hold: nobody; the others too; the same performer, with more limbs."""
+"""What happens to earlier holds when a performer takes hold: "alone" ends all of them, "join" keeps those of
+other performers, "extend" keeps the performer's own too."""
 
 
 class Hold(Protocol):
@@ -32,7 +33,7 @@ class Actor(Protocol):
 
     @property
     def holds(self) -> Sequence[Hold]:
-        """The performers who hold it, the first first."""
+        """The holds on it, the oldest first."""
 
     @property
     def uses_surface(self) -> bool:
@@ -44,55 +45,55 @@ class Actor(Protocol):
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """The performer who takes hold next, None for the first in view, and with what parts."""
+        """The id of the performer who takes hold next, None for the first in view, and the parts."""
 
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
-        """The pose at a moment.
+        """Returns the pose at a moment.
 
         Args:
-            bodies: everybody in view, world frame.
-            time_ns: the sensor's clock.
-            seen: by body, the surface that the sensor sees of it.
+            bodies: all performers in view, world frame.
+            time_ns: nanoseconds, the sensor's clock.
+            seen: by body id, the part of the performer's surface that the sensor sees.
         """
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """A performer takes hold with parts of the body.
+        """Lets a performer take hold with parts of the body.
 
         Raises:
             InputError: for an unknown part, or where nothing can be reached; the actor stays as it was.
         """
 
     def release(self, body: int | None = None) -> None:
-        """A performer, or everybody, lets go."""
+        """Ends the hold of one performer, or of all where ``body`` is None."""
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """From now on the cues show what this performer (None: the next one) would hold with these parts."""
+        """Makes the cues show what this performer (None: the next one) would hold with these parts."""
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
         """The first of the bodies that does not hold the character."""
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """What is held, and what would be."""
+        """Returns what is held, and what the next performer would hold."""
 
     def warm_up(self) -> None:
         """Compiles every kernel that its performances need."""
 
 
 class ChosenActor(Actor, Protocol):
-    """An actor of which performers choose a part by posing before they drive it."""
+    """An actor that has performers choose a part by posing before they drive them."""
 
     view: ScreenView
-    """From where it is seen: what a pose means is decided on the screen."""
+    """The direction from which the viewer sees it: poses are matched as they look on the screen."""
 
     def browse(self, step: int) -> None:
         """Shows another match; step 0 follows the pose again."""
 
     def board(self) -> Board:
-        """What there is to choose from."""
+        """Returns the matches to choose from."""
 
 
 def is_chosen(actor: Actor) -> TypeGuard[ChosenActor]:
-    """Whether performers choose the parts of an actor that they move."""
+    """Returns whether performers choose the parts of this actor that they move."""
     return hasattr(actor, "board")

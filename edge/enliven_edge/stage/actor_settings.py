@@ -30,18 +30,17 @@ class ActorSettings:
     )
     aside: float = setting(
         1.2,
-        "How far to the performer's left a mesh is put that is not stood in.",
+        "Distance to the performer's left of a mesh that the performer does not stand in.",
         unit="m",
         low=-20.0,
         high=20.0,
     )
     travel: float = setting(
-        1.0, "Share of the performer's way over the floor that the mesh goes too.", low=0.0, high=10.0
+        1.0, "Share of the performer's travel over the floor that the mesh makes too.", low=0.0, high=10.0
     )
     scaled: Literal["mesh", "performer", "nobody"] = setting(
         "mesh",
-        "Who is brought to the other's height: the mesh grows or shrinks, or the performer's moves do; "
-        "'nobody': metre for metre.",
+        "What is scaled to the other's height: the mesh or the performer's moves; 'nobody': metre for metre.",
     )
     follow: Literal["skeleton", "surface", "both"] = setting(
         "skeleton",
@@ -57,7 +56,7 @@ class ActorSettings:
     )
     hand_over: float = setting(
         60.0,
-        "Who alone holds nothing goes on for who has been away for longer; 0: only who takes hold.",
+        "A performer away for longer loses the hold to the only idle one in view; 0: never.",
         unit="s",
         low=0.0,
     )

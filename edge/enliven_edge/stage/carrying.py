@@ -1,4 +1,4 @@
-"""How a performer's joints come into the rest space of the mesh that they move."""
+"""Transforms of a performer's joints from the world into the rest space of the mesh that they move."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Carrying(Protocol):
 
     @property
     def scale(self) -> float:
-        """Metres of the performer for a metre of the rest space."""
+        """Metres of the performer for one metre of the rest space."""
 
     @property
     def fits(self) -> bool:
@@ -33,18 +33,18 @@ class Carrying(Protocol):
         """(M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
 
     def handed_over(self, body: Body) -> None:
-        """Another body goes on from where the last one was."""
+        """Continues with another body from where the last one was."""
 
 
 @dataclass
-class Placed:
-    """As if the mesh stood at ``placement``, where the performer is.
+class CarriedPlacement:
+    """Carries joints by a rigid placement with scale: as if the mesh stood where the performer is.
 
     Attributes:
         placement: where the mesh would have to stand for the performer to be in it.
-        travel: share of the way over the floor that is carried over.
+        travel: share of the performer's travel over the floor that the mesh makes too.
         stays: whether the mesh stands elsewhere: then another performer goes on where the last one was.
-        home: (2,) metres, x and z of the hip when taking hold, where the way begins.
+        home: (2,) metres, x and z of the hip when the performer took hold.
     """
 
     placement: Placement
@@ -72,14 +72,14 @@ class Placed:
         return self._at_rest(points), np.asarray(normals @ self.placement.rotation, np.float64)
 
     def _at_rest(self, points: Float | Float32) -> Float:
-        """(M, 3) of the world in the rest space, less the share of the way that the mesh does not go."""
+        """(M, 3) world points in the rest space, less the travel that the mesh does not make."""
         points = np.array(points, np.float64)
         if self._hip is not None and self.home is not None:
             points[:, [0, 2]] -= (1.0 - self.travel) * (self._hip - self.home)
         return self.placement.to_rest(points)
 
     def handed_over(self, body: Body) -> None:
-        """Another body goes on from where the last one was; in the mesh, from where it is itself."""
+        """Continues with another body: where the last one was, or, inside the mesh, where the body is."""
         if self.stays and self._hip is not None and self.home is not None:
             step = body.joints[_HIP, [0, 2]] - self._hip
             if np.isfinite(step).all():
@@ -89,17 +89,17 @@ class Placed:
 
 
 class Mapped:
-    """Limb drives limb: each bone of the mesh's own skeleton turns as the performer's has turned.
+    """Limb drives limb: each bone of the mesh's own skeleton turns as the performer's bone has turned.
 
-    The joints go down the mesh's skeleton: j = parent + Q R Q^T (rest bone), with R the turn of the
-    performer's bone since they took hold, and Q the turn from where they faced to the mesh's front. The hip
-    goes their way, in the measure of the legs where the mesh has any.
+    Joints are chained down the mesh's skeleton: j = parent + Q R Q^T (rest bone), with R the rotation of the
+    performer's bone since they took hold, and Q the rotation from their facing to the mesh's front. The hip
+    moves as theirs does, scaled by the ratio of the leg lengths where the mesh has legs.
 
     Args:
         likeness: the mesh's skeleton.
         body: the performer as they take hold.
-        scale: metres of the performer for a metre of the rest space.
-        travel: share of their way over the floor that the mesh goes.
+        scale: metres of the performer for one metre of the rest space.
+        travel: share of their travel over the floor that the mesh makes too.
     """
 
     fits = True
@@ -131,11 +131,11 @@ class Mapped:
         return out
 
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
-        """Nothing: no surface of a person lies on a mesh of another shape."""
+        """Returns two empty arrays (0, 3): a person's surface does not lie on a mesh of another shape."""
         return np.empty((0, 3)), np.empty((0, 3))
 
     def handed_over(self, body: Body) -> None:
-        """Another body goes on from where the last one was."""
+        """Continues with another body from where the last one was."""
         step = body.joints[_HIP] - self._last[_HIP]
         if np.isfinite(step).all():
             self._home = self._home + step

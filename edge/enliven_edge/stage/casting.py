@@ -1,4 +1,4 @@
-"""Casting: from a mesh, whatever its origin, to an actor on the stage."""
+"""Casting makes an actor on the stage from a mesh file or from a mesh that the project generates."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ from enliven.meshes import Mesh, fit_height, refine
 from enliven.samples import make_chair, make_lamp
 from enliven_edge.stage.actor_settings import ActorSettings
 from enliven_edge.stage.embedded_actor import EmbeddedActor
-from enliven_edge.stage.standing import stood_in
+from enliven_edge.stage.standing import fit_standing_person
 
 log = logging.getLogger(__name__)
 
 MADE = {"chair": make_chair, "lamp": make_lamp}
 """The meshes that the project makes itself, by name instead of by path."""
 _OWN_PARTS = {"lamp": "hip and right arm"}
+"""The parts of the body that a generated mesh is made to be held with; others are held with all."""
 _HEIGHT = 1.75
 """Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
 _LONGEST_EDGE = 0.04
+"""Metres: longer edges are split, as a triangle must be narrower than a limb to bend with it."""
 
 
 def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y") -> EmbeddedActor:
@@ -47,7 +49,7 @@ def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up:
 
 
 def parts_for(spec: str) -> str:
-    """What of the body a mesh is made to be held with, where nobody says it."""
+    """Returns the parts of the body that hold a mesh where the user names none."""
     return _OWN_PARTS.get(spec, "all")
 
 
@@ -57,9 +59,9 @@ def name_of(spec: str) -> str:
 
 
 def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]:
-    """The mesh as it goes on stage, and how many of its own metres that takes for one.
+    """Returns the mesh as it goes on stage, and how many metres of the file are one metre of it.
 
-    What was repaired is said in the log.
+    Repairs are logged.
     """
     if spec in MADE:
         return MADE[spec](), 1.0
@@ -73,6 +75,6 @@ def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]
     size = float(np.ptp(mesh.vertices[:, "xyz".index(up)])) / _HEIGHT
     mesh = fit_height(mesh, _HEIGHT, up)  # type: ignore[arg-type]
     if settings.stand == "fitted":
-        mesh, fit = stood_in(mesh)
+        mesh, fit = fit_standing_person(mesh)
         log.info("%s: moved to where a standing person fits into it (%.0f %%)", spec, 100 * fit)
     return refine(mesh, _LONGEST_EDGE), size

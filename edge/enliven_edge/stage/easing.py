@@ -1,4 +1,4 @@
-"""Easing: what is shown never jumps, whatever happens to what is computed."""
+"""Easing keeps the shown state continuous when the computed state jumps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven_edge.stage.placement import turn_about_y, yaw_between
 
 _STEEPEST = 1.5 * np.pi / 2
-"""Of the easing at its middle, times the way along a half turn over the way across it."""
+"""The slope of the cubic easing at its middle (1.5), times the ratio of a half turn's arc to its chord."""
 
 State = tuple[Float, Float]
 """(N, 3, 3) linear parts and (N, 3) positions, world frame."""
@@ -18,25 +18,31 @@ State = tuple[Float, Float]
 
 @dataclass(frozen=True)
 class _Gap:
-    """How what was shown differs from what is to be shown: a turn, a size and a way of the whole, and the
-    rest of it node by node, in the frame of what is to be shown."""
+    """The difference from the computed state to the shown one: a similarity, and the residual of each node.
+
+    Attributes:
+        yaw: radians about +Y of the whole.
+        growth: natural logarithm of the scale of the whole.
+        offset: (3,) metres between the centres.
+        linear, positions: (N, 3, 3) and (N, 3) residuals in the frame of the computed state.
+    """
 
     yaw: float
     growth: float
-    way: Float
+    offset: Float
     linear: Float
     positions: Float
 
 
-class Fading:
-    """Eases over changes by keeping the gap they tear, and closing it while what is computed moves on.
+class Easing:
+    """Eases over a jump: keeps the gap between the shown and the computed state, and closes it over time.
 
     While a gap closes, no node is shown faster than it is computed (the gap's turn and growth carried along)
     by more than ``pace``, or 1.5 / seconds times the gap's length, pi / 2 of it where the gap is a turn.
 
     Args:
-        seconds: that a gap takes to close.
-        pace: metres a second; a gap too wide for it takes longer.
+        seconds: how long a gap takes to close.
+        pace: metres a second; a gap that is too wide for this speed takes longer.
     """
 
     def __init__(self, seconds: float, pace: float = np.inf) -> None:
@@ -45,28 +51,28 @@ class Fading:
         self.shown: State | None = None
         self._time_ns = self._start_ns = 0
         self._gap: _Gap | None = None
-        self._torn = False
+        self._restarts = False
 
     @property
     def under_way(self) -> bool:
-        """Whether what is shown is not what is computed."""
-        return self._torn or self._gap is not None
+        """Whether the shown state differs from the computed one."""
+        return self._restarts or self._gap is not None
 
-    def tear(self) -> None:
-        """The next state may be far from what is shown."""
-        self._torn = True
+    def restart_fade(self) -> None:
+        """Eases from the shown state to the next computed one, however far apart they are."""
+        self._restarts = True
 
     def skip(self, time_ns: int) -> None:
-        """Nothing was shown until now, whatever the clock says: closing goes on from here."""
+        """Leaves out the time since the last state, in which nothing was shown, and continues the fade."""
         self._start_ns += time_ns - self._time_ns
         self._time_ns = time_ns
 
     def __call__(self, linear: Float, positions: Float, time_ns: int) -> State:
-        """What to show of a computed state."""
-        if self._torn and self.shown is not None and self.seconds > 0:
+        """Returns the state to show for a computed state: (N, 3, 3) linear parts and (N, 3) positions."""
+        if self._restarts and self.shown is not None and self.seconds > 0:
             self._gap, self._start_ns = _gap(self.shown, (linear, positions)), self._time_ns
             self._closing = max(self.seconds, _STEEPEST * _width(self.shown[1], positions) / self.pace)
-        self._torn, self._time_ns = False, time_ns
+        self._restarts, self._time_ns = False, time_ns
         share = (time_ns - self._start_ns) * 1e-9 / max(self._closing, 1e-9)
         if self._gap is None or not 0.0 <= share < 1.0:
             self._gap, self.shown = None, (linear, positions)
@@ -77,13 +83,13 @@ class Fading:
 
 
 def _width(shown: Float, new: Float) -> float:
-    """Metres of the way of the whole and the farthest way within it, which may go after one another."""
-    way = new.mean(0) - shown.mean(0)
-    return float(np.linalg.norm(way) + np.linalg.norm(new - shown - way, axis=1).max())
+    """Returns the metres between the centres plus the farthest move of a node against its centre."""
+    offset = new.mean(0) - shown.mean(0)
+    return float(np.linalg.norm(offset) + np.linalg.norm(new - shown - offset, axis=1).max())
 
 
 def _gap(shown: State, new: State) -> _Gap:
-    """The gap between two states; ``_apart`` with all of it gives ``shown`` again."""
+    """Returns the gap between two states; ``_apart`` with all of it gives ``shown`` again."""
     before, after = shown[1].mean(0), new[1].mean(0)
     a, b = shown[1] - before, new[1] - after
     yaw = yaw_between(b, a)
@@ -94,8 +100,8 @@ def _gap(shown: State, new: State) -> _Gap:
 
 
 def _apart(gap: _Gap, left: float, linear: Float, positions: Float) -> State:
-    """The state, with so much of the gap to what was shown."""
+    """Returns the computed state with the share ``left`` of the gap added."""
     turn = np.exp(left * gap.growth) * turn_about_y(left * gap.yaw)
     centre = positions.mean(0)
     spread = positions - centre + left * gap.positions
-    return turn @ (linear + left * gap.linear), spread @ turn.T + centre + left * gap.way
+    return turn @ (linear + left * gap.linear), spread @ turn.T + centre + left * gap.offset

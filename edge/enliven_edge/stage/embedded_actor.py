@@ -1,4 +1,4 @@
-"""One character on the stage: free, or held by performers, and never jumping between the two."""
+"""The actor of a possessed mesh: performers hold it, and an embedded deformation graph moves it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from enliven.errors import EnlivenError, InputError
 from enliven.person import Body, parts_named
 from enliven_edge.stage.actor import Mode
 from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.easing import Fading
+from enliven_edge.stage.easing import Easing
 from enliven_edge.stage.grip import gripped, out_of_reach
 from enliven_edge.stage.highlights import Cues, State, cues_of
-from enliven_edge.stage.hold import Grip, Hold, depth_of, joined
+from enliven_edge.stage.hold import EmbeddedHold, Grip, depth_of, joined
 from enliven_edge.stage.placement import AS_MODELLED, resettled
-from enliven_edge.stage.placement_rules import Whereabouts
-from enliven_edge.stage.soft_constraints import SoftTerms
+from enliven_edge.stage.placement_rules import PlacementRules
+from enliven_edge.stage.soft_constraints import SoftConstraints
 from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
 
 _STEP_NS = 33_333_333
@@ -29,7 +29,7 @@ _STEP_NS = 33_333_333
 
 
 class EmbeddedActor:
-    """A character, the graph that deforms it, and who holds it.
+    """A character, the graph that deforms it, and the performers' holds on it.
 
     Everything is solved in the rest space of the mesh; the placement carries it into the world.
 
@@ -46,14 +46,14 @@ class EmbeddedActor:
     ) -> None:
         self.character, self.graph = character, graph
         self.settings = settings or ActorSettings()
-        self.holds: list[Hold] = []
+        self.holds: list[EmbeddedHold] = []
         height = float(np.ptp(character.vertices[:, 1])) or 1.0
-        self._where = Whereabouts(self.settings, graph, height, size)
+        self._rules = PlacementRules(self.settings, graph, height, size)
         self._placement = AS_MODELLED
-        self._met = self.settings.place == "fixed"
+        self._placed = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None
-        self._fading = Fading(self.settings.fade, self.settings.fade_pace)
-        self._soft = SoftTerms(character, graph, self.settings)
+        self._easing = Easing(self.settings.fade, self.settings.fade_pace)
+        self._soft = SoftConstraints(character, graph, self.settings)
         self._stiffness = stiffness_at(graph.positions, self.settings.stiffness)
         self._time_ns = 0
         self._seen = False
@@ -66,26 +66,26 @@ class EmbeddedActor:
 
     @property
     def state(self) -> State:
-        """Whether somebody holds it."""
+        """Whether a performer holds it."""
         return "possessed" if self.holds else "free"
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """Who takes hold next, None for the first in view, and with what."""
+        """The id of the performer who takes hold next, None for the first in view, and the parts."""
         return self._candidate
 
     @property
     def body_id(self) -> int:
-        """Who has held it longest; -1 for nobody."""
+        """The id of the performer who has held it longest; -1 while it is free."""
         return self.holds[0].body if self.holds else -1
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """The body takes hold of the mesh where both are now.
+        """Attaches the body to the mesh where both are now.
 
         Args:
-            parts: what of the body.
-            mode: "alone": everybody else lets go; "join": the others go on, and what this performer held is
-                let go; "extend": that is kept too, except of bones that take hold anew.
+            parts: the parts of the body that take hold.
+            mode: "alone": all other performers let go; "join": the others keep their holds, and this
+                performer's earlier hold ends; "extend": that is kept too, except for bones that hold anew.
 
         Raises:
             InputError: for an unknown part, or where nothing of the mesh can be reached; the actor stays as
@@ -98,19 +98,18 @@ class EmbeddedActor:
             state = self._shown_at_rest()
             nodes = self.graph.positions if state is None else state[1]
             raise out_of_reach(self.character.id, self.settings, body, grip, nodes)
-        hold = (
-            Hold(body.id, [grip], self._time_ns, depth=depth_of(body)) if own is None else own.with_grip(grip)
-        )
+        new = EmbeddedHold(body.id, [grip], self._time_ns, depth=depth_of(body))
+        hold = new if own is None else own.with_grip(grip)
         kept = others or own is not None or self._stays
         start = self._solver.state() if kept and self._solver is not None else None
         if not kept:
-            self._placement = self._where.stands(body)
-        self._met, self._candidate = True, (None, parts)
+            self._placement = self._rules.at_performer(body)
+        self._placed, self._candidate = True, (None, parts)
         at = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
         self._hold([*others[:at], hold, *others[at:]], start)
 
     def release(self, body: int | None = None) -> None:
-        """A performer lets go, or everybody; the mesh of nobody eases back to its rest shape where it is.
+        """Ends the hold of one performer, or of all; a mesh that is free eases to its rest shape where it is.
 
         Raises:
             InputError: where that performer holds nothing of it.
@@ -126,14 +125,14 @@ class EmbeddedActor:
         if left:
             self._hold(left, self._solver.state() if self._solver is not None else None)
         elif self.holds:
-            if self._fading.shown is not None:
-                shown = self._fading.shown[1]
+            if self._easing.shown is not None:
+                shown = self._easing.shown[1]
                 self._placement = resettled(self._placement, self.graph.positions, shown)
             self.holds, self._solver = [], None
-            self._fading.tear()
+            self._easing.restart_fade()
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """From now on, show what this performer (whoever comes next where None) would hold with these parts.
+        """Makes the cues show what this performer (None: the next one) would hold with these parts.
 
         Raises:
             InputError: for an unknown part.
@@ -144,35 +143,35 @@ class EmbeddedActor:
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
-        """The pose at a moment: of the possession, or of the mesh waiting where it stands.
+        """Returns the pose at a moment: possessed, or waiting where the mesh stands.
 
         Args:
-            seen: the surface that the sensor sees of each performer, where it sees depth.
+            seen: by body id, the part of the performer's surface that a depth sensor sees.
         """
-        if not self._met and bodies and not self.holds:
-            self._placement, self._met = self._where.waits(bodies[0]), True
+        if not self._placed and bodies and not self.holds:
+            self._placement, self._placed = self._rules.waiting_place(bodies[0]), True
         self._hand_over(bodies, time_ns)
-        self._look_for_performers(bodies, time_ns)
+        self._update_holds(bodies, time_ns)
         world = self._placement.state_to_world(*self._solved(seen or {}, time_ns))
-        linear, positions = self._fading(*world, time_ns)
+        linear, positions = self._easing(*world, time_ns)
         self._time_ns = time_ns
         return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
-        """Who would take hold: the first who holds nothing of it."""
+        """Returns the first of the bodies that does not hold it."""
         holders = {hold.body for hold in self.holds}
         return next((body for body in bodies if body.id not in holders), None)
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """What is held, and what the next performer would hold if they took hold now, beside those who do."""
+        """Returns which nodes are held, and which the next performer would hold besides."""
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         count = len(self.graph.positions)
         held = [(hold.body, hold.strengths(count)) for hold in self.holds if hold.active]
         preview = None
-        if body is not None and self._met:
+        if body is not None and self._placed:
             others = [hold for hold in self.holds if hold.body != body.id]
-            preview = body.id, Hold(body.id, [self._grip(body, parts, others)]).strengths(count)
+            preview = body.id, EmbeddedHold(body.id, [self._grip(body, parts, others)]).strengths(count)
         return cues_of(held, preview)
 
     def warm_up(self) -> None:
@@ -193,37 +192,37 @@ class EmbeddedActor:
 
     @property
     def _stays(self) -> bool:
-        """Whether the mesh keeps its place and shape when somebody takes hold alone."""
+        """Whether the mesh keeps its place and shape when one performer takes hold alone."""
         return self.settings.place == "fixed" or self.settings.how != "inside"
 
-    def _grip(self, body: Body, parts: str, others: list[Hold]) -> Grip:
-        """What the body would hold now, beside others; empty where nothing is in reach."""
+    def _grip(self, body: Body, parts: str, others: list[EmbeddedHold]) -> Grip:
+        """Returns the grip that the body would have now, beside others; empty where nothing is in reach."""
         deformed = None
-        if (self.holds or self._fading.under_way) and (others or self._stays):
+        if (self.holds or self._easing.under_way) and (others or self._stays):
             deformed = self._shown_at_rest()
-        ways = self._where.ways(body, self._placement, [hold.grips[0].carrying for hold in others])
-        for carrying in ways:
+        earlier = [hold.grips[0].carrying for hold in others]
+        for carrying in self._rules.carryings(body, self._placement, earlier):
             grip = gripped(self.graph, self.settings, body, parts, carrying, deformed)
             if len(grip.attachment):
                 break
         return grip
 
     def _shown_at_rest(self) -> tuple[Float, Float] | None:
-        """The nodes as they are shown, in the rest space: a performer takes hold of what they see."""
-        shown = self._fading.shown
+        """Returns the shown nodes in the rest space: a performer takes hold of the mesh as they see it."""
+        shown = self._easing.shown
         return None if shown is None else self._placement.state_to_rest(*shown)
 
-    def _hold(self, holds: list[Hold], start: tuple[Float, Float] | None) -> None:
-        """From now on these hold; what is shown eases over."""
+    def _hold(self, holds: list[EmbeddedHold], start: tuple[Float, Float] | None) -> None:
+        """Replaces the holds and the solver; the shown state eases over."""
         self.holds = holds
         self._soft.moved_elsewhere()
         self._solver = EmbeddedSolver(
             self.graph, joined(holds), self.settings.embedded, start, self._stiffness
         )
-        self._fading.tear()
+        self._easing.restart_fade()
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Who alone holds nothing goes on for who has been away for long."""
+        """Gives the hold of a performer who has been away for long to the only idle one in view."""
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
         idle = [body for body in bodies if body.id not in {hold.body for hold in self.holds}]
@@ -232,10 +231,10 @@ class EmbeddedActor:
             hold.body, hold.depth = idle[0].id, depth_of(idle[0])
             for grip in hold.grips:
                 grip.carrying.handed_over(idle[0])
-            self._fading.tear()
+            self._easing.restart_fade()
 
-    def _look_for_performers(self, bodies: list[Body], time_ns: int) -> None:
-        """Everybody's targets; who is away for longer than a moment lets go, unless nobody else is there."""
+    def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
+        """Updates the targets of all holds; a performer who is away lets go, unless all holders are away."""
         present = {body.id: body for body in bodies}
         sunk = {h.body for h in self.holds if h.body in present and not h.believes(present[h.body])}
         if any(hold.body in present and hold.body not in sunk for hold in self.holds):
@@ -245,13 +244,13 @@ class EmbeddedActor:
             gone = hold.away(time_ns) > self.settings.patience
             body = present.get(hold.body)
             if gone and (body is not None or hold.active):
-                self._fading.tear()
+                self._easing.restart_fade()
             hold.active = body is not None or not gone
             if body is not None:
                 hold.see(body, time_ns)
 
     def _solved(self, seen: Mapping[int, ObservedPoints], time_ns: int) -> tuple[Float, Float]:
-        """The graph's linear parts and positions in the rest space; as they were where nobody is there."""
+        """Returns (N, 3, 3) linear parts and (N, 3) positions at rest; the last if no holder is in view."""
         if self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions
         floor = float(self._placement.to_rest(np.zeros(3))[1])

@@ -1,4 +1,4 @@
-"""Taking hold: what of a mesh a body grips, coming to it in one way; and what to say where it is nothing."""
+"""Attaches a body to the part of a mesh within its reach, and explains where nothing is in reach."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_edge.stage.carrying import Carrying
 from enliven_edge.stage.hold import Grip
 
 _ALL = 0.9
-"""Share of the bones that take hold where they are put into the mesh."""
+"""Share of the bones that must take hold where the joints lie in the mesh: nearly every one."""
 
 
 def gripped(
@@ -27,7 +27,7 @@ def gripped(
     carrying: Carrying,
     deformed: tuple[Float, Float] | None,
 ) -> Grip:
-    """What the body holds when it comes to the mesh in one way; the settings' lengths are the performer's.
+    """Returns what the body holds where ``carrying`` puts it; the settings' lengths are the performer's.
 
     Args:
         carrying: from the world into the rest space.
@@ -41,7 +41,7 @@ def gripped(
 
 
 def out_of_reach(character: str, settings: ActorSettings, body: Body, grip: Grip, nodes: Float) -> InputError:
-    """Why a body could not take hold, and what to do.
+    """Returns the error that says why a body could not take hold, and what to do.
 
     Args:
         grip: the empty one.

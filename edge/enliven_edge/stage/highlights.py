@@ -1,4 +1,4 @@
-"""What of a mesh is held, and what would be: for the viewer's highlights."""
+"""The nodes of a mesh that are held, and those that the next performer would hold, for highlights."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ State = Literal["free", "possessed"]
 
 @dataclass(frozen=True)
 class Cues:
-    """What the viewer highlights: the nodes that are held, and those that would be held now.
+    """What the viewer highlights: the nodes that are held, and a preview of those that would be.
 
     Attributes:
         state: "free" or "possessed".
         nodes: (K,) node indices; the first ``held`` are held, the others would be.
         strengths: (K,) in (0, 1].
-        body: the id of the performer who holds, or would; the first of them; -1 for nobody.
-        owners: (K,) whose each node is.
+        body: the id of the first performer who holds, or else would hold; -1 for none.
+        owners: (K,) the id of the performer to whom each node belongs.
         held: how many of the nodes are held; the others are a preview.
     """
 
@@ -35,11 +35,11 @@ class Cues:
 
 
 def cues_of(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | None) -> Cues:
-    """The cues of who holds what, by performer, and of who would; a node is the one's who holds it firmest.
+    """Returns the cues; a node belongs to the performer who holds it with the greatest strength.
 
     Args:
-        held: performer and (N,) strengths by node, of everybody who holds.
-        preview: the same of who would take hold.
+        held: the id and (N,) strengths by node of each performer who holds.
+        preview: the same of the performer who would take hold.
     """
     holders = [body for body, _ in held]
     nodes, strengths, owners = np.empty(0, np.int64), np.empty(0), np.empty(0, np.int64)

@@ -1,4 +1,4 @@
-"""One performer's hold on a mesh: what of the body holds what of the mesh, and how firmly just now."""
+"""One performer's hold on an embedded mesh: which bones hold which points, and how firmly just now."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ _SETTLING = 0.12
 """Seconds in which most of a change of confidence takes effect: it flickers, and the mesh would shake."""
 
 _FARTHEST = 1e4
-"""Metres; a target farther away than this is no measurement."""
+"""Metres from the rest origin beyond which a target is no measurement: far beyond any room."""
 
 _SUNK = 0.06
-"""Metres; whose lowest joint is so much deeper in the floor than when they took hold is not where they are
-said to be: skeletons of somebody who is half hidden drop through the floor before they are gone."""
+"""Metres that the lowest joint may sink below its depth at the start of the hold: the skeleton of a
+half-hidden performer drops through the floor before it is lost, and is not believed then."""
 
 
 @dataclass
 class Grip:
-    """An attachment, and how joints come to it; a performer who takes hold again has several.
+    """An attachment with its carrying of joints; a performer who takes hold again has several.
 
     Attributes:
         attachment: the points that the body drives.
-        carrying: from the world into the rest space.
-        parts: what of the body took hold.
+        carrying: brings joints from the world into the rest space.
+        parts: the parts of the body that took hold.
     """
 
     attachment: Attachment
@@ -39,15 +39,15 @@ class Grip:
 
 
 @dataclass
-class Hold:
-    """What one performer holds.
+class EmbeddedHold:
+    """Everything that one performer holds of an embedded mesh.
 
     Attributes:
         body: the performer's id.
-        grips: everything that they hold.
+        grips: one for each time that the performer took hold.
         seen_ns: when they were last in view, the sensor's clock; None before the first frame.
-        active: whether they count just now.
-        depth: metres by which they stood in the floor when they took hold: it may not be quite where it is.
+        active: whether the performer pulls just now.
+        depth: metres by which the performer stood below the floor when they took hold: its height is inexact.
     """
 
     body: int
@@ -60,31 +60,31 @@ class Hold:
 
     @property
     def carrying(self) -> Carrying:
-        """How the performer's surface comes into the rest space: as with the last grip."""
+        """The carrying of the last grip, which brings the performer's surface into the rest space too."""
         return self.grips[-1].carrying
 
     def __len__(self) -> int:
         return sum(len(grip.attachment) for grip in self.grips)
 
     def away(self, time_ns: int) -> float:
-        """Seconds since the performer was last in view; to it, where the clock went back."""
+        """Returns the seconds since, or until, the performer was last in view: the clock may go back."""
         return 0.0 if self.seen_ns is None else abs(time_ns - self.seen_ns) * 1e-9
 
-    def with_grip(self, grip: Grip) -> Hold:
-        """The same hold with another grip; bones that hold by it hold by nothing else."""
+    def with_grip(self, grip: Grip) -> EmbeddedHold:
+        """Returns the same hold with another grip; the bones of the new grip leave all older ones."""
         anew = np.unique(grip.attachment.bone)
         grips = [
             replace(g, attachment=g.attachment.only(~np.isin(g.attachment.bone, anew))) for g in self.grips
         ]
         grips = [g for g in grips if len(g.attachment)]
-        return Hold(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
+        return EmbeddedHold(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
 
     def believes(self, body: Body) -> bool:
-        """Whether the performer can be where they are said to be, and has not dropped through the floor."""
+        """Returns whether the body is credible: whether it has not sunk through the floor."""
         return depth_of(body) <= self.depth + _SUNK
 
     def see(self, body: Body, time_ns: int) -> None:
-        """The performer is in view: their targets, and how firmly they pull."""
+        """Updates the targets and the pulls from a performer in view."""
         before = self._targets
         joints = [grip.carrying(body.joints) for grip in self.grips]
         held = [grip.attachment for grip in self.grips]
@@ -103,14 +103,14 @@ class Hold:
 
     @property
     def targets(self) -> tuple[Float, Float]:
-        """(L, 3) where the held points should be, rest space, and (L,) how much each counts."""
+        """(L, 3) targets of the held points, metres in the rest space, and the (L,) weight of each."""
         count = len(self)
         if self._targets is None or self._pulls is None or len(self._targets) != count or not self.active:
             return np.zeros((count, 3)), np.zeros(count)
         return self._targets, self._pulls
 
     def strengths(self, count: int) -> Float:
-        """(N,) how strongly each of so many nodes is held, the firmest 1; 0 where not at all."""
+        """Returns (N,) how strongly each of ``count`` nodes is held, from 0 to 1."""
         firm = np.zeros(count)
         for grip in self.grips:
             nodes, strengths = grip.attachment.nodes
@@ -119,7 +119,7 @@ class Hold:
 
 
 def depth_of(body: Body) -> float:
-    """Metres by which the lowest joint is in the floor; 0 where none is."""
+    """Returns the metres by which the lowest joint is below the floor; 0 where none is."""
     return max(0.0, -float(np.nanmin(body.joints[:, 1], initial=0.0)))
 
 
@@ -132,8 +132,8 @@ class Joined:
     node_weights: Float
 
 
-def joined(holds: Sequence[Hold]) -> Joined:
-    """Everything that is held."""
+def joined(holds: Sequence[EmbeddedHold]) -> Joined:
+    """Returns the points of all holds."""
     held = [grip.attachment for hold in holds for grip in hold.grips]
     return Joined(
         np.concatenate([np.empty((0, 3)), *(a.points for a in held)]),

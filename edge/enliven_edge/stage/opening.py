@@ -1,4 +1,4 @@
-"""The possession that was asked for on the command line: who takes hold of what when the play opens."""
+"""The possession that the command line asks for when a performance opens."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ log = logging.getLogger(__name__)
 
 
 class Opening:
-    """Performers take hold as soon as they are there, the first with the first parts, and so on.
+    """Lets performers take hold as soon as they are in view, the first with the first parts, and so on.
 
     Args:
         at: seconds after the first frame, or None for never.
-        parts: what takes hold, such as "all"; of several performers, divided by "/": "legs / upper body".
+        parts: the parts that take hold, such as "all"; for several performers "legs / upper body".
     """
 
     def __init__(self, stage: Stage, at: float | None, parts: str = "all") -> None:
@@ -24,7 +24,7 @@ class Opening:
         self._due = [(name, list(each)) for name in stage.actors] if at is not None else []
 
     def take_hold(self, seconds: float) -> None:
-        """Whoever is due and there takes hold.
+        """Lets each performer who is due and in view take hold.
 
         Args:
             seconds: since the first frame.

@@ -47,6 +47,7 @@ class Placement:
 
 
 AS_MODELLED = Placement(1.0, 0.0, np.zeros(3))
+"""The placement that leaves a mesh as it was modelled."""
 
 
 def meeting(body: Body, mesh_height: float, ratio: float) -> Placement:
@@ -60,7 +61,7 @@ def meeting(body: Body, mesh_height: float, ratio: float) -> Placement:
 
 
 def under(body: Body, scale: float) -> Placement:
-    """The placement that puts the rest origin on the floor under the hips, and +Z where the performer faces.
+    """Returns the placement with the rest origin on the floor under the hips and +Z as the performer faces.
 
     Args:
         scale: metres of the world for one of the rest mesh.
@@ -70,7 +71,7 @@ def under(body: Body, scale: float) -> Placement:
 
 
 def beside(placement: Placement, metres: float) -> Placement:
-    """A placement so far to the left of another, as the mesh faces."""
+    """Returns a placement ``metres`` to the left of another, as seen by the mesh."""
     left = placement.rotation @ np.array([metres, 0.0, 0.0])
     return Placement(placement.scale, placement.yaw, placement.offset + left)
 

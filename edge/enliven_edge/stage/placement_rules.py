@@ -1,4 +1,4 @@
-"""Where a mesh stands, and how a performer comes to it: in it, beside it, at whose size."""
+"""Rules for where a mesh stands and how joints are carried into it: inside, beside or mapped."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from enliven.deformation.graph import DeformationGraph
 from enliven.deformation.possession import find_body_in_mesh
 from enliven.person import Body
 from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.carrying import Carrying, Mapped, Placed
+from enliven_edge.stage.carrying import CarriedPlacement, Carrying, Mapped
 from enliven_edge.stage.placement import AS_MODELLED, Placement, beside, under
 
 
-class Whereabouts:
-    """Places a mesh and its performers by the settings.
+class PlacementRules:
+    """Places a mesh, and carries performers into it, as the settings say.
 
     Args:
         height: metres of the rest mesh.
@@ -22,39 +22,39 @@ class Whereabouts:
         self.settings, self.height, self.size = settings, height, size
         self._likeness = find_body_in_mesh(graph) if settings.how == "mapped" else None
 
-    def waits(self, body: Body) -> Placement:
-        """Where the mesh waits for whom it sees first."""
-        stands = self.stands(body)
-        return stands if self.settings.how == "inside" else beside(stands, self.settings.aside)
+    def waiting_place(self, body: Body) -> Placement:
+        """Returns where the mesh waits once the first performer is in view."""
+        at = self.at_performer(body)
+        return at if self.settings.how == "inside" else beside(at, self.settings.aside)
 
-    def stands(self, body: Body) -> Placement:
-        """The mesh where the performer stands, its front where they face."""
+    def at_performer(self, body: Body) -> Placement:
+        """Returns the placement where the performer stands, the mesh's front in their facing."""
         alike = self.settings.scaled == "mesh"
         place = under(body, self._performer_scale(body) if alike else self.size)
         front = 0.0 if self._likeness is None else self._likeness.yaw
         return Placement(place.scale, place.yaw - front, place.offset)
 
-    def ways(self, body: Body, placement: Placement, taken: list[Carrying]) -> list[Carrying]:
-        """How a body may come to the mesh, the best first.
+    def carryings(self, body: Body, placement: Placement, earlier: list[Carrying]) -> list[Carrying]:
+        """Returns the carryings with which a body may take hold, the best first.
 
         Args:
             placement: where the mesh stands.
-            taken: how others came, or the body itself before.
+            earlier: the carryings of present holds, of others or of the body itself.
         """
         if self._likeness is not None:
             scale = self._performer_scale(body)
             return [Mapped(self._likeness, body, scale, self.settings.travel)]
         inside = self.settings.how == "inside"
-        ways = [way.placement for way in taken[:1] if isinstance(way, Placed)]
-        if inside and self.settings.place == "fixed" and not ways:
+        places = [one.placement for one in earlier[:1] if isinstance(one, CarriedPlacement)]
+        if inside and self.settings.place == "fixed" and not places:
             scale = self._performer_scale(body) if self.settings.scaled == "performer" else AS_MODELLED.scale
-            ways = [Placement(scale, placement.yaw, placement.offset)]
-        elif not inside or not ways:
-            ways.append(under(body, self._performer_scale(body)))
-        return [Placed(way, self.settings.travel, not inside) for way in ways]
+            places = [Placement(scale, placement.yaw, placement.offset)]
+        elif not inside or not places:
+            places.append(under(body, self._performer_scale(body)))
+        return [CarriedPlacement(place, self.settings.travel, not inside) for place in places]
 
     def _performer_scale(self, body: Body) -> float:
-        """Metres of the performer for one of the rest space."""
+        """Returns the metres of the performer for one metre of the rest space."""
         if self.settings.scaled == "nobody":
             return self.size
         return self.settings.height_ratio * body.height / self.height

@@ -1,4 +1,4 @@
-"""What draws and pushes a mesh besides its performers' bones: what is seen, the floor, its own limbs."""
+"""Soft constraints on a mesh besides its performers' bones: observed surface, floor, self-contact."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from enliven.deformation.constraints import (
 from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
 from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.hold import Hold
+from enliven_edge.stage.hold import EmbeddedHold
 
 
-class SoftTerms:
-    """The soft terms that the settings ask for; none of them costs anything where it is off."""
+class SoftConstraints:
+    """The soft constraints that the settings ask for; one that is off costs nothing."""
 
     def __init__(self, character: Character, graph: DeformationGraph, settings: ActorSettings) -> None:
         follows = settings.follow != "skeleton"
@@ -32,17 +32,17 @@ class SoftTerms:
     def planes(
         self,
         state: tuple[Float, Float],
-        holds: Iterable[Hold],
+        holds: Iterable[EmbeddedHold],
         seen: Mapping[int, ObservedPoints],
         floor: float,
         seconds: float,
     ) -> PlaneConstraints | None:
-        """The frame's planes, None where there are none.
+        """Returns the frame's plane constraints, None where there are none.
 
         Args:
             state: (N, 3, 3) linear parts and (N, 3) positions, as they are.
-            holds: everybody who holds the mesh.
-            seen: what the sensor sees of each performer.
+            holds: all holds on the mesh.
+            seen: by body id, the part of the performer's surface that the sensor sees.
             floor: metres, the floor's height in the rest space.
             seconds: since the last frame.
         """
@@ -62,12 +62,12 @@ class SoftTerms:
         return joined_planes(sets)
 
     def raised(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
-        """The state, lifted out of the floor where the settings ask for it; ``floor`` in the rest space."""
+        """Returns the state, lifted out of the floor where the settings say so; ``floor`` in rest space."""
         if self._floor is not None and self._raises:
             positions = self._floor.raised(linear, positions, floor)
         return linear, positions
 
     def moved_elsewhere(self) -> None:
-        """The mesh was put elsewhere: no foot stands where it did."""
+        """Forgets where feet stood, as the mesh was put elsewhere."""
         if self._floor is not None:
             self._floor.reset()

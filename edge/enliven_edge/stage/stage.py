@@ -14,7 +14,7 @@ from enliven_edge.stage.highlights import Cues
 
 
 class Stage:
-    """Bodies in, one pose a character out."""
+    """Turns the bodies of a frame into one pose for each character."""
 
     def __init__(self, actors: Sequence[Actor]) -> None:
         self.actors: dict[str, Actor] = {actor.character.id: actor for actor in actors}
@@ -28,12 +28,12 @@ class Stage:
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> list[Pose]:
-        """One pose a character.
+        """Returns one pose for each character.
 
         Args:
-            bodies: everybody in view, world frame.
-            time_ns: the sensor's clock.
-            seen: the surface that the sensor sees of each performer, where it sees depth.
+            bodies: all performers in view, world frame.
+            time_ns: nanoseconds, the sensor's clock.
+            seen: by body id, the part of the performer's surface that a depth sensor sees.
         """
         self._bodies = bodies
         return [actor.perform(bodies, time_ns, seen) for actor in self.actors.values()]
@@ -49,19 +49,19 @@ class Stage:
         return {hold.body for actor in self.actors.values() for hold in actor.holds}
 
     def cues(self) -> dict[str, Cues]:
-        """By character, what is held or would be."""
+        """Returns, by character id, the nodes that are held or would be."""
         return {name: actor.cues(self._bodies) for name, actor in self.actors.items()}
 
     def possess(
         self, character: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
     ) -> None:
-        """A performer takes hold of a character, now.
+        """Lets a performer take hold of a character now.
 
         Args:
             character: its id.
-            body: who; where None the first in view, for "join" the first who does not hold it yet.
-            parts: what takes hold, names of :data:`enliven.person.body.PARTS`.
-            mode: who else holds it then, see :meth:`Actor.possess`.
+            body: the performer's id; None: the first in view, for "join" the first who does not hold it yet.
+            parts: the parts that take hold, names of :data:`enliven.person.body.PARTS`.
+            mode: what happens to earlier holds, see :data:`~enliven_edge.stage.actor.Mode`.
 
         Raises:
             InputError: where there is no such character or performer, or nothing is in reach.
@@ -77,13 +77,14 @@ class Stage:
         actor.possess(joining or present[0], parts, mode)
 
     def idle(self, character: str) -> Body | None:
-        """The first in view who does not hold a character."""
+        """Returns the first performer in view who does not hold a character; None if there is none."""
         return self._actor(character).next_performer(self._bodies)
 
     def candidate(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
-        """Who takes hold of a character where nobody says it, and with what parts: as its cues show.
+        """Returns the id and the parts of the performer who takes hold where a request names none.
 
-        More limbs are for who has some, the first in view of them. Who is not in view is nobody (None).
+        The cues show the same. Mode "extend" means the first holder in view. The id is None if that performer
+        is not in view.
         """
         actor = self._actor(character)
         body, parts = actor.candidate
@@ -93,20 +94,20 @@ class Stage:
         return (body if body in present else None), parts
 
     def preview(self, character: str, body: int | None = None, parts: str = "all") -> None:
-        """From now on the cues show what this performer, or whoever is next, would hold with these parts."""
+        """Makes the cues show what this performer (None: the next one) would hold with these parts."""
         self._actor(character).preview(body, parts)
 
     def release(self, character: str, body: int | None = None) -> None:
-        """A performer, or everybody, lets a character go; it eases back to rest where it stands."""
+        """Ends the hold of one performer, or of all; a free character eases back to rest where it stands."""
         self._actor(character).release(body)
 
-    def look(self, view: ScreenView) -> None:
-        """A viewer looks from there: what a pose means on a rigged character is decided on its screen."""
+    def set_view(self, view: ScreenView) -> None:
+        """Sets the viewer's direction: rigged characters match poses as they look on its screen."""
         for actor in self._rigs():
             actor.view = view
 
     def browse(self, character: str, step: int) -> None:
-        """Another match of a rigged character is shown; step 0 follows the pose again.
+        """Shows another match of a rigged character; step 0 follows the pose again.
 
         Raises:
             InputError: where there is no such character, or it is not rigged.
@@ -118,7 +119,7 @@ class Stage:
         actor.browse(step)
 
     def boards(self) -> list[Board]:
-        """What there is to choose from on each rigged character."""
+        """Returns the matches to choose from, for each rigged character."""
         return [actor.board() for actor in self._rigs()]
 
     def _rigs(self) -> list[ChosenActor]:

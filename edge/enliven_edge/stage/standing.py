@@ -1,8 +1,8 @@
-"""Where a person stands in a mesh: legs in legs, back in back, as far as the mesh has any.
+"""Finds where a person stands in a mesh: legs in legs, back in back, as far as the mesh has any.
 
-A mesh from a file has its origin anywhere. Who steps into the middle of a chair stands in its seat, and of a
-horse in its belly, and takes hold of little. So the mesh is moved and turned until a standing figure is as
-near to its surface as it gets, limb by limb.
+A mesh from a file has its origin anywhere. A performer in the middle of a chair would stand in its seat, in
+the middle of a horse in its belly, and take hold of little. So the mesh is moved and turned until a standing
+figure is as near to its surface as possible, limb by limb.
 """
 
 from __future__ import annotations
@@ -20,11 +20,17 @@ from enliven_edge.stage.placement import turn_about_y
 _NEAR = 0.11
 """Metres at which a bone counts a third of one that lies in the surface."""
 _CELL = 0.04
+"""Metres of a cell of the grid: a third of ``_NEAR``, so that a cell hardly changes what a bone counts."""
 _TURNS = 16
+"""Yaws that are tried, 22.5 degrees apart: each costs a pass over all places."""
 _SAMPLES = 5
-_MOST_PLACES, _MOST_CELLS = 700, 300_000
-"""What is looked at of a mesh that is much wider than it is high gets coarser beyond these."""
+"""Points on a bone at which nearness is looked up: at most 9 cm apart on a shank."""
+_MOST_PLACES = 700
+"""Places of the floor that are tried: they lie farther apart on a mesh that is much wider than high."""
+_MOST_CELLS = 300_000
+"""Cells of a grid at most: they are larger in a mesh that is much wider than high."""
 _HEIGHT = 1.75
+"""Metres of the reference person; all lengths of this module scale with the mesh's height over it."""
 _UPRIGHT = {
     "HIP_CENTER": (0.0, 0.97, 0.0), "SPINE": (0.0, 1.13, -0.01), "SHOULDER_CENTER": (0.0, 1.42, -0.01),
     "HEAD": (0.0, 1.61, 0.02), "HIP_LEFT": (0.09, 0.91, 0.0), "KNEE_LEFT": (0.10, 0.49, 0.02),
@@ -32,17 +38,28 @@ _UPRIGHT = {
     "SHOULDER_LEFT": (0.17, 1.39, -0.01), "ELBOW_LEFT": (0.22, 1.10, 0.0), "WRIST_LEFT": (0.26, 0.86, 0.06),
     "HAND_LEFT": (0.26, 0.78, 0.08),
 }  # fmt: skip
+"""Metres: the joints of the reference person on the left and in the middle, standing with hanging arms."""
 _PAIRS = (("KNEE", 1.0), ("ANKLE", 1.0), ("ELBOW", 0.15), ("WRIST", 0.15))
+"""The paired bones that count, by the joint at the end, with weights; a pair counts twice its worse bone.
+Hanging arms weigh little: few meshes have any there."""
 _MIDDLE = (("SPINE", 1.0), ("SHOULDER_CENTER", 1.0), ("HEAD", 0.5))
-"""The bones that count, by the joint each ends at, and how much; of a pair, twice the worse of the two."""
+"""The bones of the trunk that count, by the joint at the end, with weights."""
 _TOUCHED = 0.25
 """Metres at which a piece of surface counts a third of one that a bone lies in."""
-_HEAD_FIRST, _MASS_FIRST, _AS_MODELLED = 0.4, 0.03, 0.004
-"""What is given away for a metre by which the head is ahead, or the whole is, and for half a turn less: who
-stands in a horse looks where it does, who stands in the back of a chair looks over its seat."""
-_HIGHEST, _NO_HEAD = 0.85, 0.15
-"""From this share of the height on, it is the head, unless it is no farther ahead or behind than so (m)."""
+_HEAD_FIRST = 0.4
+"""Share of the score gained for each metre by which the head is ahead: a performer in a horse looks where the
+horse does."""
+_MASS_FIRST = 0.03
+"""Share of the score gained for each metre by which the middle of the mesh is ahead: a performer in the back
+of a chair looks over its seat. It counts far less than a head."""
+_AS_MODELLED = 0.004
+"""Share of the score gained by the yaw as modelled over a quarter turn: it decides only between equals."""
+_HIGHEST = 0.85
+"""Share of the mesh's height from which on the surface is taken for the head."""
+_NO_HEAD = 0.15
+"""Metres ahead or behind within which the highest part is no head that says where the front is."""
 _BEHIND = 0.5
+"""Factor on distances behind the surface: a bone belongs inside a limb rather than outside."""
 _LEAF = 32
 """Points of a leaf of the tree: neighbours of a whole grid are found in three quarters of the usual time."""
 
@@ -56,11 +73,11 @@ def standing_figure(height: float = _HEIGHT) -> Float:
     return np.asarray(joints * (height / _HEIGHT))
 
 
-def stood_in(mesh: Mesh) -> tuple[Mesh, float]:
-    """The mesh, its floor at y = 0, moved so that who stands at the origin facing +Z fits in best.
+def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
+    """Moves the mesh, its floor at y = 0, so that a person standing at the origin facing +Z fits in best.
 
     Returns:
-        the mesh, and how well they fit: from 0, nothing of them is near, to 1, every bone is in the surface.
+        the mesh, and the score of the fit: from 0, no bone is near, to 1, every bone is in the surface.
     """
     height = float(np.ptp(mesh.vertices[:, 1])) or 1.0
     yaw, offset, score = best_stand(mesh, [standing_figure(height)])
@@ -69,10 +86,10 @@ def stood_in(mesh: Mesh) -> tuple[Mesh, float]:
 
 
 def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, float]:
-    """How figures are best put into a mesh, all in the same way: turned about +Y, then moved over the floor.
+    """Finds the rotation about +Y and the move over the floor that fit figures into a mesh best, one for all.
 
-    What counts is how near their bones are to the surface, how much of the surface is near to them, and, for
-    one figure, that the mesh is alike on both sides of it.
+    The score counts how near the bones are to the surface, how much of the surface is near to bones, and, for
+    one figure, how symmetric the mesh is about it.
 
     Args:
         figures: (20, 3) metres each, as tall as the mesh wants them; about the origin, facing +Z.
@@ -125,7 +142,7 @@ def _bone_points(joints: Float) -> Float:
 class _Nearness:
     """exp(-(d / near)^2) of the distance d to the nearest of some points, on a grid around them.
 
-    Where points have ``normals``, what lies behind them is nearer: a spine belongs inside a trunk.
+    Where points have ``normals``, distances behind them are shortened: a spine belongs inside a trunk.
     """
 
     def __init__(self, points: Float, near: float, cell: float, normals: Float | None = None) -> None:
@@ -143,11 +160,11 @@ class _Nearness:
             at = np.minimum(nearest, len(points) - 1)
             behind = np.einsum("gi,gi->g", grid - points[at], normals[at]) < 0
             length = np.where(behind, _BEHIND * length, length)
-        # A border of nothing, in which every point beyond the grid is looked up.
+        # A border of zeros, in which every point beyond the grid is looked up.
         self._values = np.pad(np.exp(-((length / near) ** 2)).reshape(shape), 1)
 
     def over(self, points: Float, shifts: Float) -> Float:
-        """(S, P) at (P, 3) points that are moved over the floor by each of (S, 3) shifts; 0 off the grid."""
+        """Returns (S, P) values at (P, 3) points moved by (S, 3) shifts over the floor; 0 off the grid."""
         at: Int = np.zeros((), np.int64)
         for axis, size in enumerate(self._values.shape):
             along = (points[:, axis] - self._low[axis]) / self.cell
@@ -157,7 +174,7 @@ class _Nearness:
 
 
 def _scores(near: _Nearness, joints: Float, shifts: Float) -> Float:
-    """(S,) how well a figure fits when it is moved by each of (S, 3) metres over the floor."""
+    """Returns (S,) scores of a figure, (20, 3) joints, moved by each of (S, 3) metres over the floor."""
 
     def bone(name: str) -> Float:
         child = Joint[name]

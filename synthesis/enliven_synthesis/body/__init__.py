@@ -1,4 +1,4 @@
-"""The made-up performer: proportions, kinematics, and a surface as a signed distance that rays meet."""
+"""The synthetic performer: proportions, kinematics, and the body surface as a signed distance."""
 
 import lazy_loader
 

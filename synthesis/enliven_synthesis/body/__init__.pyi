@@ -1,8 +1,8 @@
-from .body_sdf import BETWEEN, BLEND, PIECES, Anatomy, Flesh
+from .body_sdf import BETWEEN, BLEND, PIECES, BodyAnatomy, BodySdf
 from .performer import Figure, Performer, Proportions
-from .posture import Arm, Foot, Posture
+from .posture import ArmPose, FootPose, PerformerPosture
 from .rotations import about_x, about_y, about_z, on_grid
-from .sphere_tracing import DEPTH, END, LANES, LANES_SIZE, LENGTH, MET, SIDE, X, Y, march
+from .sphere_tracing import DEPTH, END, LANES, LANES_SIZE, LENGTH, MET, SIDE, X, Y, sphere_trace
 from .visibility import seen_joints
 
 __all__ = [
@@ -16,20 +16,20 @@ __all__ = [
     "MET",
     "PIECES",
     "SIDE",
-    "Anatomy",
-    "Arm",
+    "ArmPose",
+    "BodyAnatomy",
+    "BodySdf",
     "Figure",
-    "Flesh",
-    "Foot",
+    "FootPose",
     "Performer",
-    "Posture",
+    "PerformerPosture",
     "Proportions",
     "X",
     "Y",
     "about_x",
     "about_y",
     "about_z",
-    "march",
     "on_grid",
     "seen_joints",
+    "sphere_trace",
 ]

@@ -1,7 +1,7 @@
-"""The performer's flesh and clothes: a signed-distance body of bulging tapers and ellipsoids.
+"""The performer's body surface as a signed distance: bulging tapers and ellipsoids, smoothly united.
 
 It is deliberately richer than a tracker's capsule model: muscles, buttocks, a jaw, sleeves, trouser hems
-and shoes, smoothly united. Whoever is tested on it must cope with a shape they do not model.
+and shoes. A tracker that is tested on it must cope with a shape that it does not model.
 """
 
 from __future__ import annotations
@@ -18,17 +18,21 @@ BLEND = (0.055, 0.022, 0.028, 0.028, 0.036, 0.036)
 """Metres: width of the smooth union within trunk, head, left and right arm, left and right leg."""
 BETWEEN = 0.014
 """Metres: width of the smooth union between those groups."""
-TAPER, ELLIPSOID = 0, 1
-ORDINARY, DARK = 0, 1
-"""Materials: what reflects the sensor's light, and what swallows most of it (hair, shoes)."""
-
+TAPER = 0
+"""The kind of a capsule with a radius that changes along it, and a bulge half-way."""
+ELLIPSOID = 1
+"""The kind of an ellipsoid."""
+ORDINARY = 0
+"""The material of skin and clothes, which reflect the sensor's light."""
+DARK = 1
+"""The material of hair and shoes, which absorb most of the light."""
 
 Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Piece:
-    """One primitive, written for the left side of an average build of 1.75 m, in metres.
+class BodyPiece:
+    """One primitive of the body, for the left side of an average build of 1.75 m, in metres.
 
     A taper runs from ``a`` in frame ``limb`` to ``b`` in frame ``other``, its radius from ``ra`` to ``rb``
     with ``bulge`` added half-way. An ellipsoid has its centre at ``a`` and the half axes ``b``.
@@ -46,8 +50,8 @@ class Piece:
     material: int = ORDINARY
 
 
-def _ball(group: int, limb: Limb, a: Triple, b: Triple, material: int = 0) -> Piece:
-    return Piece(group, ELLIPSOID, limb, a, b, limb, material=material)
+def _ball(group: int, limb: Limb, a: Triple, b: Triple, material: int = 0) -> BodyPiece:
+    return BodyPiece(group, ELLIPSOID, limb, a, b, limb, material=material)
 
 
 def _taper(
@@ -58,8 +62,8 @@ def _taper(
     b: Triple,
     radii: Triple,
     material: int = 0,
-) -> Piece:
-    return Piece(group, TAPER, limb, a, b, other, *radii, material)
+) -> BodyPiece:
+    return BodyPiece(group, TAPER, limb, a, b, other, *radii, material)
 
 
 _CHEST, _SKULL, _PELVIS = Limb.CHEST, Limb.SKULL, Limb.PELVIS
@@ -109,37 +113,37 @@ _LEG = (
 )
 
 
-def _right(piece: Piece) -> Piece:
+def _right(piece: BodyPiece) -> BodyPiece:
     """The same piece for the right side: mirrored in X, the odd limbs, the next group for arms and legs."""
     flip = lambda v: (-v[0], v[1], v[2])  # noqa: E731
     paired = lambda limb: Limb(limb + 1) if limb >= Limb.UPPER_ARM_LEFT else limb  # noqa: E731
     b = flip(piece.b) if piece.kind == TAPER else piece.b
     group = piece.group + 1 if piece.group >= 2 else piece.group
-    return Piece(
+    return BodyPiece(
         group, piece.kind, paired(piece.limb), flip(piece.a), b, paired(piece.other),
         piece.ra, piece.rb, piece.bulge, piece.material,
     )  # fmt: skip
 
 
-PIECES: tuple[Piece, ...] = tuple(
+PIECES: tuple[BodyPiece, ...] = tuple(
     sorted(
         _TRUNK + _HEAD + tuple(q for p in _TRUNK_SIDE + _EAR + _ARM + _LEG for q in (p, _right(p))),
         key=lambda piece: piece.group,
     )
 )
-"""Every piece of the body, ordered by group."""
+"""All pieces of the body, ordered by group."""
 
 
 @dataclass(frozen=True)
-class Flesh:
-    """The body's primitives in one frame of reference, as the renderer takes them.
+class BodySdf:
+    """The primitives of a posed body in one frame of reference, as the renderer takes them.
 
     Attributes:
         shape: (P, 16) float64. A taper: a (0:3), b - a (3:6), 1/|b - a|^2 (6), ra (7), rb - ra (8), bulge
             (9). An ellipsoid: centre (0:3), its axes over their half lengths
             (3:12, row by row), 1 / half lengths (12:15).
         kind, group, material: (P,) int64.
-        hull: (P, 7) float64 the ends and radius of a capsule around each primitive.
+        hull: (P, 7) float64 the two ends and the radius of a capsule around each primitive.
     """
 
     shape: Float
@@ -149,8 +153,8 @@ class Flesh:
     hull: Float
 
 
-class Anatomy:
-    """The pieces of one performer, scaled to the build once and placed for every figure."""
+class BodyAnatomy:
+    """The pieces of one performer's body, scaled to the build once and placed for every figure."""
 
     def __init__(self, performer: Performer) -> None:
         thick = performer.scale * performer.proportions.girth
@@ -174,8 +178,8 @@ class Anatomy:
         self._girth[self._taper] = np.maximum(first, first + change) + np.maximum(bulge, 0.0)
         self._girth[self._round] = middle
 
-    def place(self, figure: Figure, camera_from_world: Float) -> Flesh:
-        """The primitives of a figure in the camera's frame; ``camera_from_world`` is (4, 4)."""
+    def place(self, figure: Figure, camera_from_world: Float) -> BodySdf:
+        """Returns the primitives of a figure in the camera's frame; ``camera_from_world`` is (4, 4)."""
         frames = _product(camera_from_world[None, :3, :3], figure.frames)
         frames[:, :, 3] += camera_from_world[:3, 3]
         shape, hull = np.zeros((len(PIECES), 16)), np.zeros((len(PIECES), 7))
@@ -193,11 +197,11 @@ class Anatomy:
         shape[e, 12:15] = 1.0 / self._half
         axis = axes[np.arange(len(e)), :, self._longest] * self._core[:, None]
         hull[e, 0:3], hull[e, 3:6] = a[e] - axis, a[e] + axis
-        return Flesh(shape, self._kind, self._group, self._material, hull)
+        return BodySdf(shape, self._kind, self._group, self._material, hull)
 
 
 def _product(a: Float, b: Float) -> Float:
-    """The product of (..., 3, 3) and (..., 3, n) in a fixed order of additions (no BLAS, no fused steps)."""
+    """Returns (..., 3, 3) times (..., 3, n), added in a fixed order (no BLAS, no fused steps)."""
     return np.asarray(
         a[..., :, 0, None] * b[..., None, 0, :]
         + a[..., :, 1, None] * b[..., None, 1, :]
@@ -206,14 +210,14 @@ def _product(a: Float, b: Float) -> Float:
 
 
 def _growth(performer: Performer, limb: Limb) -> Triple:
-    """How much wider, longer and deeper than the reference a limb of this performer is."""
+    """Returns the factors in width, length and depth of a performer's limb over the reference."""
     s, p = performer.scale, performer.proportions
     width = p.shoulders if limb == Limb.CHEST else p.hips if limb == Limb.PELVIS else p.girth
     return s * width, s * _length(performer, limb), s * p.girth
 
 
-def _half_axes(performer: Performer, piece: Piece) -> Triple:
-    """Metres, of an ellipsoid; a head keeps its shape whatever the girth."""
+def _half_axes(performer: Performer, piece: BodyPiece) -> Triple:
+    """Returns the half axes of an ellipsoid, metres; girth does not change a head."""
     s, g = performer.scale, performer.proportions.girth
     if piece.limb == Limb.SKULL:
         return piece.b[0] * s, piece.b[1] * s, piece.b[2] * s
@@ -221,7 +225,7 @@ def _half_axes(performer: Performer, piece: Piece) -> Triple:
 
 
 def _length(performer: Performer, limb: Limb) -> float:
-    """The part of the reference length along a limb."""
+    """Returns the length of a limb over the reference."""
     if Limb.UPPER_ARM_LEFT <= limb <= Limb.HAND_RIGHT:
         return performer.proportions.arms
     if Limb.THIGH_LEFT <= limb <= Limb.SHANK_RIGHT:

@@ -1,4 +1,4 @@
-"""A performer's forward kinematics, compiled: frames (3, 4) world_from_limb, one put after the other."""
+"""A performer's forward kinematics, compiled: fills joints and the frames (3, 4) world_from_limb."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from typing import Any, NamedTuple
 from enliven.arrays import Float
 from enliven.kernels import copy_row, copy_rows, njit
 from enliven.person import Joint, Limb
-from enliven_synthesis.body.posture import Arm, Foot, Posture
+from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 
 STRAIGHTEST = 0.997
-"""The part of thigh + shank that a leg reaches at most: a knee is never quite locked."""
+"""Share of thigh + shank that a leg reaches at most: a knee is never quite locked."""
 FOLDED = 0.3
-"""The part of thigh + shank at which a leg is folded: no knee bends further."""
+"""Share of thigh + shank at which a leg is folded: no knee bends further."""
 _AHEAD = 0.35
-"""How much the pelvis says where a knee bends to, against the foot."""
-
+"""Weight of the pelvis' front in the direction of a bending knee; the foot's counts 1."""
 
 _PELVIS, _ABDOMEN, _CHEST, _SKULL = (int(limb) for limb in list(Limb)[:4])
-# Of two alike the left one's place; the right one's is the next.
+# Of each pair the index of the left limb; the right limb's is the next.
 _UPPER_ARM, _FOREARM, _HAND, _THIGH, _SHANK, _FOOT = (int(limb) for limb in list(Limb)[4::2])
 _SPINE, _NECK, _HEAD = int(Joint.SPINE), int(Joint.SHOULDER_CENTER), int(Joint.HEAD)
 _SHOULDER, _HIP = int(Joint.SHOULDER_LEFT), int(Joint.HIP_LEFT)
@@ -30,7 +29,7 @@ _SIDES_APART = int(Joint.HIP_RIGHT) - int(Joint.HIP_LEFT)
 
 
 class Lengths(NamedTuple):
-    """A performer's build in metres: offsets (3,), those of limbs as on the left, and lengths."""
+    """A performer's build in metres: lengths and (3,) offsets; those of paired limbs are for the left."""
 
     spine: Float
     neck_base: Float
@@ -48,17 +47,18 @@ class Lengths(NamedTuple):
 
 
 def _numbers(name: str, kind: type) -> Any:
-    """A named tuple of a dataclass's numbers."""
+    """Makes a named tuple of the float fields of a dataclass."""
     named: Any = namedtuple
     return named(name, [f.name for f in fields(kind) if f.type == "float"])
 
 
-_Trunk, _Arm, _Foot = _numbers("_Trunk", Posture), _numbers("_Arm", Arm), _numbers("_Foot", Foot)
+_Trunk, _Arm = _numbers("_Trunk", PerformerPosture), _numbers("_Arm", ArmPose)
+_Foot = _numbers("_Foot", FootPose)
 _trunk_of, _arm_of, _foot_of = (attrgetter(*numbers._fields) for numbers in (_Trunk, _Arm, _Foot))
 
 
-def numbers_of(posture: Posture) -> tuple[Any, Any, Any]:
-    """The trunk's, both arms' and both feet's numbers as kernels take them: by name, all of one type."""
+def numbers_of(posture: PerformerPosture) -> tuple[Any, Any, Any]:
+    """Returns the trunk, the two arms and the two feet as named tuples of floats, as kernels take them."""
     trunk = _Trunk._make(map(float, _trunk_of(posture)))
     arms = tuple(_Arm._make(map(float, _arm_of(arm))) for arm in (posture.left_arm, posture.right_arm))
     feet = tuple(_Foot._make(map(float, _foot_of(foot))) for foot in (posture.left_foot, posture.right_foot))
@@ -66,12 +66,12 @@ def numbers_of(posture: Posture) -> tuple[Any, Any, Any]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def put(build: Any, trunk: Any, arms: Any, feet: Any, joints: Float, frames: Float) -> None:
+def forward_kinematics(build: Any, trunk: Any, arms: Any, feet: Any, joints: Float, frames: Float) -> None:
     """Fills the joints (20, 3) and the frames (16, 3, 4) of a posture.
 
     Args:
         build: :class:`Lengths`.
-        trunk, arms, feet: what :func:`numbers_of` gives.
+        trunk, arms, feet: the result of :func:`numbers_of`.
     """
     for side in range(2):
         _put_foot(build, feet[side], frames[_FOOT + side])
@@ -91,7 +91,7 @@ def put(build: Any, trunk: Any, arms: Any, feet: Any, joints: Float, frames: Flo
 
 @njit(cache=True, nogil=True)
 def _upright(frame: Float) -> None:
-    """The rotation that is none."""
+    """Sets the rotation of a frame to the identity."""
     for i in range(3):
         for j in range(3):
             frame[i, j] = 1.0 if i == j else 0.0
@@ -109,7 +109,7 @@ def _turn(frame: Float, axis: int, angle: float) -> None:
 
 @njit(cache=True, nogil=True)
 def _bend(frame: Float, yaw: float, pitch: float, roll: float, share: float) -> None:
-    """A share of a turn to the own left, a bend forward and a lean to the own left."""
+    """Turns a frame to its left, bends it forward and leans it to its left, by a share of the angles."""
     _turn(frame, 1, share * yaw)
     _turn(frame, 0, share * pitch)
     _turn(frame, 2, -share * roll)
@@ -124,7 +124,7 @@ def _shift(point: Float, frame: Float, x: float, y: float, z: float) -> None:
 
 @njit(cache=True, nogil=True)
 def _put_foot(build: Any, foot: Any, frame: Float) -> None:
-    """Where a foot's ankle wants to be, and how the foot is turned; the pitch is about its ball."""
+    """Fills the frame of a foot: the wanted ankle and the rotation; it pitches about the ball."""
     _upright(frame)
     frame[0, 3], frame[1, 3], frame[2, 3] = foot.x, build.ankle_height + foot.lift, foot.z
     _turn(frame, 1, foot.yaw)
@@ -135,7 +135,7 @@ def _put_foot(build: Any, foot: Any, frame: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _highest(build: Any, pelvis: Float, foot: Float, sign: float) -> float:
-    """Metres at which the pelvis is when the leg to a planted foot is stretched."""
+    """Returns the height of the pelvis, metres, at which the leg to a planted foot is stretched."""
     x, y, z = sign * build.hip[0], build.hip[1], build.hip[2]
     up = pelvis[1, 0] * x + pelvis[1, 1] * y + pelvis[1, 2] * z
     aside = pelvis[0, 3] + (pelvis[0, 0] * x + pelvis[0, 1] * y + pelvis[0, 2] * z) - foot[0, 3]
@@ -146,7 +146,7 @@ def _highest(build: Any, pelvis: Float, foot: Float, sign: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _put_trunk(build: Any, trunk: Any, joints: Float, frames: Float) -> None:
-    """Pelvis to head: a third of the spine's bend below the spine joint, the rest above it."""
+    """Fills pelvis to head: a third of the spine's bend is below the spine joint, the rest above it."""
     abdomen, chest, skull = frames[_ABDOMEN], frames[_CHEST], frames[_SKULL]
     copy_rows(abdomen, frames[_PELVIS])
     _bend(abdomen, trunk.spine_yaw, trunk.spine_pitch, trunk.spine_roll, 1.0 / 3.0)
@@ -166,7 +166,7 @@ def _put_trunk(build: Any, trunk: Any, joints: Float, frames: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _put_arm(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> None:
-    """Shoulder to hand; ``side`` 0 is the left, 1 the right, and ``joints`` begin at its shoulder."""
+    """Fills shoulder to hand; ``side`` 0 is the left, 1 the right, and ``joints`` begin at its shoulder."""
     sign, chest = 1.0 - 2.0 * side, frames[_CHEST]
     upper, fore, palm = frames[_UPPER_ARM + side], frames[_FOREARM + side], frames[_HAND + side]
     copy_rows(upper, chest)
@@ -192,7 +192,7 @@ def _put_arm(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> N
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> None:
-    """Hip to foot; the knee bends in the plane of the foot and its splay. ``joints`` begin at the hip."""
+    """Fills hip to foot; the knee bends towards the foot and its splay. ``joints`` begin at the hip."""
     sign, pelvis, sole = 1.0 - 2.0 * side, frames[_PELVIS], frames[_FOOT + side]
     hip, knee, ankle = joints[0], joints[1], joints[2]
     copy_row(hip, pelvis[:, 3])
@@ -221,7 +221,7 @@ def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _direction(to: Float, start: Float, out: Float) -> float:
-    """The unit vector (3,) from one point to another, down where they are one, and how far it is."""
+    """Fills the unit vector (3,) from ``start`` to ``to``, down where they coincide; returns the distance."""
     x, y, z = to[0] - start[0], to[1] - start[1], to[2] - start[2]
     apart = math.sqrt(x * x + y * y + z * z)
     out[0], out[1], out[2] = 0.0, -1.0, 0.0
@@ -243,7 +243,7 @@ def _clear_of(vector: Float, unit: Float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _put_bone(top: Float, end: Float, forward: Float, frame: Float) -> None:
-    """A frame at ``top`` with +Y away from ``end`` and +Z as near to ``forward`` as that allows.
+    """Fills a frame at ``top`` with +Y away from ``end`` and +Z as near to ``forward`` as that allows.
 
     ``forward`` may be the frame's own second column.
     """

@@ -13,8 +13,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Joint, Limb
 from enliven.settings import setting
-from enliven_synthesis.body.kinematics import STRAIGHTEST, Lengths, numbers_of, put
-from enliven_synthesis.body.posture import Posture
+from enliven_synthesis.body.kinematics import STRAIGHTEST, Lengths, forward_kinematics, numbers_of
+from enliven_synthesis.body.posture import PerformerPosture
 from enliven_synthesis.body.rotations import on_grid
 
 REFERENCE_HEIGHT = 1.75
@@ -35,7 +35,7 @@ class Proportions:
 
 @dataclass(frozen=True)
 class Figure:
-    """A performer in a posture.
+    """A performer's joints and limb frames in a posture.
 
     Attributes:
         joints: (20, 3) metres, world, ordered by :class:`enliven.person.body.Joint`: anatomical centres.
@@ -67,23 +67,23 @@ class Performer:
         self.standing = self.ankle_height + reach - float(self.hip[1]) - 0.014 * s
         self._lengths = Lengths(*(getattr(self, name) for name in Lengths._fields))
 
-    def pose(self, posture: Posture) -> Figure:
-        """Forward kinematics.
+    def pose(self, posture: PerformerPosture) -> Figure:
+        """Returns the figure of a posture by forward kinematics.
 
-        The pelvis sinks below the height asked for where a planted foot would otherwise lose the floor; a
+        The pelvis sinks below the requested height where a planted foot would otherwise lose the floor. A
         foot in the air that is out of reach, or nearer than a folded leg, is moved along the leg.
         """
         joints, frames = np.zeros((20, 3)), np.zeros((16, 3, 4))
-        put(self._lengths, *numbers_of(posture), joints, frames)
+        forward_kinematics(self._lengths, *numbers_of(posture), joints, frames)
         return Figure(on_grid(joints), on_grid(frames))
 
     def figure(self, rotations: Float, pelvis: Float) -> Figure:
-        """The figure whose limbs are turned as given, whatever turned them: a motion capture, a dice.
+        """Returns the figure with given limb rotations, such as those of a motion capture.
 
         Args:
-            rotations: (16, 3, 3) world_from_limb, ordered by :class:`Limb`. At the identity each limb is as
-                in a person who stands upright facing +Z with hanging arms: limbs lie along -Y of their
-                frame, the trunk and the skull along +Y, feet point to +Z.
+            rotations: (16, 3, 3) world_from_limb, ordered by :class:`Limb`. Identities are a person who
+                stands upright facing +Z with hanging arms: limbs lie along -Y of their frame, the trunk
+                and the skull along +Y, feet point to +Z.
             pelvis: (3,) metres, the hip centre, world.
         """
         joints, down = np.zeros((20, 3)), np.array([0.0, -1.0, 0.0])
@@ -112,12 +112,12 @@ class Performer:
         return Figure(on_grid(joints), on_grid(frames))
 
     def soles(self, figure: Figure) -> Float:
-        """(2, 3) metres above the floor: heel, ball and toe-cap of the left and the right sole."""
+        """Returns (2, 3) metres above the floor: heel, ball and toe-cap of the left and the right sole."""
         points = np.array([[0.0, -0.082, -0.06], [0.0, -0.082, 0.128], [0.0, -0.076, 0.185]]) * self.scale
         feet = figure.frames[[Limb.FOOT_LEFT, Limb.FOOT_RIGHT]]
         return np.asarray((feet[:, None, 1, :3] * points).sum(-1) + feet[:, 1, 3:])
 
 
 def _mirrored(offset: Float, side: int) -> Float:
-    """(3,) an offset written for the left side, for ``side`` 0 (left) or 1 (right)."""
+    """Returns the (3,) offset for ``side`` 0 (left) or 1 (right) from that of the left side."""
     return offset if side == 0 else offset * np.array([-1.0, 1.0, 1.0])

@@ -1,4 +1,4 @@
-"""What a performer does at one moment: angles of the trunk and arms, and where the feet are."""
+"""A performer's posture at one moment: angles of trunk and arms, and places of the feet."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
-class Arm:
-    """One arm, radians; all zero hangs straight down with the palm to the thigh.
+class ArmPose:
+    """The angles of one arm, radians; at zero it hangs straight down with the palm to the thigh.
 
     Attributes:
         flex: the upper arm forward (backward where negative).
@@ -29,8 +29,8 @@ class Arm:
 
 
 @dataclass(frozen=True)
-class Foot:
-    """One foot: where its ball touches (or would touch) the floor.
+class FootPose:
+    """The pose of one foot, by the point where its ball touches, or would touch, the floor.
 
     Attributes:
         x, z: metres, world, of the ankle when the foot is flat.
@@ -49,7 +49,7 @@ class Foot:
 
 
 @dataclass(frozen=True)
-class Posture:
+class PerformerPosture:
     """A whole body's posture; angles in radians, positions in metres of the world.
 
     Attributes:
@@ -60,10 +60,10 @@ class Posture:
         head_yaw, head_pitch, head_roll: the head against the chest.
     """
 
-    left_foot: Foot
-    right_foot: Foot
-    left_arm: Arm = field(default_factory=Arm)
-    right_arm: Arm = field(default_factory=Arm)
+    left_foot: FootPose
+    right_foot: FootPose
+    left_arm: ArmPose = field(default_factory=ArmPose)
+    right_arm: ArmPose = field(default_factory=ArmPose)
     x: float = 0.0
     z: float = 0.0
     rise: float = 0.0

@@ -1,4 +1,4 @@
-"""Elementary rotations (3, 3) and the rounding that keeps a synthesised recording the same everywhere."""
+"""Elementary rotations (3, 3), and the rounding that makes a synthetic recording equal on all machines."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from enliven.arrays import Float
 
 GRID = 2.0**-24
-"""Metres (or direction cosines): what postures are rounded to, far below what a sensor sees, far above the
-last bits in which the sines of two mathematics libraries differ."""
+"""Metres (or direction cosines) to which postures are rounded: far below what a sensor resolves, far above
+the last bits, in which the sines of two mathematics libraries differ."""
 
 
 def about_x(angle: float) -> Float:
@@ -32,5 +32,5 @@ def about_z(angle: float) -> Float:
 
 
 def on_grid(values: Float) -> Float:
-    """``values`` rounded to multiples of :data:`GRID`."""
+    """Returns ``values`` rounded to multiples of :data:`GRID`."""
     return np.asarray(np.rint(values / GRID) * GRID)

@@ -1,4 +1,4 @@
-"""Sphere tracing of the flesh, sixteen rays at a time (Hart 1996, "Sphere tracing").
+"""Sphere tracing of the body surface, sixteen rays at a time (Hart 1996, "Sphere tracing").
 
 The loops over lanes have no branches, so that the compiler turns them into vector instructions; their
 arithmetic is + - * / and square roots in a fixed order, so that the result is the same on every machine with
@@ -13,34 +13,37 @@ from enliven.arrays import Float, Int
 from enliven.kernels import njit
 
 SIDE = 4
+"""Pixels along a side of a tile: its rays are traced together, and are a multiple of any vector width."""
 LANES = SIDE * SIDE
-"""Rays that go together: a tile of 4 x 4 pixels."""
+"""Rays of a tile, traced together."""
 _STEPS = 64
+"""Steps of a ray at most; grazing rays need the most."""
 _CLOSE = 5e-4
-"""Metres from the surface at which a ray has arrived."""
+"""Metres from the surface at which a ray has arrived: below a sensor's step of depth."""
 _WARINESS = 1.4
-"""The ellipsoids' distances are of first order: one may shrink by this much faster than the ray goes."""
+"""Factor by which a distance may shrink faster than the ray goes: those of ellipsoids are first-order."""
 _FAR = 1e9
-
+"""Metres: the distance before any primitive was looked at, beyond any room."""
 
 X, Y, LENGTH, END, DEPTH, MET, _WHOLE, _PART, _LEAST, _NEAREST, _APART = range(0, 11 * LANES, LANES)
-"""Where in the array of lanes begin: the rays x/z and y/z, their lengths per depth, the depths (m) at which
-they end; the depths (m) reached, the primitives met (-1: none); and scratch."""
+"""Offsets into the array of lanes: of the rays' x/z and y/z, their lengths per depth and the depths (m) at
+which they end; of the depths (m) reached and the primitives met (-1: none); and of scratch."""
 LANES_SIZE = 11 * LANES
+"""Numbers in the array of lanes: eleven rows."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def march(
+def sphere_trace(
     shape: Float, kind: Int, group: Int, near_by: Int, clear: Float, lanes: Float, near: float,
     blend: Float, between: float,
 ) -> None:  # fmt: skip
-    """Carry sixteen rays to the body.
+    """Traces sixteen rays to the body.
 
     Args:
-        near_by: the primitives that they can meet, ordered by group.
+        near_by: the indices of the primitives that the rays can meet, ordered by group.
         clear: (P,) scratch.
         lanes: (LANES_SIZE,) rays, lengths and ends in; depths reached and primitives met out.
-        near: depth (m) before which nothing is.
+        near: depth (m) at which the rays start.
         blend, between: metres, widths of the smooth unions within each group and between groups.
     """
     clear[: len(near_by)] = 0.0
@@ -56,7 +59,7 @@ def march(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _advance(lanes: Float) -> int:
-    """Each ray on its way goes as far as nothing can be, or has arrived; how many go on."""
+    """Moves each active ray by its distance to the body; returns how many are still active."""
     active = 0
     for k in range(LANES):
         if lanes[MET + k] >= 0.0 or lanes[DEPTH + k] >= lanes[END + k]:
@@ -76,7 +79,7 @@ def _distances(
     shape: Float, kind: Int, group: Int, near_by: Int, clear: Float, travelled: float, lanes: Float,
     blend: Float, between: float,
 ) -> None:  # fmt: skip
-    """Signed distances (m) to the smooth union, and the nearest primitives, of all rays.
+    """Finds the signed distances (m) to the smooth union, and the nearest primitives, of all rays.
 
     The union is the polynomial one, min(a, b) - h^2 k / 4 with h = max(k - |a - b|, 0) / k: it acts only
     where two surfaces are nearer to each other than k, so leaving out far primitives changes nothing. One is
@@ -104,7 +107,7 @@ def _distances(
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _greatest(lanes: Float, row: int, sign: float) -> float:
-    """The greatest of a row of lanes times ``sign``."""
+    """Returns the greatest of a row of lanes times ``sign``."""
     most = sign * lanes[row]
     for k in range(LANES):
         value = sign * lanes[row + k]
@@ -114,7 +117,7 @@ def _greatest(lanes: Float, row: int, sign: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _close_group(lanes: Float, width: float) -> None:
-    """The union of all groups so far takes in the group that is complete, over ``width`` metres."""
+    """Unites a complete group with the groups before it, over ``width`` metres."""
     inverse, quarter = 1.0 / width, 0.25 * width
     for k in range(LANES):
         a, b = lanes[_WHOLE + k], lanes[_PART + k]
@@ -127,7 +130,7 @@ def _close_group(lanes: Float, width: float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _add(lanes: Float, width: float, i: float) -> None:
-    """Unite the distances of primitive ``i`` into its group, and note where it is the nearest."""
+    """Unites the distances of primitive ``i`` with its group, and notes where it is the nearest."""
     inverse, quarter = 1.0 / width, 0.25 * width
     for k in range(LANES):
         a, b, so_far = lanes[_PART + k], lanes[_APART + k], lanes[_LEAST + k]
@@ -141,7 +144,7 @@ def _add(lanes: Float, width: float, i: float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _taper(s: Float, i: int, lanes: Float) -> None:
-    """Distances to a capsule whose radius changes linearly, with a parabolic bulge half-way."""
+    """Finds distances to a capsule with a linearly changing radius and a parabolic bulge half-way."""
     ax, ay, az, bx, by, bz = s[i, 0], s[i, 1], s[i, 2], s[i, 3], s[i, 4], s[i, 5]
     inverse, ra, grow, bulge = s[i, 6], s[i, 7], s[i, 8], 4.0 * s[i, 9]
     for k in range(LANES):
@@ -156,7 +159,7 @@ def _taper(s: Float, i: int, lanes: Float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _ellipsoid(s: Float, i: int, lanes: Float) -> None:
-    """First-order distances to an ellipsoid, |q| (|q| - 1) / |q'| with q and q' scaled by 1/r and 1/r^2."""
+    """Finds first-order distances to an ellipsoid, |q| (|q| - 1) / |q'|, q and q' scaled by 1/r and 1/r^2."""
     ax, ay, az, u, v, w = s[i, 0], s[i, 1], s[i, 2], s[i, 12], s[i, 13], s[i, 14]
     a, b, c, d, e, f, g, h, j = (
         s[i, 3],

@@ -1,4 +1,4 @@
-"""Which joints a depth camera can see: those with nothing before them but their own flesh."""
+"""Visibility of joints to a depth camera: a joint is visible behind nothing but its own body surface."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ THICKNESS = np.array(
         0.15, 0.095, 0.085, 0.075,
     ]
 )  # fmt: skip
-"""(20,) metres of an average build's own flesh and clothes before each joint, at most."""
+"""(20,) metres of body and clothes before each joint at most, for an average build."""
 _AROUND = 0.03
-"""Metres around a joint of which the larger part must be seen."""
+"""Metres: the radius around a joint in which the body must be seen; a fist's."""
 _ENOUGH = 0.5
+"""Share of the pixels around a joint that must show its own body: the larger part."""
 
 
 def seen_joints(
@@ -33,13 +34,13 @@ def seen_joints(
     camera_from_world: Float,
     reach: tuple[float, float],
 ) -> Bool:
-    """(20,) whether each joint is in the image, in range, and behind nothing but its own flesh.
+    """Returns (20,) whether each joint is in the image, in range, and behind nothing but its own body.
 
     Args:
         joints: (20, 3) metres, world.
-        number: whose they are, as in ``owner``.
+        number: the performer's number in ``owner``.
         depth: (H, W) metres, without noise.
-        owner: (H, W) the number of the person whom a pixel shows; -1 the room.
+        owner: (H, W) the number of the performer that a pixel shows; -1 the room.
         reach: metres along the optical axis between which the sensor measures.
     """
     camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
@@ -55,6 +56,6 @@ def seen_joints(
         rows = slice(max(int(v - radius + 0.5), 0), int(v + radius + 0.5) + 1)
         columns = slice(max(int(u - radius + 0.5), 0), int(u + radius + 0.5) + 1)
         own = owner[rows, columns] == number
-        behind_flesh = own & (depth[rows, columns] > point[2] - thick[j])
-        seen[j] = behind_flesh.mean() >= _ENOUGH
+        behind_surface = own & (depth[rows, columns] > point[2] - thick[j])
+        seen[j] = behind_surface.mean() >= _ENOUGH
     return seen

@@ -1,4 +1,4 @@
-"""``enliven synthesize``: a recording of a made-up performer, with the truth beside it."""
+"""``enliven synthesize``: records a synthetic performer, with the true joints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven.settings import load_settings
 
 if TYPE_CHECKING:
     from enliven.recording import Recorder
-    from enliven_synthesis.sensor import Studio
+    from enliven_synthesis.sensor import SyntheticStudio
 
 
 def synthesize(
@@ -38,10 +38,12 @@ def synthesize(
     """
     from enliven.recording import Recorder
     from enliven_edge.sensors import load_profile
-    from enliven_synthesis.sensor import Studio, StudioSettings
+    from enliven_synthesis.sensor import SyntheticSettings, SyntheticStudio
 
     values = {"choreography": choreography, "seed": seed, "width": width, "noise": noise}
-    studio = Studio(load_profile(profile), load_settings(StudioSettings, values, where="synthesize"))
+    studio = SyntheticStudio(
+        load_profile(profile), load_settings(SyntheticSettings, values, where="synthesize")
+    )
     with Recorder(output, compression_level=level, sync_seconds=math.inf, overwrite=overwrite) as recorder:
         recorder.add_metadata(
             "synthesize", {key: str(value) for key, value in {**values, "profile": profile}.items()}
@@ -51,7 +53,7 @@ def synthesize(
     typer.echo(f"{output}: {studio.frames} frames of {studio.sensor}, {output.stat().st_size / 1e6:.2f} MB")
 
 
-def write_performance(studio: Studio, recorder: Recorder) -> Iterator[int]:
+def write_performance(studio: SyntheticStudio, recorder: Recorder) -> Iterator[int]:
     """Write one run of the choreography, depth and truth; yields each frame's number when it is written."""
     from enliven.frames import BodyFrame
 

@@ -1,4 +1,4 @@
-"""``enliven train-estimator``: the network that sees joints, learnt from people that the project makes up."""
+"""``enliven train-estimator``: trains the pose network on rendered synthetic people."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def train_estimator(
             where="train-estimator",
             mend='Install it: pip install "enliven-synthesis[training]".',
         ) from None
-    from enliven_synthesis.training import Album, render_album
+    from enliven_synthesis.training import Dataset, render_dataset
     from enliven_synthesis.training.pose_network import (
         KEPT_BACK,
         TrainingSettings,
@@ -70,22 +70,22 @@ def train_estimator(
     settings = load_settings(TrainingSettings, values, where="train-estimator")
     with tempfile.TemporaryDirectory() as spare, Progress(transient=True) as progress:
         if album is not None and album.exists() and any(album.iterdir()):
-            lessons = Album(album)
+            dataset = Dataset(album)
         else:
             rendering = progress.add_task("Rendering", total=settings.pictures)
-            lessons = render_album(
+            dataset = render_dataset(
                 album or Path(spare) / "album", settings.pictures, settings.frontal, settings.seed,
                 lambda more: progress.advance(rendering, more),
             )  # fmt: skip
         learning = progress.add_task("Learning", total=settings.steps)
-        network = train(lessons, settings, lambda _step, _network: progress.advance(learning))
+        network = train(dataset, settings, lambda _step, _network: progress.advance(learning))
         whole, small = Path(spare) / "whole.onnx", Path(spare) / "small.onnx"
         export(network, whole)
-        quantise(whole, small, lessons, KEPT_BACK)
-        found = measure(small, lessons)
+        quantise(whole, small, dataset, KEPT_BACK)
+        found = measure(small, dataset)
         output.write_bytes(small.read_bytes())
     typer.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")
     typer.echo(
         f"joints within 10 cm: {found.within[0]:.3f} told how people face, {found.within[1]:.3f} not told; "
-        f"facing told rightly {found.facing:.3f}, parts {found.parts:.3f}, people {found.somebody:.3f}"
+        f"facing told rightly {found.facing:.3f}, parts {found.parts:.3f}, people {found.persons:.3f}"
     )

@@ -1,4 +1,4 @@
-"""What the performer does: choreographies by name, each a posture at every moment, the same every time."""
+"""Choreographies by name: each gives the performer's posture at every moment, the same every time."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from enliven.errors import InputError
-from enliven_synthesis.body import Arm, Posture
+from enliven_synthesis.body import ArmPose, PerformerPosture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.footwork import Footwork, Stance
 from enliven_synthesis.motion.tracks import Step, Track, sway
 
 
 def choreography(name: str) -> Choreography:
-    """The choreography of that name.
+    """Returns the choreography of that name.
 
     Raises:
         InputError: for an unknown name, listing the known ones.
@@ -29,21 +29,21 @@ def choreography(name: str) -> Choreography:
 
 
 def choreography_names() -> list[str]:
-    """The names that :func:`choreography` knows."""
+    """Returns the names that :func:`choreography` knows."""
     return list(_MAKERS)
 
 
 def _stance(width: float, z: float = HOME_Z, toes: float = 0.16) -> Stance:
-    """Feet ``width`` metres apart, the toes turned out by ``toes`` radians."""
+    """Returns feet ``width`` metres apart, the toes turned out by ``toes`` radians."""
     return (width / 2, z, toes), (-width / 2, z, -toes)
 
 
-_ARMREST = Arm(flex=-0.16, abduct=0.24, twist=0.14, elbow=1.80, pronate=1.15, wrist=0.02)
-"""The forearms level and forward, as on the armrests of a chair."""
+_ARMREST = ArmPose(flex=-0.16, abduct=0.24, twist=0.14, elbow=1.80, pronate=1.15, wrist=0.02)
+"""An arm with the forearm level and forward, as on the armrest of a chair."""
 
 
-def _alive(posture: Posture, time: float, duration: float, amount: float = 1.0) -> Posture:
-    """The posture with breath and the small sway of someone who stands."""
+def _alive(posture: PerformerPosture, time: float, duration: float, amount: float = 1.0) -> PerformerPosture:
+    """Adds breath and the small sway of a standing person to a posture."""
     breath = amount * sway(time, duration, max(2, round(duration / 3.4)), 0.1)
     slow, slower = sway(time, duration, 3, 0.37) * amount, sway(time, duration, 2, 0.0) * amount
     left = replace(
@@ -72,6 +72,7 @@ def _alive(posture: Posture, time: float, duration: float, amount: float = 1.0) 
 # --- the chair -------------------------------------------------------------------------------------------
 
 _CHAIR_SECONDS = 9.0
+"""Seconds: the length of the shipped recording."""
 _CHAIR_STEPS = [
     Step(1, 2.85, 3.25, lift=0.33, toe=0.50, arc=(0.09, 0.20)),  # march: right knee,
     Step(0, 3.38, 3.78, lift=0.33, toe=0.50, arc=(-0.09, 0.20)),  # left knee
@@ -113,12 +114,12 @@ _CHAIR_TRACKS = {
 def _chair() -> Choreography:
     feet = Footwork(_stance(0.45), _CHAIR_STEPS)
 
-    def posture(time: float) -> Posture:
+    def posture(time: float) -> PerformerPosture:
         value = {name: track(time) for name, track in _CHAIR_TRACKS.items()}
         x, z = feet.pelvis(time)
         favour, behind = feet.favour(time), feet.favour(time - 0.07)
         flap, bow, tuck = value["arms"], value["bow"], value["tuck"]
-        made = Posture(
+        made = PerformerPosture(
             left_foot=feet.foot(0, time),
             right_foot=feet.foot(1, time),
             left_arm=_flapped(flap, tuck, -0.10 * behind + 0.08 * value["turn"]),
@@ -143,10 +144,10 @@ def _chair() -> Choreography:
     return Choreography("chair", _CHAIR_SECONDS, posture, feet.planted)
 
 
-def _flapped(flap: float, tuck: float, swing: float) -> Arm:
-    """An arm on its rest (0) or raised like a wing (1), drawn in by a crouch."""
+def _flapped(flap: float, tuck: float, swing: float) -> ArmPose:
+    """Returns an arm on its rest (0) or raised like a wing (1), drawn in by a crouch."""
     rest = _ARMREST
-    return Arm(
+    return ArmPose(
         flex=rest.flex + 0.20 * flap + 0.30 * tuck + swing,
         abduct=rest.abduct + 1.12 * flap + 0.10 * tuck,
         twist=rest.twist - 0.25 * flap,
@@ -162,11 +163,13 @@ def _flapped(flap: float, tuck: float, swing: float) -> Arm:
 
 def _idle() -> Choreography:
     feet = Footwork(_stance(0.30), [])
-    arm = Arm(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
+    arm = ArmPose(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
 
-    def posture(time: float) -> Posture:
+    def posture(time: float) -> PerformerPosture:
         x, z = feet.pelvis(time)
-        made = Posture(feet.foot(0, time), feet.foot(1, time), arm, arm, x, z, pitch=0.02, spine_pitch=0.04)
+        made = PerformerPosture(
+            feet.foot(0, time), feet.foot(1, time), arm, arm, x, z, pitch=0.02, spine_pitch=0.04
+        )
         return _alive(made, time, 6.0, 1.6)
 
     return Choreography("idle", 6.0, posture, feet.planted)
@@ -174,14 +177,14 @@ def _idle() -> Choreography:
 
 def _wave() -> Choreography:
     feet = Footwork(_stance(0.30), [])
-    hanging = Arm(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
+    hanging = ArmPose(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
     up = Track((0.4, 0), (0.55, -0.04), (1.05, 1), (3.9, 1), (4.5, 0))
 
-    def posture(time: float) -> Posture:
+    def posture(time: float) -> PerformerPosture:
         x, z = feet.pelvis(time)
         raised = up(time)
         beat = raised * math.sin(2 * math.pi * 1.6 * (time - 1.05)) if 1.05 < time < 4.0 else 0.0
-        arm = Arm(
+        arm = ArmPose(
             flex=0.03 + 0.15 * raised,
             abduct=0.13 + 1.35 * raised,
             twist=0.25 - 1.75 * raised,
@@ -190,7 +193,7 @@ def _wave() -> Choreography:
             wrist=0.1 - 0.2 * beat,
             shrug=0.2 * max(raised, 0.0),
         )
-        made = Posture(
+        made = PerformerPosture(
             feet.foot(0, time), feet.foot(1, time), hanging, arm, x + 0.02 * raised, z, roll=0.02 * raised,
             spine_pitch=0.04, spine_roll=0.10 * raised, head_roll=-0.06 * raised,
         )  # fmt: skip
@@ -200,7 +203,7 @@ def _wave() -> Choreography:
 
 
 def _walk() -> Choreography:
-    """Four steps towards the camera, and the same four backward, home."""
+    """Makes four steps towards the camera, and the same four backward."""
     steps = [Step(1, 0.4, 0.82, dz=0.18, lift=0.06)]
     for n in range(3):
         steps.append(Step(n % 2, 0.98 + 0.58 * n, 1.40 + 0.58 * n, dz=0.18 if n == 2 else 0.36, lift=0.06))
@@ -209,18 +212,18 @@ def _walk() -> Choreography:
         steps.append(replace(step, start=3.0 + 0.58 * n, stop=3.42 + 0.58 * n, dz=-step.dz))
     feet = Footwork(_stance(0.20, HOME_Z - 0.35), steps, carry=0.8)
 
-    def posture(time: float) -> Posture:
+    def posture(time: float) -> PerformerPosture:
         x, z = feet.pelvis(time)
         left, right = feet.foot(0, time), feet.foot(1, time)
         stride = left.z - right.z
         swing, favour = feet.favour(time - 0.05), feet.favour(time)
 
-        def arm(forward: float) -> Arm:
-            return Arm(
+        def arm(forward: float) -> ArmPose:
+            return ArmPose(
                 flex=0.03 + forward, abduct=0.12, twist=0.25, elbow=0.28 + 0.6 * max(forward, 0.0), wrist=0.1
             )
 
-        made = Posture(
+        made = PerformerPosture(
             left, right, arm(-0.9 * stride), arm(0.9 * stride), x, z,
             yaw=-0.25 * stride, roll=-0.04 * favour, pitch=0.03, spine_yaw=0.55 * stride,
             spine_pitch=0.05, spine_roll=0.05 * swing,

@@ -1,6 +1,6 @@
-"""What is hard to track, made to measure: arms overhead, crouching, kneeling, turning, hands to the floor.
+"""Exercises that are hard to track: arms overhead, crouching, kneeling, turning, hands to the floor.
 
-Each exercise takes a seed. Seed 0 is as written; any other one varies the angles, the depth of the bends and
+Each exercise takes a seed. Seed 0 is as written; any other seed varies the angles, the depth of the bends and
 the tempo, so that a tracker can be tuned on some and measured on others.
 """
 
@@ -14,32 +14,35 @@ from typing import Any, TypeVar
 import numpy as np
 
 from enliven.errors import InputError
-from enliven_synthesis.body import Arm, Foot, Posture
+from enliven_synthesis.body import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.footwork import Footwork
 from enliven_synthesis.motion.tracks import Step, ease
 
 T = TypeVar("T")
-_HANGING = Arm(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
-_OUT = Arm(flex=0.0, abduct=1.50, twist=0.0, elbow=0.10)
-_FORWARD = Arm(flex=1.50, abduct=0.05, elbow=0.12)
-_UP = Arm(flex=2.95, abduct=0.10, elbow=0.12, shrug=0.30)
-_ON_HIP = Arm(flex=-0.35, abduct=0.75, twist=0.9, elbow=1.75, wrist=0.3)
-_FOLDED = Arm(flex=0.45, abduct=0.12, twist=1.10, elbow=1.75)
-_AT_FACE = Arm(flex=1.05, abduct=0.15, twist=0.6, elbow=2.25)
-_BEHIND_HEAD = Arm(flex=2.0, abduct=0.75, twist=0.3, elbow=2.35, shrug=0.25)
-_DOWN = Arm(flex=1.75, abduct=0.08, elbow=0.10)
+_HANGING = ArmPose(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
+_OUT = ArmPose(flex=0.0, abduct=1.50, twist=0.0, elbow=0.10)
+_FORWARD = ArmPose(flex=1.50, abduct=0.05, elbow=0.12)
+_UP = ArmPose(flex=2.95, abduct=0.10, elbow=0.12, shrug=0.30)
+_ON_HIP = ArmPose(flex=-0.35, abduct=0.75, twist=0.9, elbow=1.75, wrist=0.3)
+_FOLDED = ArmPose(flex=0.45, abduct=0.12, twist=1.10, elbow=1.75)
+_AT_FACE = ArmPose(flex=1.05, abduct=0.15, twist=0.6, elbow=2.25)
+_BEHIND_HEAD = ArmPose(flex=2.0, abduct=0.75, twist=0.3, elbow=2.35, shrug=0.25)
+_DOWN = ArmPose(flex=1.75, abduct=0.08, elbow=0.10)
 
 
-def _home(**changes: Any) -> Posture:
-    """Standing relaxed, changed as told."""
+def _home(**changes: Any) -> PerformerPosture:
+    """Returns a relaxed standing posture with the given fields changed."""
     values: dict[str, Any] = {"left_arm": _HANGING, "right_arm": _HANGING, "z": HOME_Z, "pitch": 0.02}
-    values |= {"left_foot": Foot(0.13, HOME_Z, yaw=0.12), "right_foot": Foot(-0.13, HOME_Z, yaw=-0.12)}
-    return Posture(**(values | {"spine_pitch": 0.04} | changes))
+    values |= {
+        "left_foot": FootPose(0.13, HOME_Z, yaw=0.12),
+        "right_foot": FootPose(-0.13, HOME_Z, yaw=-0.12),
+    }
+    return PerformerPosture(**(values | {"spine_pitch": 0.04} | changes))
 
 
-class _Dice:
-    """Small changes of what is written down; none at seed 0."""
+class _Variation:
+    """Random variations of the written numbers; none at seed 0."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed) if seed else None
@@ -47,7 +50,7 @@ class _Dice:
     def near(self, value: float, spread: float) -> float:
         return value if self._random is None else value + spread * float(self._random.uniform(-1.0, 1.0))
 
-    def arm(self, arm: Arm) -> Arm:
+    def arm(self, arm: ArmPose) -> ArmPose:
         return replace(
             arm,
             flex=self.near(arm.flex, 0.15),
@@ -57,7 +60,7 @@ class _Dice:
             pronate=self.near(arm.pronate, 0.5),
         )
 
-    def posture(self, posture: Posture) -> Posture:
+    def posture(self, posture: PerformerPosture) -> PerformerPosture:
         return replace(
             posture,
             left_arm=self.arm(posture.left_arm),
@@ -70,13 +73,13 @@ class _Dice:
         )
 
 
-def _keyed(name: str, dice: _Dice, *keys: tuple[float, Posture]) -> Choreography:
-    """Postures at times in seconds, eased from one to the next; the feet stay unless a key lifts them."""
-    tempo = dice.near(1.0, 0.2)
+def _keyed(name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]) -> Choreography:
+    """Returns a choreography of postures at times in seconds, eased from one to the next."""
+    tempo = vary.near(1.0, 0.2)
     times = [tempo * time for time, _ in keys]
-    postures = [keys[0][1], *(dice.posture(p) for _, p in keys[1:-1]), keys[-1][1]]
+    postures = [keys[0][1], *(vary.posture(p) for _, p in keys[1:-1]), keys[-1][1]]
 
-    def posture(time: float) -> Posture:
+    def posture(time: float) -> PerformerPosture:
         k = max(0, min(int(np.searchsorted(times, time, side="right")) - 1, len(times) - 2))
         return _mixed(postures[k], postures[k + 1], ease((time - times[k]) / (times[k + 1] - times[k])))
 
@@ -88,7 +91,7 @@ def _keyed(name: str, dice: _Dice, *keys: tuple[float, Posture]) -> Choreography
 
 
 def _mixed(a: T, b: T, part: float) -> T:
-    """Every number of two dataclasses of a kind, ``part`` of the way from one to the other."""
+    """Interpolates every number of two dataclasses of a kind by ``part``."""
     ours, theirs = vars(a), vars(b)
     mixed = {
         name: _mixed(value, theirs[name], part)
@@ -99,79 +102,81 @@ def _mixed(a: T, b: T, part: float) -> T:
     return type(a)(**mixed)
 
 
-def _arms(left: Arm, right: Arm | None = None, **changes: Any) -> Posture:
+def _arms(left: ArmPose, right: ArmPose | None = None, **changes: Any) -> PerformerPosture:
     return _home(left_arm=left, right_arm=right or left, **changes)
 
 
-def _still(dice: _Dice) -> Choreography:
+def _still(vary: _Variation) -> Choreography:
     home = _home()
     breath = replace(home, spine_pitch=0.05, head_pitch=0.02, head_yaw=0.04)
     steps = [(2.0 * n, home if n % 2 == 0 else breath) for n in range(5)]
-    return _keyed("still", dice, *steps)
+    return _keyed("still", vary, *steps)
 
 
-def _overhead(dice: _Dice) -> Choreography:
+def _overhead(vary: _Variation) -> Choreography:
     return _keyed(
-        "overhead", dice, (0.0, _home()), (0.8, _home()), (1.5, _arms(_OUT)), (1.8, _arms(_OUT)),
+        "overhead", vary, (0.0, _home()), (0.8, _home()), (1.5, _arms(_OUT)), (1.8, _arms(_OUT)),
         (2.5, _arms(_UP)), (3.2, _arms(_UP, spine_roll=0.2)), (3.9, _arms(_UP, spine_roll=-0.2)),
         (4.7, _arms(_BEHIND_HEAD)), (5.2, _arms(_BEHIND_HEAD, spine_yaw=0.3)),
         (5.9, _arms(_UP, _HANGING)), (6.8, _home()),
     )  # fmt: skip
 
 
-def _crouch(dice: _Dice) -> Choreography:
-    low = dice.near(-0.42, 0.06)
+def _crouch(vary: _Variation) -> Choreography:
+    low = vary.near(-0.42, 0.06)
     deep = _arms(_FORWARD, rise=low, pitch=0.45, spine_pitch=0.35, head_pitch=-0.3)
     held = _arms(replace(_DOWN, flex=0.9), rise=low - 0.05, pitch=0.55, spine_pitch=0.45, head_pitch=-0.2)
     return _keyed(
-        "crouch", dice, (0.0, _home()), (0.8, _home()), (1.8, deep), (2.4, deep), (3.2, held), (3.8, held),
+        "crouch", vary, (0.0, _home()), (0.8, _home()), (1.8, deep), (2.4, deep), (3.2, held), (3.8, held),
         (4.8, _arms(_ON_HIP)), (5.5, _arms(_ON_HIP, rise=-0.25, pitch=0.2)), (6.4, _home()),
     )  # fmt: skip
 
 
-def _kneel(dice: _Dice) -> Choreography:
-    back = Foot(-0.13, HOME_Z - 0.52, pitch=-1.1, yaw=-0.05)
-    going = Foot(-0.13, HOME_Z - 0.30, lift=0.06, pitch=-0.4)
-    front = Foot(0.13, HOME_Z + 0.10, yaw=0.1)
+def _kneel(vary: _Variation) -> Choreography:
+    back = FootPose(-0.13, HOME_Z - 0.52, pitch=-1.1, yaw=-0.05)
+    going = FootPose(-0.13, HOME_Z - 0.30, lift=0.06, pitch=-0.4)
+    front = FootPose(0.13, HOME_Z + 0.10, yaw=0.1)
     start = replace(_home(), left_foot=front)
-    down = replace(start, right_foot=back, rise=dice.near(-0.44, 0.02), z=HOME_Z - 0.24, pitch=0.08)
+    down = replace(start, right_foot=back, rise=vary.near(-0.44, 0.02), z=HOME_Z - 0.24, pitch=0.08)
     busy = replace(down, left_arm=_FORWARD, right_arm=_AT_FACE, spine_pitch=0.15, spine_yaw=0.2)
     half = replace(start, right_foot=going, rise=-0.10, z=HOME_Z - 0.05)
     return _keyed(
-        "kneel", dice, (0.0, start), (0.8, start), (1.3, half), (2.1, down), (2.8, down), (3.6, busy),
+        "kneel", vary, (0.0, start), (0.8, start), (1.3, half), (2.1, down), (2.8, down), (3.6, busy),
         (4.4, replace(busy, spine_pitch=0.5)), (5.2, down), (6.0, half), (6.6, start),
     )  # fmt: skip
 
 
-def _floor(dice: _Dice) -> Choreography:
+def _floor(vary: _Variation) -> Choreography:
     bent = _arms(
-        _DOWN, rise=-0.12, z=HOME_Z - 0.10, pitch=1.05, spine_pitch=dice.near(0.85, 0.1), head_pitch=0.1
+        _DOWN, rise=-0.12, z=HOME_Z - 0.10, pitch=1.05, spine_pitch=vary.near(0.85, 0.1), head_pitch=0.1
     )
     low = _arms(_DOWN, rise=-0.34, z=HOME_Z - 0.06, pitch=0.95, spine_pitch=0.70, head_pitch=-0.3)
     aside = replace(low, left_arm=_OUT, spine_yaw=0.5)
     return _keyed(
-        "floor", dice, (0.0, _home()), (0.6, _home()), (1.8, bent), (2.5, bent), (3.4, low), (4.0, low),
+        "floor", vary, (0.0, _home()), (0.6, _home()), (1.8, bent), (2.5, bent), (3.4, low), (4.0, low),
         (4.8, aside), (5.3, aside), (6.8, _home()),
     )  # fmt: skip
 
 
-def _one_leg(dice: _Dice) -> Choreography:
+def _one_leg(vary: _Variation) -> Choreography:
     over: dict[str, Any] = {"x": -0.11, "roll": -0.04}
-    knee = _arms(_OUT, left_foot=Foot(0.10, HOME_Z + 0.10, lift=dice.near(0.42, 0.08), pitch=-0.5), **over)
-    kick = _arms(_ON_HIP, left_foot=Foot(0.12, HOME_Z + 0.55, lift=0.45, pitch=0.2), pitch=-0.1, **over)
-    side = _arms(_HANGING, left_foot=Foot(0.62, HOME_Z, lift=0.28, yaw=0.3), roll=-0.2, x=-0.12)
+    knee = _arms(
+        _OUT, left_foot=FootPose(0.10, HOME_Z + 0.10, lift=vary.near(0.42, 0.08), pitch=-0.5), **over
+    )
+    kick = _arms(_ON_HIP, left_foot=FootPose(0.12, HOME_Z + 0.55, lift=0.45, pitch=0.2), pitch=-0.1, **over)
+    side = _arms(_HANGING, left_foot=FootPose(0.62, HOME_Z, lift=0.28, yaw=0.3), roll=-0.2, x=-0.12)
     shift = _home(**over)
     return _keyed(
-        "one leg", dice, (0.0, _home()), (0.6, shift), (1.3, knee), (2.2, knee), (2.9, kick), (3.4, kick),
+        "one leg", vary, (0.0, _home()), (0.6, shift), (1.3, knee), (2.2, knee), (2.9, kick), (3.4, kick),
         (4.2, shift), (4.9, side), (5.4, side), (6.2, shift), (6.8, _home()),
     )  # fmt: skip
 
 
-def _signals(dice: _Dice) -> Choreography:
+def _signals(vary: _Variation) -> Choreography:
     stop = replace(_OUT, flex=0.5, elbow=1.5, pronate=0.4, twist=-1.2)
     come = replace(_FORWARD, elbow=1.4)
     return _keyed(
-        "signals", dice, (0.0, _home()), (0.6, _home()), (1.1, _arms(_OUT, _HANGING)),
+        "signals", vary, (0.0, _home()), (0.6, _home()), (1.1, _arms(_OUT, _HANGING)),
         (1.5, _arms(_OUT, stop)),
         (2.0, _arms(_FORWARD, stop, spine_yaw=0.3)), (2.5, _arms(come, _OUT)), (2.9, _arms(_FORWARD, _OUT)),
         (3.3, _arms(come, _OUT)), (3.8, _arms(stop, _FORWARD, spine_yaw=-0.4)), (4.3, _arms(_UP, _OUT)),
@@ -179,22 +184,22 @@ def _signals(dice: _Dice) -> Choreography:
     )  # fmt: skip
 
 
-def _crossed(dice: _Dice) -> Choreography:
+def _crossed(vary: _Variation) -> Choreography:
     return _keyed(
-        "crossed", dice, (0.0, _home()), (0.6, _home()), (1.3, _arms(_FOLDED)), (2.1, _arms(_FOLDED)),
+        "crossed", vary, (0.0, _home()), (0.6, _home()), (1.3, _arms(_FOLDED)), (2.1, _arms(_FOLDED)),
         (2.8, _arms(_ON_HIP)), (3.4, _arms(_ON_HIP, spine_yaw=0.4)), (4.0, _arms(_AT_FACE, _ON_HIP)),
         (4.6, _arms(_AT_FACE)), (5.2, _arms(_FORWARD, _FOLDED)), (6.2, _home()),
     )  # fmt: skip
 
 
-def _turn(dice: _Dice) -> Choreography:
-    """All the way round on the spot, a sixth of a turn a step of both feet."""
-    beat = dice.near(0.55, 0.08)
+def _turn(vary: _Variation) -> Choreography:
+    """Turns all the way round on the spot, a sixth of a turn for a step of both feet."""
+    beat = vary.near(0.55, 0.08)
     steps = 12
     duration = 1.0 + beat * (steps + 1) + 0.6
 
     def heading(side: int, time: float) -> tuple[float, float]:
-        """Radians that a foot has turned, and how high it is."""
+        """Returns the radians that a foot has turned, and its height in metres."""
         yaw = lift = 0.0
         for n in range(side, steps + 1, 2):
             span = 2 * math.pi / steps * (1 if n in (0, steps) else 2)
@@ -203,24 +208,26 @@ def _turn(dice: _Dice) -> Choreography:
             lift += 0.05 * (4 * s * (1 - s)) ** 2 if 0.0 < s < 1.0 else 0.0
         return yaw, lift
 
-    def posture(time: float) -> Posture:
+    def posture(time: float) -> PerformerPosture:
         feet, turned = [], []
         for side, x in ((0, 0.12), (1, -0.12)):
             yaw, lift = heading(side, time)
             turned.append(yaw)
             out = 0.12 * (1 - 2 * side)
-            feet.append(Foot(x * math.cos(yaw), HOME_Z - x * math.sin(yaw), lift, yaw + out))
+            feet.append(FootPose(x * math.cos(yaw), HOME_Z - x * math.sin(yaw), lift, yaw + out))
         yaw = (turned[0] + turned[1]) / 2
         swing = 0.25 * math.sin(turned[0] - turned[1])
         left, right = replace(_HANGING, flex=0.03 + swing), replace(_HANGING, flex=0.03 - swing)
-        return Posture(feet[0], feet[1], left, right, 0.0, HOME_Z, yaw=yaw, pitch=0.02, spine_pitch=0.04)
+        return PerformerPosture(
+            feet[0], feet[1], left, right, 0.0, HOME_Z, yaw=yaw, pitch=0.02, spine_pitch=0.04
+        )
 
     return Choreography("turn", duration, posture, lambda side, time: heading(side, time)[1] == 0.0)
 
 
-def _stroll(dice: _Dice) -> Choreography:
-    """Nine steps straight on, about three metres and a half."""
-    stride, beat = dice.near(0.42, 0.05), dice.near(0.52, 0.05)
+def _stroll(vary: _Variation) -> Choreography:
+    """Walks nine steps straight on, about three metres and a half."""
+    stride, beat = vary.near(0.42, 0.05), vary.near(0.52, 0.05)
     steps = [Step(1, 0.4, 0.4 + 0.8 * beat, dz=stride, lift=0.07)]
     for n in range(1, 8):
         start = 0.4 + n * beat
@@ -229,15 +236,15 @@ def _stroll(dice: _Dice) -> Choreography:
     steps.append(Step(1, start, start + 0.8 * beat, dz=stride, lift=0.07))
     feet = Footwork(((0.09, HOME_Z, 0.1), (-0.09, HOME_Z, -0.1)), steps, carry=0.6)
 
-    def posture(time: float) -> Posture:
+    def posture(time: float) -> PerformerPosture:
         x, _ = feet.pelvis(time)
         left, right = feet.foot(0, time), feet.foot(1, time)
         apart = left.z - right.z
 
-        def arm(forward: float) -> Arm:
+        def arm(forward: float) -> ArmPose:
             return replace(_HANGING, flex=0.03 + forward, elbow=0.28 + 0.6 * max(forward, 0.0))
 
-        return Posture(
+        return PerformerPosture(
             left, right, arm(-0.7 * apart), arm(0.7 * apart), x, (left.z + right.z) / 2, yaw=-0.2 * apart,
             roll=-0.04 * feet.favour(time), pitch=0.04, spine_yaw=0.4 * apart, spine_pitch=0.04,
         )  # fmt: skip
@@ -245,16 +252,16 @@ def _stroll(dice: _Dice) -> Choreography:
     return Choreography("stroll", start + beat + 0.3, posture, feet.planted)
 
 
-def _touch(dice: _Dice) -> Choreography:
-    """A hand is given to whoever stands at the own left."""
-    give = replace(_OUT, abduct=dice.near(1.2, 0.1), elbow=0.15)
+def _touch(vary: _Variation) -> Choreography:
+    """Gives a hand to a person on the performer's left."""
+    give = replace(_OUT, abduct=vary.near(1.2, 0.1), elbow=0.15)
     return _keyed(
-        "touch", dice, (0.0, _home()), (1.2, _home()), (2.2, _arms(give, _HANGING, head_yaw=0.5)),
+        "touch", vary, (0.0, _home()), (1.2, _home()), (2.2, _arms(give, _HANGING, head_yaw=0.5)),
         (3.4, _arms(give, _HANGING, head_yaw=0.5)), (4.2, _arms(give, _ON_HIP)), (5.4, _home()),
     )  # fmt: skip
 
 
-_MAKERS: dict[str, Callable[[_Dice], Choreography]] = {
+_MAKERS: dict[str, Callable[[_Variation], Choreography]] = {
     "still": _still,
     "overhead": _overhead,
     "crouch": _crouch,
@@ -270,7 +277,7 @@ _MAKERS: dict[str, Callable[[_Dice], Choreography]] = {
 
 
 def exercise(name: str, seed: int = 0) -> Choreography:
-    """The exercise of that name, varied by ``seed``.
+    """Returns the exercise of that name, varied by ``seed``.
 
     Raises:
         InputError: for an unknown name, listing the known ones.
@@ -280,9 +287,9 @@ def exercise(name: str, seed: int = 0) -> Choreography:
         raise InputError(
             f"there is no exercise {name!r}", where="synthetic performer", mend=f"Known: {known}."
         )
-    return _MAKERS[name](_Dice(seed))
+    return _MAKERS[name](_Variation(seed))
 
 
 def exercise_names() -> list[str]:
-    """The names that :func:`exercise` knows."""
+    """Returns the names that :func:`exercise` knows."""
     return list(_MAKERS)

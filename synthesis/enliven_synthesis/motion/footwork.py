@@ -1,25 +1,25 @@
-"""From steps to feet, and to the pelvis that must be carried over them."""
+"""Footwork turns steps into poses of the feet, and into the path of the pelvis over them."""
 
 from __future__ import annotations
 
-from enliven_synthesis.body import Foot
+from enliven_synthesis.body import FootPose
 from enliven_synthesis.motion.tracks import Step, pulse
 
 Stance = tuple[tuple[float, float, float], tuple[float, float, float]]
 """(x, z, yaw) of the left foot and of the right foot: metres, metres, radians."""
 SHIFT = 0.24
-"""Seconds before a foot leaves in which the weight goes over to the other one (and after it, back)."""
+"""Seconds before a step in which the weight shifts to the other foot, and after it shifts back."""
 PUSH = 0.16
-"""Seconds in which the heel comes up before the ball leaves."""
+"""Seconds in which the heel rises before the ball leaves the floor."""
 
 
 class Footwork:
-    """Both feet over time.
+    """The poses of both feet over time.
 
     Args:
         stance: (x, z, yaw) of the left foot and of the right foot at the start.
-        steps: in order of their start.
-        carry: how far the pelvis goes over the standing foot, 0 not at all, 1 entirely.
+        steps: the steps, ordered by start.
+        carry: how far the pelvis moves over the standing foot, 0 not at all, 1 entirely.
     """
 
     def __init__(
@@ -30,8 +30,8 @@ class Footwork:
     ) -> None:
         self._stance, self._steps, self._carry = stance, steps, carry
 
-    def foot(self, side: int, time: float) -> Foot:
-        """The left (0) or right (1) foot at ``time`` seconds."""
+    def foot(self, side: int, time: float) -> FootPose:
+        """Returns the left (0) or right (1) foot at ``time`` seconds."""
         x, z, yaw = self._stance[side]
         lift, pitch = 0.0, 0.0
         for step in self._steps:
@@ -41,10 +41,10 @@ class Footwork:
             x, z = x + dx, z + dz
             lift += step.height(time)
             pitch -= step.toe * pulse(time, step.start, (step.start + step.stop) / 2, PUSH)
-        return Foot(x, z, lift, yaw, pitch)
+        return FootPose(x, z, lift, yaw, pitch)
 
     def pelvis(self, time: float) -> tuple[float, float]:
-        """(x, z) of the pelvis: between the feet, and over the standing one while the other flies."""
+        """Returns (x, z) of the pelvis, metres: between the feet, and towards the standing one in a step."""
         left, right = self._ground(0, time), self._ground(1, time)
         middle = ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2)
         toward = [pulse(time, s.start, s.stop, SHIFT) for s in self._steps if not s.both]
@@ -57,20 +57,20 @@ class Footwork:
         return x, z
 
     def _ground(self, side: int, time: float) -> tuple[float, float]:
-        """(x, z) of a foot without the arcs of its flights."""
+        """Returns (x, z) of a foot, metres, without the arcs of its steps."""
         x, z, _ = self._stance[side]
         mine = [(s.progress(time), s) for s in self._steps if s.foot == side]
         return x + sum(p * s.dx for p, s in mine), z + sum(p * s.dz for p, s in mine)
 
     def favour(self, time: float) -> float:
-        """Which foot carries: from -1 (the right) to +1 (the left); 0 both."""
+        """Returns which foot carries the weight: from -1 (the right) to +1 (the left); 0 both."""
         signed = [pulse(time, s.start, s.stop, SHIFT) * (2 * s.foot - 1) for s in self._steps if not s.both]
         return max(-1.0, min(1.0, sum(signed)))
 
     def hop(self, time: float) -> float:
-        """Metres the whole body is thrown up."""
+        """Returns the metres by which a hop lifts the whole body."""
         return max((s.height(time) for s in self._steps if s.both), default=0.0)
 
     def planted(self, side: int, time: float) -> bool:
-        """Whether the ball of the foot is on the floor."""
+        """Returns whether the ball of a foot is on the floor."""
         return all(not s.start < time < s.stop for s in self._steps if s.foot == side)

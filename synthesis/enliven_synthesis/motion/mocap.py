@@ -1,7 +1,7 @@
-"""A performer who moves as somebody was captured: every limb points where theirs did, in its own proportions.
+"""Transfers a motion capture to a performer of other proportions: every limb points as the captured one did.
 
-Bone directions turn the limbs; the plane in which an elbow or a knee bends turns them about their length, and
-where they are straight the trunk does. The soles are put on the floor where the captured ones were.
+Bone directions turn the limbs. The plane in which an elbow or a knee bends turns them about their length; the
+trunk does where they are straight. The soles are put on the floor where the captured ones were.
 """
 
 from __future__ import annotations
@@ -16,17 +16,18 @@ from enliven.takes import Roles, find_roles, level_direction, limb_rotations, sm
 from enliven_synthesis.body import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
+"""The unit direction that a motion faces when it begins."""
 _SETTLE = 0.06
-"""Seconds over which corrections of the height are smoothed."""
+"""Seconds: deviation of the Gaussian that smooths corrections of the height, a fraction of a step."""
 
 
 class Captured:
-    """A motion capture danced by a performer; it begins at the world's origin, facing +Z.
+    """A motion capture transferred to a performer; it begins at the world's origin, facing +Z.
 
     Args:
-        performer: who dances it.
-        capture: what was captured.
-        start, stop: seconds of it; None for its end.
+        performer: the performer.
+        capture: the motion capture.
+        start, stop: seconds of the capture; None for its end.
 
     Attributes:
         duration: seconds.
@@ -52,7 +53,7 @@ class Captured:
         self.duration = (len(pelvis) - 1) * capture.seconds
 
     def figure(self, time: float) -> Figure:
-        """The figure at a time in seconds; before the start and after the end it stands still."""
+        """Returns the figure at a time in seconds; before the start and after the end it stands still."""
         at = min(max(time / self._seconds, 0.0), len(self._pelvis) - 1.0)
         before = min(int(at), max(len(self._pelvis) - 2, 0))
         after, part = min(before + 1, len(self._pelvis) - 1), at - before
@@ -64,7 +65,7 @@ class Captured:
 def _pelvis_path(
     performer: Performer, capture: Capture, roles: Roles, rotations: Float, standing: Bool
 ) -> Float:
-    """(F, 3) metres: the performer's hip centre, scaled by the legs, the soles as high as the captured."""
+    """Returns (F, 3) metres: the hip centre, scaled by the legs, the soles as high as the captured ones."""
     p = capture.positions
     hips, knees, ankles = (p[:, list(r)] for r in (roles.hips, roles.knees, roles.ankles))
     leg = np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)
@@ -80,11 +81,11 @@ def _pelvis_path(
 
 
 def _clearance(toes: Float, ankles: Float, standing: Bool) -> Float:
-    """(F,) metres from the floor to the lower foot; 0 where it is less than a few centimetres.
+    """Returns (F,) metres from the floor to the lower foot; 0 below a few centimetres.
 
     Args:
         toes, ankles: (F, 2, 3) metres.
-        standing: (F, 2) where that foot stands: there it is on the floor.
+        standing: (F, 2) whether that foot stands on the floor.
     """
     heights = []
     for side in (0, 1):
@@ -96,7 +97,7 @@ def _clearance(toes: Float, ankles: Float, standing: Bool) -> Float:
 
 
 def _smoothed(values: Float, width: float) -> Float:
-    """(F,) means over a Gaussian of ``width`` frames."""
+    """Returns (F,) means over a Gaussian with a deviation of ``width`` frames."""
     reach = max(1, round(3 * width))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(width, 1e-6)) ** 2)
     return np.convolve(np.pad(values, reach, mode="edge"), kernel / kernel.sum(), mode="valid")

@@ -1,4 +1,4 @@
-"""What a performer can be made to do: anything that gives a figure at every moment, and where it is put."""
+"""Motions give a performer's figure at every moment; they can be placed, chained and held."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class Motion(Protocol):
     duration: float
 
     def figure(self, time: float) -> Figure:
-        """The figure at a time in seconds; before the start and after the end, that of the nearer one."""
+        """Returns the figure at a time in seconds, clamped to the start and the end."""
 
 
 class Danced:
-    """A choreography of this project, danced by a performer.
+    """A choreography of this project, performed by a performer.
 
     Args:
-        repeat: begin again at its end, or stand still there.
+        repeat: whether it begins again at its end, or stands still there.
     """
 
     def __init__(self, performer: Performer, choreography: Choreography, repeat: bool = False) -> None:
@@ -45,7 +45,7 @@ class Danced:
 
 
 def placed(figure: Figure, place: tuple[float, float], yaw: float) -> Figure:
-    """A figure turned by ``yaw`` radians about the world's +Y, then moved by ``place``, (x, z) metres."""
+    """Turns a figure by ``yaw`` radians about the world's +Y, then moves it by ``place``, (x, z) metres."""
     turn, offset = about_y(yaw), np.array([place[0], 0.0, place[1]])
     frames = np.empty_like(figure.frames)
     frames[:, :, :3] = turn @ figure.frames[:, :, :3]
@@ -54,8 +54,15 @@ def placed(figure: Figure, place: tuple[float, float], yaw: float) -> Figure:
 
 
 @dataclass(frozen=True)
-class Leg:
-    """A part of a longer way: a motion that begins at ``start`` seconds, at a place and facing a way."""
+class MotionSegment:
+    """A motion in a chain.
+
+    Attributes:
+        start: seconds at which it begins.
+        motion: the motion.
+        place: (x, z) metres where it begins.
+        yaw: radians about +Y that it faces at the start.
+    """
 
     start: float
     motion: Motion
@@ -64,33 +71,34 @@ class Leg:
 
 
 class Chained:
-    """One motion after the other; each goes on until the next begins. Where they do not meet, it is a cut.
+    """A sequence of motions; each goes on until the next begins, with a cut or a blend between them.
 
     Args:
-        legs: in the order of their start.
-        blend: seconds before each cut in which the performer goes over to the next motion's beginning.
+        segments: the motions, ordered by start.
+        blend: seconds before each cut in which the performer blends into the next motion's beginning.
     """
 
-    def __init__(self, performer: Performer, legs: tuple[Leg, ...], blend: float = 0.0) -> None:
-        self._performer, self._legs, self._blend = performer, legs, blend
-        self.duration = legs[-1].start + legs[-1].motion.duration
+    def __init__(self, performer: Performer, segments: tuple[MotionSegment, ...], blend: float = 0.0) -> None:
+        self._performer, self._segments, self._blend = performer, segments, blend
+        self.duration = segments[-1].start + segments[-1].motion.duration
 
     def figure(self, time: float) -> Figure:
         """The figure at a time in seconds."""
-        k = max([n for n, leg in enumerate(self._legs) if leg.start <= time], default=0)
-        here = self._at(self._legs[k], time)
-        if self._blend == 0.0 or k + 1 == len(self._legs):
+        k = max([n for n, segment in enumerate(self._segments) if segment.start <= time], default=0)
+        here = self._at(self._segments[k], time)
+        if self._blend == 0.0 or k + 1 == len(self._segments):
             return here
-        part = ease(1.0 - (self._legs[k + 1].start - time) / self._blend)
-        return here if part == 0.0 else mixed(here, self._at(self._legs[k + 1], time), self._performer, part)
+        after = self._segments[k + 1]
+        part = ease(1.0 - (after.start - time) / self._blend)
+        return here if part == 0.0 else mixed(here, self._at(after, time), self._performer, part)
 
     @staticmethod
-    def _at(leg: Leg, time: float) -> Figure:
-        return placed(leg.motion.figure(time - leg.start), leg.place, leg.yaw)
+    def _at(segment: MotionSegment, time: float) -> Figure:
+        return placed(segment.motion.figure(time - segment.start), segment.place, segment.yaw)
 
 
 def mixed(a: Figure, b: Figure, performer: Performer, part: float) -> Figure:
-    """The figure ``part`` of the way from ``a`` to ``b``: every limb by its shortest turn, no sole sunk."""
+    """Interpolates two figures by ``part``: every limb by its shortest turn, the soles kept on the floor."""
     turned = slerp(from_matrix(a.frames[:, :, :3]), from_matrix(b.frames[:, :, :3]), np.full(16, part))
     pelvis = (1.0 - part) * a.joints[0] + part * b.joints[0]
     figure = performer.figure(to_matrix(turned), pelvis)
@@ -99,12 +107,12 @@ def mixed(a: Figure, b: Figure, performer: Performer, part: float) -> Figure:
     return performer.figure(to_matrix(turned), pelvis)
 
 
-class Held:
-    """A motion that stays about where another one is at one moment.
+class HeldMotion:
+    """A motion that holds the figure of another one at one moment, with a small sway.
 
     Args:
         at: seconds of that moment.
-        sway: seconds to either side of it that the performer drifts to and fro.
+        sway: seconds of the other motion to either side, between which the figure sways.
     """
 
     duration = math.inf

@@ -1,4 +1,4 @@
-"""Channels over time: keyframes with smooth splines between them, steps of the feet, pulses."""
+"""Channels over time: keyframes with smooth splines, steps of the feet, and pulses."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Track:
         self._spline = PchipInterpolator(times, values) if len(keys) > 1 else None
 
     def __call__(self, time: float) -> float:
-        """The value at ``time`` seconds."""
+        """Returns the value at ``time`` seconds."""
         if self._spline is None:
             return self._only
         return float(self._spline(min(max(time, self._first), self._last)))
@@ -41,22 +41,22 @@ def pulse(time: float, start: float, stop: float, rise: float) -> float:
 
 
 def sway(time: float, duration: float, cycles: int, phase: float) -> float:
-    """A sine that closes after ``duration`` seconds, so that the choreography can loop."""
+    """Returns a sine with whole cycles in ``duration`` seconds, so that the choreography can loop."""
     return math.sin(2.0 * math.pi * (cycles * time / duration + phase))
 
 
 @dataclass(frozen=True)
 class Step:
-    """One flight of one foot.
+    """One step of one foot, from leaving the floor to touching it.
 
     Attributes:
-        foot: 0 the left, 1 the right.
+        foot: 0 for the left, 1 for the right.
         start, stop: seconds of leaving and touching the floor.
-        dx, dz: metres the foot goes.
-        lift: metres the ball rises at the middle.
-        toe: radians the toes hang at the middle of the flight.
-        arc: (x, z) metres the foot swings aside at the middle of its flight.
-        both: a hop: the pelvis does not shift onto the other foot, but flies along.
+        dx, dz: metres that the foot moves.
+        lift: metres that the ball rises at the middle of the step.
+        toe: radians that the toes hang down at the middle of the step.
+        arc: (x, z) metres that the foot swings aside at the middle of the step.
+        both: whether it is a hop: the pelvis rises with it, and does not shift onto the other foot.
     """
 
     foot: int
@@ -70,20 +70,20 @@ class Step:
     both: bool = False
 
     def progress(self, time: float) -> float:
-        """0 before the flight, 1 after it, minimum jerk between."""
+        """Returns 0 before the step, 1 after it, minimum jerk between."""
         return ease((time - self.start) / (self.stop - self.start))
 
     def height(self, time: float) -> float:
-        """Metres of the ball above its planted height: it leaves and lands at rest; a hop is a throw."""
+        """Returns metres of the ball above its planted height; only a hop leaves and lands with speed."""
         bump = self._bump(time)
         return self.lift * (bump if self.both else bump * bump)
 
     def offset(self, time: float) -> tuple[float, float]:
-        """(x, z) metres that the foot has gone."""
+        """Returns (x, z) metres that the foot has moved."""
         s, bump = self.progress(time), self._bump(time) ** 2
         return s * self.dx + bump * self.arc[0], s * self.dz + bump * self.arc[1]
 
     def _bump(self, time: float) -> float:
-        """A parabola over the flight, 1 at its middle, 0 before and after."""
+        """Returns a parabola over the step, 1 at its middle, 0 before and after."""
         s = (time - self.start) / (self.stop - self.start)
         return 4.0 * s * (1.0 - s) if 0.0 < s < 1.0 else 0.0

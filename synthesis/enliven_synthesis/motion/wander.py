@@ -1,7 +1,7 @@
-"""Walking about: what a person does to let several sensors find each other, and what a visitor does anyway.
+"""Walking about, as a person does to let several sensors find each other.
 
-The way is a closed curve with crossing strands, so that the floor is covered both ways and the walker is seen
-from every side; the arms swing, and rise now and then.
+The path is a closed curve that crosses itself: it covers the floor in both directions and shows the walker
+from every side. The arms swing, and rise now and then.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ import math
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_synthesis.body import Arm, Foot, Posture
+from enliven_synthesis.body import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.tracks import ease
 
 _HALF = 0.56
-"""Part of a stride for which a foot stands."""
+"""Share of a stride for which a foot stands: walking, not running, as it is over a half."""
 _APART = 0.09
-"""Metres of a foot beside the way."""
+"""Metres of a foot beside the path: about half the width of the hips."""
 
 
-class Way:
+class WalkPath:
     """A walk along x = a sin(m u), z = b sin(n u), once round in ``duration`` seconds.
 
     Args:
@@ -45,31 +45,31 @@ class Way:
         self._pace = duration / (2 * max(1, round(duration / pace / 2)))
 
     def at(self, time: float) -> Float:
-        """(2,) x and z, metres, about the middle of the way."""
+        """Returns (2,) x and z, metres, from the middle of the path."""
         u = 2 * math.pi * time / self.duration
         m, n = self._waves
         return np.asarray(self._size * [math.sin(m * u), math.sin(n * u + self._phase)])
 
     def yaw(self, time: float) -> float:
-        """Radians about +Y of the direction of walking; 0 is +Z."""
+        """Returns the radians about +Y of the walking direction; 0 is +Z."""
         ahead = self.at(time + 0.12) - self.at(time - 0.12)
         return math.atan2(ahead[0], ahead[1])
 
-    def posture(self, time: float) -> Posture:
-        """The walker at a time."""
+    def posture(self, time: float) -> PerformerPosture:
+        """Returns the walker's posture at a time in seconds."""
         x, z = self.at(time)
         yaw = self.yaw(time)
         left, right = self._foot(0, time), self._foot(1, time)
         forward = np.array([math.sin(yaw), math.cos(yaw)])
         stride = float(np.array([left.x - right.x, left.z - right.z]) @ forward)
         raised = 0.5 - 0.5 * math.cos(2 * math.pi * 3 * time / self.duration)
-        return Posture(
+        return PerformerPosture(
             left, right, _arm(-0.8 * stride, 0.0), _arm(0.8 * stride, raised), x, HOME_Z + z,
             yaw=yaw, pitch=0.03, spine_yaw=0.4 * stride, spine_pitch=0.04, head_yaw=0.2 * raised,
         )  # fmt: skip
 
-    def _foot(self, side: int, time: float) -> Foot:
-        """A foot that stands for one step and flies for the next; side 0 is the left."""
+    def _foot(self, side: int, time: float) -> FootPose:
+        """Returns a foot that stands for one step and swings for the next; side 0 is the left."""
         stride = 2 * self._pace
         count, share = divmod(time / stride + 0.5 * side, 1.0)
         middle = (count - 0.5 * side) * stride
@@ -77,14 +77,14 @@ class Way:
         flown = ease((share - _HALF) / (1.0 - _HALF))
         bump = 4.0 * flown * (1.0 - flown)
         (x, z), yaw = start[0] + flown * (stop[0] - start[0]), start[1] + flown * _turned(start[1], stop[1])
-        return Foot(float(x), HOME_Z + float(z), 0.07 * bump, yaw, -0.25 * bump)
+        return FootPose(float(x), HOME_Z + float(z), 0.07 * bump, yaw, -0.25 * bump)
 
     def stands(self, side: int, time: float) -> bool:
-        """Whether the left (0) or right (1) foot stands."""
+        """Returns whether the left (0) or right (1) foot stands."""
         return (time / (2 * self._pace) + 0.5 * side) % 1.0 < _HALF
 
     def _print(self, side: int, time: float) -> tuple[Float, float]:
-        """Where a foot that lands before ``time`` stands, beside where the body is halfway through."""
+        """Returns (x, z) metres and yaw of a footprint, beside the body halfway through its stance."""
         at = time + 0.25 * 2 * self._pace
         yaw = self.yaw(at)
         aside = np.array([math.cos(yaw), -math.sin(yaw)]) * (_APART if side == 0 else -_APART)
@@ -92,12 +92,12 @@ class Way:
 
 
 def _turned(start: float, stop: float) -> float:
-    """The shorter turn from one direction to another, radians."""
+    """Returns the shorter turn from one direction to another, radians."""
     return (stop - start + math.pi) % (2 * math.pi) - math.pi
 
 
-def _arm(swing: float, raised: float) -> Arm:
-    return Arm(
+def _arm(swing: float, raised: float) -> ArmPose:
+    return ArmPose(
         flex=0.03 + swing * (1 - raised) + 1.2 * raised,
         abduct=0.14 + 0.3 * raised,
         twist=0.2,
@@ -106,7 +106,7 @@ def _arm(swing: float, raised: float) -> Arm:
     )
 
 
-def wander(duration: float = 16.0, **way: float) -> Choreography:
-    """The choreography of a way; see :class:`Way`."""
-    walked = Way(duration, **way)  # type: ignore[arg-type]
+def wander(duration: float = 16.0, **path: float) -> Choreography:
+    """Returns the choreography of walking a path; see :class:`WalkPath` for its arguments."""
+    walked = WalkPath(duration, **path)  # type: ignore[arg-type]
     return Choreography("wander", duration, walked.posture, walked.stands)

@@ -1,4 +1,4 @@
-"""The room and the depth camera before which the performer stands, with the faults of real cameras."""
+"""A synthetic depth camera in a room with a performer, with the faults of real cameras."""
 
 import lazy_loader
 

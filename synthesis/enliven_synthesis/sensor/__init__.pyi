@@ -1,5 +1,5 @@
 from .noise import DepthNoise
-from .render import Renderer
-from .studio import Studio, StudioSettings
+from .render import DepthRenderer
+from .studio import SyntheticSettings, SyntheticStudio
 
-__all__ = ["DepthNoise", "Renderer", "Studio", "StudioSettings"]
+__all__ = ["DepthNoise", "DepthRenderer", "SyntheticSettings", "SyntheticStudio"]

@@ -1,4 +1,4 @@
-"""Several performers and furniture before one sensor, with the truth of everything that it shows."""
+"""Several performers and furniture before one sensor, with the ground truth."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from enliven.camera import world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven_edge.sensors import SensorProfile
-from enliven_synthesis.body import Anatomy, Figure, Performer, about_y, on_grid, seen_joints
+from enliven_synthesis.body import BodyAnatomy, Figure, Performer, about_y, on_grid, seen_joints
 from enliven_synthesis.motion import Motion, placed
 from enliven_synthesis.sensor.noise import DepthNoise
-from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
 _STANDS = 0.02
-"""Metres of the sole above the floor within which a foot stands,"""
+"""Metres of the sole above the floor within which a foot stands: below a sensor's noise."""
 _STILL = 0.35
-"""and metres a second of its slowest part below which it does."""
+"""Metres a second of a standing foot's slowest part at most: a swinging foot is faster all over."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Appearance:
 
     Attributes:
         performer: the build.
-        motion: made for that performer.
+        motion: the motion, made for that performer.
         place: (x, z) metres, world, where the motion begins.
-        yaw: radians about +Y; 0 begins by facing a camera that looks along -Z.
-        start: seconds after the scene's beginning at which the motion begins.
-        present: seconds between which the performer is in the room at all.
+        yaw: radians about +Y; 0 faces a camera that looks along -Z.
+        start: seconds of the scene at which the motion begins.
+        present: seconds of the scene between which the performer is in the room.
     """
 
     performer: Performer
@@ -45,7 +45,7 @@ class Appearance:
     present: tuple[float, float] = (-math.inf, math.inf)
 
     def figure(self, time: float) -> Figure | None:
-        """The figure at a time of the scene; None while the performer is not there."""
+        """Returns the figure at a time of the scene; None while the performer is away."""
         if not self.present[0] <= time < self.present[1]:
             return None
         return placed(self.motion.figure(time - self.start), self.place, self.yaw)
@@ -53,14 +53,14 @@ class Appearance:
 
 @dataclass(frozen=True)
 class Truth:
-    """What is truly before the sensor at one moment; P performers, those away included.
+    """The ground truth of one frame, for P performers, those who are away included.
 
     Attributes:
         present: (P,) whether the performer is in the room.
-        joints: (P, 20, 3) metres, world; NaN for those who are away.
-        visible: (P, 20) in the image, in range, and hidden by nothing but their own flesh.
+        joints: (P, 20, 3) metres, world; NaN for a performer who is away.
+        visible: (P, 20) whether a joint is in the image, in range, and behind nothing but its own body.
         contacts: (P, 2) whether the left and the right foot stand on the floor.
-        owner: (H, W) int32 the performer that a pixel shows, -1 the room.
+        owner: (H, W) int32 the number of the performer that a pixel shows, -1 the room.
     """
 
     present: Bool
@@ -70,7 +70,7 @@ class Truth:
     owner: Int32
 
     def bodies(self) -> list[Body]:
-        """Those who are there; the confidence is 1 for visible joints, 0 for hidden ones; ids from 1."""
+        """Returns the present performers, ids from 1; confidence is 1 for visible joints, else 0."""
         return [
             Body(int(p) + 1, self.joints[p], self.visible[p].astype(float))
             for p in np.flatnonzero(self.present)
@@ -82,13 +82,13 @@ class Ensemble:
 
     Args:
         profile: the sensor.
-        cast: who performs.
+        cast: the performers' parts.
         height, tilt: metres of the sensor above the floor, degrees that it looks down.
         room: the furniture.
         rate: frames a second, None for the profile's.
         roll: degrees the sensor is turned about its optical axis; 180 hangs upside down.
-        told: whether a frame says where the sensor stands.
-        place, yaw: (x, z) metres and degrees about +Y of the sensor, for a second one in the same room.
+        told: whether a frame carries ``world_from_camera``.
+        place, yaw: (x, z) metres and degrees about +Y of the sensor.
     """
 
     def __init__(
@@ -119,17 +119,17 @@ class Ensemble:
         self.camera_from_world: Float = np.asarray(np.linalg.inv(self.world_from_camera), np.float64)
         self.sensor = f"synthetic {profile.name}"
         self._told = told
-        self._anatomies = [Anatomy(a.performer) for a in cast]
-        self._renderer = Renderer(self.intrinsics)
+        self._anatomies = [BodyAnatomy(a.performer) for a in cast]
+        self._renderer = DepthRenderer(self.intrinsics)
         self._noise = DepthNoise(profile, self.intrinsics, seed) if noise else None
         self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera, room)
 
     def time_ns(self, index: int) -> int:
-        """The sensor's time of a frame, integer nanoseconds."""
+        """Returns the sensor's time of a frame, integer nanoseconds."""
         return round(index * 1_000_000_000 / self.rate)
 
     def frame(self, index: int) -> tuple[DepthFrame, Truth]:
-        """What the sensor reports as its frame of that number, and what is true then."""
+        """Returns the sensor's frame of that number and its ground truth."""
         time = index / self.rate
         figures = [a.figure(time) for a in self.cast]
         depth, material = self._room.copy(), self._room_material.copy()
@@ -166,7 +166,7 @@ class Ensemble:
         return Truth(np.array([f is not None for f in figures], bool), joints, visible, contacts, owner)
 
     def _standing(self, p: int, figure: Figure, time: float) -> Bool:
-        """(2,) whether each foot of performer ``p`` stands: a part of its sole on the floor, and at rest."""
+        """Returns (2,) whether each foot of performer ``p`` stands: on the floor in part, and at rest."""
         performer, step = self.cast[p].performer, 1.0 / 120.0
         soles = performer.soles(figure)
         later = self.cast[p].figure(time + step)

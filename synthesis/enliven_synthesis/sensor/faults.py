@@ -1,4 +1,4 @@
-"""The faults themselves, as compiled loops over a depth image: shadows, edges, slants, steps and scatter."""
+"""Compiled loops for the faults of a depth image: shadows, edges, slants, depth steps and noise."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from enliven.arrays import AnyArray, Float, UInt8, UInt16
 from enliven.kernels import njit
 
 _JUMP = 0.035
-"""Part of the distance (and metres at 1 m) beyond which two neighbours are different surfaces."""
+"""Share of the depth beyond which the depths of two neighbouring pixels are different surfaces."""
 _BEYOND = 1.25
-"""Times the range: no scatter brings a surface into view that is farther than this."""
+"""Factor on the range beyond which no surface is measured: noise does not bring it into range."""
 
 
 @njit(cache=True, nogil=True)
 def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
-    """Where the second eye at ``parallax`` / focal length does not see the surface.
+    """Marks in ``shadow`` where the second imager, or projector, does not see the surface.
 
-    Its column for pixel u is u - parallax / z. Walking away from that eye, columns must go on in the same
-    direction; one that has been passed already is hidden behind something nearer.
+    Its column for pixel u is u - parallax / z. Away from that imager its columns must increase; a column that
+    was passed already is hidden behind a nearer surface.
     """
     height, width = depth.shape
     for v in range(height):
@@ -35,14 +35,14 @@ def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
 
 @njit(cache=True, nogil=True)
 def mark_edges(depth: Float, reach: int, zone: AnyArray) -> None:
-    """The pixels within ``reach`` (a square) of a place where one surface ends in front of another."""
+    """Marks in ``zone`` the pixels within ``reach`` (a square) of an edge between two surfaces."""
     height, width = depth.shape
     for v in range(height):
         for u in range(width):
-            right = u + 1 < width and _is_tear(
+            right = u + 1 < width and _is_edge(
                 depth[v, max(u - 1, 0)], depth[v, u], depth[v, u + 1], depth[v, min(u + 2, width - 1)]
             )
-            below = v + 1 < height and _is_tear(
+            below = v + 1 < height and _is_edge(
                 depth[max(v - 1, 0), u], depth[v, u], depth[v + 1, u], depth[min(v + 2, height - 1), u]
             )
             if right or below:
@@ -51,8 +51,8 @@ def mark_edges(depth: Float, reach: int, zone: AnyArray) -> None:
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def _is_tear(before: float, here: float, there: float, beyond: float) -> bool:
-    """Whether the depth jumps between ``here`` and ``there``, more than the surfaces' own slopes explain."""
+def _is_edge(before: float, here: float, there: float, beyond: float) -> bool:
+    """Returns whether the depth from ``here`` to ``there`` jumps more than the surfaces' slopes explain."""
     jump = abs(there - here)
     if jump < _JUMP * min(here, there):
         return False
@@ -62,19 +62,19 @@ def _is_tear(before: float, here: float, there: float, beyond: float) -> bool:
 @njit(cache=True, nogil=True, error_model="numpy")
 def look(
     depth: Float, stuff: UInt8, shadow: AnyArray, zone: AnyArray, across: Float, down: Float, lateral: float,
-    reach: int, blobs: Float, patches: Float, dice: UInt8, losses: Float, flying: float, far: float,
+    reach: int, blobs: Float, patches: Float, random_bytes: UInt8, losses: Float, flying: float, far: float,
     seen: Float, slant: Float,
 ) -> None:  # fmt: skip
-    """What each pixel looks at: (H, W) metres into ``seen``, 0 where nothing answers.
+    """Fills ``seen``, (H, W) metres of the surface that each pixel looks at; 0 where nothing answers.
 
-    An edge's pixels look beside themselves; those that look elsewhere have no ``slant``.
+    Pixels at an edge look beside themselves; those that look elsewhere have no ``slant``.
     """
     height, width = depth.shape
     for v in range(height):
         for u in range(width):
             if zone[v, u]:
                 _look_at_edge(
-                    depth, shadow, across, down, lateral, reach, blobs, dice, losses, flying, far,
+                    depth, shadow, across, down, lateral, reach, blobs, random_bytes, losses, flying, far,
                     seen, slant, v, u,
                 )  # fmt: skip
             else:
@@ -86,9 +86,9 @@ def look(
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _look_at_edge(
     depth: Float, shadow: AnyArray, across: Float, down: Float, lateral: float, reach: int, blobs: Float,
-    dice: UInt8, losses: Float, flying: float, far: float, seen: Float, slant: Float, v: int, u: int,
+    random_bytes: UInt8, losses: Float, flying: float, far: float, seen: Float, slant: Float, v: int, u: int,
 ) -> None:  # fmt: skip
-    """One pixel near an edge: it may look across the edge, see nothing, or mix both sides."""
+    """Fills one pixel near an edge: it may look across the edge, see nothing, or mix both sides."""
     height, width = depth.shape
     x = min(max(int(np.rint(u + lateral * across[v, u])), 0), width - 1)
     y = min(max(int(np.rint(v + lateral * down[v, u])), 0), height - 1)
@@ -103,16 +103,16 @@ def _look_at_edge(
     if shadow[y, x] or blobs[v, u] < losses[0 if behind else 1]:
         seen[v, u] = 0.0
         return
-    chance = dice[v, u] / 256.0
+    chance = random_bytes[v, u] / 256.0
     seen[v, u] = low + chance / flying * (min(high, far) - low) if chance < flying else z
     slant[v, u] = 0.0 if (y, x) != (v, u) else slant[v, u]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
-    """(H, W) tan^2 of the angle between each pixel's ray and its surface's normal.
+    """Fills ``out``, (H, W) tan^2 of the angle between each pixel's ray and its surface's normal.
 
-    The slope across and down is that to the nearer of both neighbours, so that edges do not count.
+    The slopes across and down are to the nearer one of both neighbours, so that edges do not count.
     """
     height, width = depth.shape
     for v in range(height):
@@ -133,10 +133,10 @@ def slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float, out: UInt16) -> None:
-    """Depths with their scatter, in the sensor's steps, as whole millimetres; 0 out of range.
+    """Fills ``out``, (H, W) whole millimetres of noisy depth in the sensor's steps; 0 out of range.
 
-    The published deviations include the steps; a uniform step q contributes q^2 / 12 of the variance, so the
-    scatter before it is the rest.
+    The published deviations include the steps. A uniform step q contributes q^2 / 12 of the variance, so the
+    noise before it has the rest.
     """
     near, far, step, unit, steepest = limits[0], limits[1], limits[2], limits[3], limits[4]
     by_disparity = unit > 0.0

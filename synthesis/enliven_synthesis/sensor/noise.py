@@ -1,4 +1,4 @@
-"""The faults of a real depth camera, put on a perfect depth image.
+"""Adds the faults of a real depth camera to a perfect depth image.
 
 In the order of the sensor's own working: edges appear displaced; the projector or second imager does not see
 everything; a matching window loses or mixes what lies at an edge; slanted, dark and mirroring surfaces return
@@ -23,18 +23,20 @@ from enliven_synthesis.body import on_grid
 from enliven_synthesis.sensor.faults import cast_shadow, look, mark_edges, measure, slants
 
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
+"""Standard deviation of a uniform byte."""
 _FROZEN = -1
+"""Frame number of the noise that never changes: before that of any frame."""
 _FROZEN_PATCHES = 0.9
-"""Part of the variance that never changes of where dark and mirroring surfaces are lost."""
+"""Share of the variance that never changes in the loss of dark and mirroring surfaces: nearly all."""
 _NOWHERE = 1e3
-"""Metres: the depth of what a ray never meets."""
+"""Metres: the depth where a ray meets nothing, beyond the range of any sensor."""
 
 
 class DepthNoise:
-    """Turns perfect depth into what a sensor of a profile would report.
+    """Turns perfect depth into the report of a sensor with a profile.
 
     Args:
-        intrinsics: of the images; where they are smaller than the profile's, pixel sizes shrink alike.
+        intrinsics: those of the images; fault sizes in pixels are scaled from the profile's width.
         seed: another seed, another sensor of the same make.
     """
 
@@ -63,12 +65,12 @@ class DepthNoise:
         ]
 
     def corrupt(self, depth: Float, material: UInt8, index: int) -> UInt16:
-        """(H, W) uint16 millimetres, 0 where nothing is reported.
+        """Returns (H, W) uint16 millimetres, 0 where nothing is reported.
 
         Args:
             depth: (H, W) metres along the optical axis, inf where there is nothing.
             material: (H, W) 0 ordinary, 1 dark, 2 mirroring.
-            index: the frame's number: with the seed it fixes everything random.
+            index: the frame's number; it and the seed fix everything random.
         """
         axial, blobs, patches = self._aged(index, 0), self._aged(index, 1), self._aged(index, 2)
         across, down = self._field(index, 3, self._blob), self._field(index, 4, self._blob)
@@ -90,22 +92,22 @@ class DepthNoise:
         return out
 
     def _aged(self, index: int, stream: int) -> Float:
-        """(H, W) unit noise of which a part of the variance never changes."""
+        """Returns (H, W) unit noise with a share of the variance that never changes."""
         frozen = self._frozen[stream]
         return self._still[stream] + math.sqrt(1.0 - frozen) * self._field(
             index, stream, self._windows[stream]
         )
 
     def _bytes(self, index: int, stream: int, shape: tuple[int, int]) -> UInt8:
-        """Random bytes of one frame and one purpose."""
+        """Returns the random bytes of one frame for one purpose, ``stream``."""
         count = shape[0] * shape[1]
         bits = np.random.PCG64([self._seed, index + 1, stream]).random_raw(-(-count // 8))
         return bits.astype("<u8").view(np.uint8)[:count].reshape(shape)
 
     def _field(self, index: int, stream: int, window: int) -> Float:
-        """(H, W) nearly Gaussian noise of unit variance, alike over about ``window`` pixels.
+        """Returns (H, W) nearly Gaussian noise of unit variance, correlated over about ``window`` pixels.
 
-        Bytes through two box filters, in integers; where the window is one pixel, sums of four bytes.
+        Bytes pass two box filters, in integers; for a window of one pixel four bytes are summed.
         """
         height, width = self._shape
         box = max(1, round(0.7 * window))
@@ -124,7 +126,7 @@ class DepthNoise:
 
 
 def _quantile(part: float) -> float:
-    """The value below which ``part`` of a unit Gaussian lies."""
+    """Returns the value below which the share ``part`` of a unit Gaussian lies."""
     if part <= 0.0 or part >= 1.0:
         return -math.inf if part <= 0.0 else math.inf
     return float(on_grid(np.array(NormalDist().inv_cdf(part))))
@@ -132,7 +134,7 @@ def _quantile(part: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _box_sums(raw: Int32, box: int, out: Int32) -> None:
-    """Sums of ``raw`` over box x box windows, in integers."""
+    """Fills ``out`` with sums of ``raw`` over box x box windows, in integers."""
     height, width = out.shape
     columns = np.zeros(raw.shape[1], np.int32)
     for v in range(box - 1):

@@ -1,6 +1,6 @@
-"""Depth of the performer's flesh over the depth of an empty room.
+"""Renders the depth of a performer's body over the depth of an empty room.
 
-Each 4 x 4 tile of the image keeps the few primitives that can touch it, and its rays march through those.
+Each 4 x 4 tile of the image lists the few primitives that can touch it; its rays are traced to them.
 """
 
 from __future__ import annotations
@@ -21,21 +21,22 @@ from enliven_synthesis.body import (
     MET,
     PIECES,
     SIDE,
-    Flesh,
+    BodySdf,
     X,
     Y,
-    march,
+    sphere_trace,
 )
 
 _BLEND = np.array(BLEND)
+"""(6,) metres, widths of the smooth unions within the groups, as kernels take them."""
 _REACH = np.array([BLEND[piece.group] + 0.5 * BETWEEN for piece in PIECES])
-"""Metres around each primitive in which it can still pull the surface."""
+"""(P,) metres around each primitive within which it can still change the surface."""
 _NEAR = 0.15
-"""Metres: nothing nearer to the camera is drawn."""
+"""Metres from the camera below which nothing is drawn: nearer than any sensor measures."""
 
 
-class Renderer:
-    """Draws figures into the depth image of one camera; keeps what depends on the camera only."""
+class DepthRenderer:
+    """Draws bodies into the depth image of one camera; keeps arrays that depend on the camera only."""
 
     def __init__(self, intrinsics: Intrinsics) -> None:
         self.intrinsics = intrinsics
@@ -49,7 +50,7 @@ class Renderer:
         self._counts = np.zeros((rows, columns), np.int64)
 
     def _tile_bounds(self) -> Float:
-        """(R, C, 3) centre (x/z, y/z) and radius of every tile, in the plane at depth 1."""
+        """Returns (R, C, 3) centre (x/z, y/z) and radius of every tile, in the plane at depth 1."""
         height, width = self.ray.shape[:2]
         # A tile over the rim repeats the last pixels, which changes neither its box nor its radius.
         whole = np.pad(self.ray, ((0, -height % SIDE), (0, -width % SIDE), (0, 0)), mode="edge")
@@ -59,11 +60,11 @@ class Renderer:
         radius = np.sqrt((apart[..., 0] + apart[..., 1]).max((1, 3)))
         return np.concatenate([centre[:, 0, :, 0], radius[..., None]], -1)
 
-    def draw(self, flesh: Flesh, depth: Float, material: UInt8) -> None:
-        """Draw over ``depth`` (H, W) metres (inf: nothing there) and ``material`` (H, W), in place."""
-        _sort_into_tiles(flesh.hull, _REACH, self._tiles, self._bands, self._lists, self._spans, self._counts)
+    def draw(self, sdf: BodySdf, depth: Float, material: UInt8) -> None:
+        """Draws a body over ``depth`` (H, W) metres (inf: nothing) and ``material`` (H, W), in place."""
+        _sort_into_tiles(sdf.hull, _REACH, self._tiles, self._bands, self._lists, self._spans, self._counts)
         _draw(
-            flesh.shape, flesh.kind, flesh.group, flesh.material, self._lists, self._spans, self._counts,
+            sdf.shape, sdf.kind, sdf.group, sdf.material, self._lists, self._spans, self._counts,
             self.ray, _BLEND, BETWEEN, depth, material,
         )  # fmt: skip
 
@@ -72,7 +73,7 @@ class Renderer:
 def _sort_into_tiles(
     hull: Float, reach: Float, tiles: Float, bands: Float, lists: Int, spans: Float, counts: Int
 ) -> None:
-    """The primitives that may show in each tile, and the depths (m) between which they all lie."""
+    """Lists the primitives that may show in each tile, and the depths (m) between which they all lie."""
     counts[:] = 0
     spans[:, :, 0], spans[:, :, 1] = np.inf, 0.0
     for i in range(len(hull)):
@@ -100,7 +101,7 @@ def _sort_into_tiles(
 
 @njit(cache=True, nogil=True, forceinline=True)
 def _hull_distance(hull: Float, i: int, x: float, y: float, enough: float) -> float:
-    """Distance in the plane at depth 1 from (x, y) to the projected core of a hull.
+    """Returns the distance in the plane at depth 1 from (x, y) to the projected core of a hull.
 
     0 where the hull reaches behind the camera; inf where it is plainly more than ``enough``.
     """
@@ -124,7 +125,7 @@ def _draw(
     shape: Float, kind: Int, group: Int, stuff: Int, lists: Int, spans: Float, counts: Int, ray: Float,
     blend: Float, between: float, depth: Float, material: UInt8,
 ) -> None:  # fmt: skip
-    """March the rays of every tile that has primitives, and keep what is nearer than what was there."""
+    """Traces the rays of every tile with primitives, and keeps what is nearer than the depth so far."""
     clear, lanes = np.empty(len(shape)), np.empty(LANES_SIZE)
     for r in range(lists.shape[0]):
         for c in range(lists.shape[1]):
@@ -132,7 +133,7 @@ def _draw(
                 continue
             near_by = lists[r, c, : counts[r, c]]
             _aim(lanes, ray, depth, r * SIDE, c * SIDE, spans[r, c, 1])
-            march(shape, kind, group, near_by, clear, lanes, spans[r, c, 0], blend, between)
+            sphere_trace(shape, kind, group, near_by, clear, lanes, spans[r, c, 0], blend, between)
             for k in range(LANES):
                 if lanes[MET + k] >= 0.0:
                     v, u = r * SIDE + k // SIDE, c * SIDE + k % SIDE
@@ -142,7 +143,7 @@ def _draw(
 
 @njit(cache=True, nogil=True)
 def _aim(lanes: Float, ray: Float, depth: Float, top: int, left: int, far: float) -> None:
-    """The rays of a tile, their lengths, and where they end; those outside the image end at once."""
+    """Sets the rays of a tile, their lengths and their ends; rays outside the image end at once."""
     height, width = depth.shape
     for k in range(LANES):
         v, u = top + k // SIDE, left + k % SIDE

@@ -1,4 +1,4 @@
-"""The empty room behind the performer: planes and boxes, cast analytically once per camera."""
+"""The empty room behind the performer: boxes, ray-cast analytically once for each camera."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ from enliven.arrays import Float, UInt8
 from enliven.camera import Intrinsics, rays
 from enliven.kernels import njit
 
-ORDINARY, DARK, MIRROR = 0, 1, 2
-"""Materials: diffuse, swallowing most of the light, or sending it away from the sensor."""
+ORDINARY = 0
+"""The material of a diffuse surface."""
+DARK = 1
+"""The material of a surface that absorbs most of the light."""
+MIRROR = 2
+"""The material of a surface that reflects the light away from the sensor."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,7 @@ class Box:
 
 
 def _table(x: float, z: float, top: float) -> tuple[Box, ...]:
-    """A table of 0.7 x 0.6 m whose corner is at (x, z): a top and four legs."""
+    """Makes a table of 0.7 x 0.6 m with a corner at (x, z): a top and four legs."""
     legs = tuple(
         Box((x + dx, 0.0, z + dz), (x + dx + 0.05, top - 0.03, z + dz + 0.05))
         for dx in (0.0, 0.65)
@@ -50,16 +54,16 @@ ROOM: tuple[Box, ...] = (
     *_table(1.30, -3.55, 0.72),
     Box((1.50, 0.72, -3.40), (1.78, 0.92, -3.15)),  # a carton on the table
 )
-"""Where the shipped recording takes place."""
+"""The room of the shipped recording."""
 
 
 def cast_room(
     intrinsics: Intrinsics, world_from_camera: Float, room: tuple[Box, ...] = ROOM
 ) -> tuple[Float, UInt8]:
-    """(H, W) float64 depth in metres along the optical axis (inf where the room ends), (H, W) material.
+    """Returns (H, W) float64 depth, metres along the optical axis (inf beside the room), and (H, W) material.
 
     Args:
-        world_from_camera: (4, 4) where the camera stands.
+        world_from_camera: (4, 4) pose of the camera.
     """
     corners = np.array([[box.low, box.high] for box in room]).reshape(-1, 2, 3)
     stuff = np.array([box.material for box in room], np.uint8)
@@ -73,7 +77,7 @@ def cast_room(
 def _cast(
     ray: Float, world_from_camera: Float, corners: Float, stuff: UInt8, depth: Float, material: UInt8
 ) -> None:
-    """The nearest of the boxes, ``corners`` (B, 2, 3), along every ray (H, W, 2)."""
+    """Finds the nearest of the boxes, ``corners`` (B, 2, 3), along every ray (H, W, 2)."""
     along = np.empty(3)
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -88,10 +92,9 @@ def _cast(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _entry(world_from_camera: Float, along: Float, corners: Float, b: int, nearest: float) -> float:
-    """The multiple of a direction (3,) at which it enters a box from the camera; inf where it misses.
+    """Returns the multiple of a direction (3,) at which it enters a box from the camera; inf where it misses.
 
-    Also inf where that is beyond the nearest one. A ray that lies in a side is no number there: it does not
-    count.
+    It is inf beyond the nearest hit, too. A ray that lies in a side gives NaN there, which does not count.
     """
     enter, leave = -np.inf, nearest
     for axis in range(3):

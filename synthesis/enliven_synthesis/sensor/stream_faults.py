@@ -1,7 +1,7 @@
-"""What goes wrong between a sensor and its reader: frames that come late, twice, never, or half empty.
+"""Faults of a stream between a sensor and its reader: frames that come late, twice, never, or half empty.
 
-Each function takes the frames of a scene in their order and gives them as a reader would get them. With a
-frame travels whatever belongs to it (its truth).
+Each function takes the frames of a scene in order and returns them as a reader would get them. Each frame
+carries its ground truth along.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ import numpy as np
 from enliven.frames import DepthFrame
 
 T = TypeVar("T")
-Seen = tuple[DepthFrame, T]
+FrameAndTruth = tuple[DepthFrame, T]
+"""A frame with its ground truth."""
 
 
-def dropped(frames: Sequence[Seen[T]], part: float = 0.3, seed: int = 0) -> list[Seen[T]]:
-    """The frames without a random part of them, and without a few in a row here and there."""
+def dropped(frames: Sequence[FrameAndTruth[T]], part: float = 0.3, seed: int = 0) -> list[FrameAndTruth[T]]:
+    """Drops a random share of the frames, and now and then eight in a row."""
     random = np.random.default_rng(seed)
     kept = random.random(len(frames)) >= part
     for _ in range(len(frames) // 90):
@@ -29,8 +30,8 @@ def dropped(frames: Sequence[Seen[T]], part: float = 0.3, seed: int = 0) -> list
     return [pair for pair, keep in zip(frames, kept, strict=True) if keep]
 
 
-def slowed(frames: Sequence[Seen[T]], fps: float = 5.0) -> list[Seen[T]]:
-    """About ``fps`` of the frames a second."""
+def slowed(frames: Sequence[FrameAndTruth[T]], fps: float = 5.0) -> list[FrameAndTruth[T]]:
+    """Keeps about ``fps`` of the frames a second."""
     out, due = [], -np.inf
     for frame, truth in frames:
         if frame.time_ns >= due:
@@ -39,16 +40,18 @@ def slowed(frames: Sequence[Seen[T]], fps: float = 5.0) -> list[Seen[T]]:
     return out
 
 
-def out_of_order(frames: Sequence[Seen[T]], part: float = 0.15, seed: int = 0) -> list[Seen[T]]:
-    """Some frames come one to three places late, with the time at which they were taken."""
+def out_of_order(
+    frames: Sequence[FrameAndTruth[T]], part: float = 0.15, seed: int = 0
+) -> list[FrameAndTruth[T]]:
+    """Delays a random share of the frames by one to three places; their times stay."""
     random = np.random.default_rng(seed)
     late = np.where(random.random(len(frames)) < part, random.integers(1, 4, len(frames)), 0)
     order = np.argsort(np.arange(len(frames)) + late + 0.5 * (late > 0), kind="stable")
     return [frames[n] for n in order]
 
 
-def frozen(frames: Sequence[Seen[T]], start: float, stop: float) -> list[Seen[T]]:
-    """From ``start`` to ``stop`` seconds the sensor repeats its last image under new times."""
+def frozen(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> list[FrameAndTruth[T]]:
+    """Repeats the last image under new times from ``start`` to ``stop`` seconds."""
     out, held = [], frames[0][0]
     first = frames[0][0].time_ns
     for frame, truth in frames:
@@ -60,8 +63,8 @@ def frozen(frames: Sequence[Seen[T]], start: float, stop: float) -> list[Seen[T]
     return out
 
 
-def covered(frames: Sequence[Seen[T]], start: float, stop: float) -> list[Seen[T]]:
-    """From ``start`` to ``stop`` seconds something covers the lens: no depth at all."""
+def covered(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> list[FrameAndTruth[T]]:
+    """Clears all depth from ``start`` to ``stop`` seconds, as if the lens were covered."""
     first = frames[0][0].time_ns
     return [
         (replace(f, depth=np.zeros_like(f.depth)), truth)
@@ -71,8 +74,8 @@ def covered(frames: Sequence[Seen[T]], start: float, stop: float) -> list[Seen[T
     ]
 
 
-def holed(frames: Sequence[Seen[T]], part: float = 0.4, seed: int = 0) -> list[Seen[T]]:
-    """A part of every image is missing: half of that as single pixels, half as patches."""
+def holed(frames: Sequence[FrameAndTruth[T]], part: float = 0.4, seed: int = 0) -> list[FrameAndTruth[T]]:
+    """Clears a share of every image: half of it as single pixels, half as patches."""
     random = np.random.default_rng(seed)
     single = 1.0 - np.sqrt(1.0 - part)
     out = []

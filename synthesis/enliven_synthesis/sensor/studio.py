@@ -1,4 +1,4 @@
-"""The performer in the room before the sensor: one call a frame."""
+"""A performer in a room before a sensor, rendered frame by frame."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven.settings import setting
 from enliven_edge.sensors import SensorProfile
-from enliven_synthesis.body import Anatomy, Figure, Performer, Proportions, about_y, on_grid
+from enliven_synthesis.body import BodyAnatomy, Figure, Performer, Proportions, about_y, on_grid
 from enliven_synthesis.motion import choreography
 from enliven_synthesis.sensor.noise import DepthNoise
-from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import cast_room
 
 
 @dataclass(frozen=True)
-class StudioSettings:
-    """What is performed, by whom, and how it is seen."""
+class SyntheticSettings:
+    """The choreography, the performer and the sensor."""
 
     choreography: str = setting("chair", "What the performer does.")
     performer: Proportions = setting(Proportions, "The performer's build.")
@@ -37,19 +37,19 @@ class StudioSettings:
     width: int = setting(0, "Width of the images; 0 for the profile's own.", unit="px", low=0, high=4096)
 
 
-class Studio:
-    """Frames by number: the same settings and number always give the same frame.
+class SyntheticStudio:
+    """Renders frames by number: the same settings and number always give the same frame.
 
     Args:
         profile: the sensor.
-        settings: the rest.
+        settings: the choreography, the performer and the sensor's place.
 
     Raises:
         InputError: for an unknown choreography, or a width that does not scale the image evenly.
     """
 
-    def __init__(self, profile: SensorProfile, settings: StudioSettings | None = None) -> None:
-        self.profile, self.settings = profile, settings or StudioSettings()
+    def __init__(self, profile: SensorProfile, settings: SyntheticSettings | None = None) -> None:
+        self.profile, self.settings = profile, settings or SyntheticSettings()
         s = self.settings
         self.intrinsics = profile.intrinsics(_checked_width(profile, s.width))
         self.choreography = choreography(s.choreography)
@@ -60,31 +60,31 @@ class Studio:
         )
         self._camera_from_world = _inverse(self.world_from_camera)
         self._performer = Performer(s.performer)
-        self._anatomy = Anatomy(self._performer)
+        self._anatomy = BodyAnatomy(self._performer)
         self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera)
-        self._renderer = Renderer(self.intrinsics)
+        self._renderer = DepthRenderer(self.intrinsics)
         self._noise = DepthNoise(profile, self.intrinsics, s.seed)
         self.sensor = f"synthetic {profile.name}"
 
     @property
     def frames(self) -> int:
-        """How many frames one run of the choreography has."""
+        """The number of frames in one run of the choreography."""
         return round(self.choreography.duration * self.profile.camera.fps)
 
     def time_ns(self, index: int) -> int:
-        """The sensor's time of a frame, integer nanoseconds."""
+        """Returns the sensor's time of a frame, integer nanoseconds."""
         return round(index * 1_000_000_000 / self.profile.camera.fps)
 
     def figure(self, time: float) -> Figure:
-        """The performer at a time in seconds; the choreography begins again when it is over."""
+        """Returns the performer at a time in seconds; the choreography repeats."""
         return self._performer.pose(self.choreography.posture(time % self.choreography.duration))
 
     def body(self, time_ns: int) -> Body:
-        """The true joints at a time of the sensor's clock."""
+        """Returns the true joints at a time of the sensor's clock."""
         return Body(1, self.figure(time_ns * 1e-9).joints, np.ones(20))
 
     def frame(self, index: int) -> DepthFrame:
-        """What the sensor reports as its frame of that number."""
+        """Returns the sensor's frame of that number."""
         figure = self.figure(self.time_ns(index) * 1e-9)
         depth, material = self._room.copy(), self._room_material.copy()
         self._renderer.draw(self._anatomy.place(figure, self._camera_from_world), depth, material)
@@ -95,7 +95,7 @@ class Studio:
 
 
 def _inverse(rigid: Float) -> Float:
-    """(4, 4) the inverse of a rotation and translation, with a fixed order of additions."""
+    """Returns the (4, 4) inverse of a rotation and translation, with a fixed order of additions."""
     inverse = np.eye(4)
     inverse[:3, :3] = rigid[:3, :3].T
     r, t = rigid[:3, :3], rigid[:3, 3]
@@ -104,12 +104,12 @@ def _inverse(rigid: Float) -> Float:
 
 
 def _perfect(depth: Float) -> UInt16:
-    """(H, W) uint16 millimetres of a depth in metres, 0 where there is nothing."""
+    """Returns (H, W) uint16 millimetres of a depth in metres, 0 where there is nothing."""
     return np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
 
 
 def _checked_width(profile: SensorProfile, width: int) -> int | None:
-    """The width to render at, None for the profile's own."""
+    """Returns the width of the images, pixels; None for the profile's own."""
     if width == 0:
         return None
     if width < 16 or width * profile.camera.height % profile.camera.width:

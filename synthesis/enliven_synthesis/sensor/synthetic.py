@@ -1,4 +1,4 @@
-"""A sensor that needs no hardware: a made-up performer before a camera of a known make."""
+"""A sensor without hardware: a synthetic performer before a camera with a known profile."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven.settings import load_settings
 from enliven_edge.sensors import Sensor, load_profile
-from enliven_synthesis.sensor.studio import Studio, StudioSettings
+from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 
 
 class SyntheticSensor(Sensor):
-    """Delivers depth frames of a performer, and knows where the performer's joints truly are.
+    """Delivers depth frames of a performer, and the true joints.
 
-    In real time it behaves as a camera does: a frame comes when it is due, and who reads too late has missed
-    the ones between. Otherwise every frame comes, at once.
+    In real time it behaves as a camera: a frame comes when it is due, and a late reader misses frames.
+    Otherwise every frame comes, at once.
 
     Args:
         profile: the camera, by name or by the path of its TOML file (see ``firmware_configs/sensors``).
         choreography: "chair", "walk", "wave", "idle" or "wander".
         seed: fixes everything random.
         width: pixels across, None for the profile's own.
-        realtime: deliver at the profile's frame rate.
-        loop: begin again at the end; the images go on with fresh noise.
-        more: any other field of :class:`StudioSettings`, such as ``camera_height`` or ``noise``.
+        realtime: whether frames come at the profile's rate.
+        loop: whether the choreography repeats, with new noise.
+        more: any other field of :class:`SyntheticSettings`, such as ``camera_height`` or ``noise``.
 
     Raises:
         InputError: for an unknown profile, choreography or setting, or a value out of range.
@@ -42,15 +42,15 @@ class SyntheticSensor(Sensor):
         **more: object,
     ) -> None:
         values = {"choreography": choreography, "seed": seed, "width": width or 0, **more}
-        settings = load_settings(StudioSettings, values, where="synthetic sensor")
-        self.studio = Studio(load_profile(profile), settings)
+        settings = load_settings(SyntheticSettings, values, where="synthetic sensor")
+        self.studio = SyntheticStudio(load_profile(profile), settings)
         self.name, self.fps = self.studio.sensor, self.studio.profile.camera.fps
         self._realtime, self._loop = realtime, loop
         self._index, self._closed = 0, False
         self._started: float | None = None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """The next frame, as soon as it is due; None after the last, or once closed.
+        """Returns the next frame when it is due; None after the last, or once closed.
 
         Raises:
             TimeoutError: when it is not due within ``timeout`` seconds.
@@ -64,7 +64,7 @@ class SyntheticSensor(Sensor):
         return frame
 
     def truth(self, time_ns: int) -> Body:
-        """The performer at a time of the sensor's clock: (20, 3) true joints, metres, world."""
+        """Returns the performer at a time of the sensor's clock: (20, 3) true joints, metres, world."""
         return self.studio.body(time_ns)
 
     def close(self) -> None:
@@ -72,7 +72,7 @@ class SyntheticSensor(Sensor):
         self._closed = True
 
     def _wait(self, timeout: float | None) -> None:
-        """Sleep until the next frame is due; go on to the newest one that is due already."""
+        """Sleeps until the next frame is due; skips to the newest one that is due already."""
         now = time.monotonic()
         if self._started is None:
             self._started = now

@@ -1,4 +1,4 @@
-"""The training of the pose estimator: the data set of rendered people, and the network that learns it."""
+"""Training of the pose estimator: the data set of rendered people, and the network."""
 
 import lazy_loader
 

@@ -1,3 +1,3 @@
-from .dataset import Album, render_album
+from .dataset import Dataset, render_dataset
 
-__all__ = ["Album", "render_album"]
+__all__ = ["Dataset", "render_dataset"]

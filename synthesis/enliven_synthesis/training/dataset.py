@@ -1,4 +1,4 @@
-"""Lessons on disk: rendered once, by as many processes as there are cores, then drawn from at random."""
+"""The data set of training samples on disk: rendered once on all cores, then drawn from at random."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from enliven.arrays import AnyArray, Bool, Float, Float32, UInt8
 from enliven.errors import InputError
 from enliven.person import MIRROR
 from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, MIRRORED, NOBODY, PARTS, ROWS
-from enliven_synthesis.training.rendering import Studio
-from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, lesson
+from enliven_synthesis.training.rendering import PersonRenderer
+from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, training_sample
 
-CHAPTER = 2000
-"""Lessons rendered in one go, from dice of their own: how many processes share the work changes nothing."""
+SHARD = 2000
+"""Samples rendered in one go from one random generator: the number of processes does not change them."""
 _STREAM = 77
+"""Number that sets the random generators of samples apart from others with the same seed."""
 _COMPLETE = "complete.txt"
-"""Written last: an album whose rendering was interrupted is not learnt from."""
+"""The file that is written last: an interrupted data set is not learnt from."""
 _ARRAYS = {
     "image": (np.float16, (CHANNELS, ROWS, COLUMNS)),
     "parts": (np.uint8, (LABEL_ROWS, LABEL_COLUMNS)),
@@ -29,19 +30,21 @@ _ARRAYS = {
     "facing": (np.float32, ()),
     "cell": (np.float32, ()),
 }
+"""Each array of the data set, with the type and the shape of one sample."""
 _OTHER_SIDE = np.array([*MIRRORED, *([NOBODY] * (256 - PARTS))], np.uint8)
+"""(256,) the part on the other side of the body for each label."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """N lessons.
+    """N training samples.
 
     Attributes:
-        image: (N, 4, 80, 64).
-        parts: (N, 40, 32), NOBODY where none is.
+        image: (N, 4, 80, 64) channels of the crop.
+        parts: (N, 40, 32) the part of the body at each label, or the label of the background.
         joints: (N, 20, 3) metres, crop coordinates.
-        facing: (N,) radians; not a number where nobody is there.
-        cell: (N,) metres.
+        facing: (N,) radians; NaN in samples without a person.
+        cell: (N,) metres of a cell of the crop.
     """
 
     image: Float32
@@ -51,12 +54,12 @@ class Batch:
     cell: Float32
 
     @property
-    def somebody(self) -> Bool:
-        """(N,) which lessons are about a person."""
+    def is_person(self) -> Bool:
+        """(N,) whether a sample shows a person."""
         return np.isfinite(self.facing)
 
     def mirrored(self, some: AnyArray) -> Batch:
-        """The same with left and right exchanged in those of the (N,) mask."""
+        """Returns the batch with left and right exchanged in the samples of a mask (N,)."""
         image, parts, joints, facing = self.image.copy(), self.parts.copy(), self.joints.copy(), self.facing
         image[some] = image[some][..., ::-1]
         parts[some] = _OTHER_SIDE[parts[some]][..., ::-1]
@@ -64,14 +67,14 @@ class Batch:
         return Batch(image, parts, joints, np.where(some, -facing, facing), self.cell)
 
 
-class Album:
-    """Lessons in a folder, read as they are needed."""
+class Dataset:
+    """Training samples in a folder, read as they are needed."""
 
     def __init__(self, folder: Path) -> None:
-        """Opens an album.
+        """Opens a data set.
 
         Raises:
-            InputError: where there is none, or none that was rendered to its end.
+            InputError: where there is none, where its rendering was interrupted, or where it is damaged.
         """
         if not (folder / _COMPLETE).exists():
             raise InputError(
@@ -89,43 +92,41 @@ class Album:
         return len(self._arrays["cell"])
 
     def batch(self, which: AnyArray) -> Batch:
-        """The lessons of (N,) numbers, in rising order."""
+        """Returns the samples with (N,) numbers, in rising order."""
         drawn = {name: np.array(array[np.sort(which)]) for name, array in self._arrays.items()}
         image = drawn["image"].astype(np.float32)
         return Batch(image, drawn["parts"], drawn["joints"], drawn["facing"], drawn["cell"])
 
 
-def render_album(
+def render_dataset(
     folder: Path, count: int, frontal: float, seed: int, rendered: Callable[[int], object] = lambda _: None
-) -> Album:
-    """Renders so many lessons into a folder, on every core.
+) -> Dataset:
+    """Renders ``count`` samples into a folder, on all cores, and returns the data set.
 
     Args:
-        frontal: share of the people who look at the sensor.
-        rendered: called with how many there are more.
+        frontal: share of the people who face the sensor.
+        rendered: called with the number of further samples when a shard is rendered.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for name, (kind, shape) in _ARRAYS.items():
         np.lib.format.open_memmap(folder / f"{name}.npy", "w+", kind, (count, *shape))
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        firsts = range(0, count, CHAPTER)
-        left = {
-            pool.submit(_render_chapter, folder, n, min(n + CHAPTER, count), frontal, seed) for n in firsts
-        }
+        firsts = range(0, count, SHARD)
+        left = {pool.submit(_render_shard, folder, n, min(n + SHARD, count), frontal, seed) for n in firsts}
         while left:
             done, left = wait(left, return_when=FIRST_COMPLETED)
-            for chapter in done:
-                rendered(chapter.result())
+            for shard in done:
+                rendered(shard.result())
     (folder / _COMPLETE).write_text(f"{count} lessons, seed {seed}, {frontal} of them facing the sensor\n")
-    return Album(folder)
+    return Dataset(folder)
 
 
-def _render_chapter(folder: Path, first: int, last: int, frontal: float, seed: int) -> int:
-    """Renders the lessons from ``first`` to ``last``; how many they are."""
+def _render_shard(folder: Path, first: int, last: int, frontal: float, seed: int) -> int:
+    """Renders the samples from ``first`` up to ``last``; returns their number."""
     arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r+") for name in _ARRAYS}
-    studio, dice = Studio(), np.random.default_rng([seed, _STREAM, first])
+    renderer, rng = PersonRenderer(), np.random.default_rng([seed, _STREAM, first])
     for n in range(first, last):
-        made = lesson(studio, dice, frontal)
+        made = training_sample(renderer, rng, frontal)
         for name, array in arrays.items():
             array[n] = getattr(made, name)
     return last - first

@@ -1,4 +1,4 @@
-"""The part of the body that each rendered pixel shows, to train the network with."""
+"""Labels each rendered pixel with the part of the body that it shows, for training."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from enliven_edge.tracking.estimator import PARTS, Part
 from enliven_synthesis.body import PIECES, Figure
 
 _TRUNK_MIDDLE = 0.04
-"""Metres above the spine joint, of a person of 1.75 m: where the chest ends and the belly begins."""
+"""Metres above the spine joint at which the chest ends and the belly begins, for a person of 1.75 m."""
 
 
 def _part_of_limb() -> Int:
-    """(16,) the part of every limb that is not the trunk; -1 for the trunk's."""
+    """Returns (16,) the part of every limb; -1 for the limbs of the trunk."""
     parts = np.full(len(Limb), -1)
     parts[Limb.SKULL] = Part.HEAD
     parts[Limb.UPPER_ARM_LEFT :] = np.arange(Part.UPPER_ARM_LEFT, PARTS)
@@ -22,18 +22,18 @@ def _part_of_limb() -> Int:
 
 
 _LIMB = np.array([piece.limb for piece in PIECES])
-
-
+"""(P,) the limb of every piece of the body."""
 _PART = _part_of_limb()[_LIMB]
+"""(P,) the part of every piece; -1 for pieces of the trunk."""
 
 
 def label_pixels(pieces: UInt8, points: Float, figure: Figure, scale: float) -> UInt8:
-    """(M,) the part at each surface point.
+    """Returns (M,) the part at each surface point.
 
     Args:
-        pieces: (M,) the index of the piece of flesh that was met.
+        pieces: (M,) the index of the piece of the body at each point.
         points: (M, 3) metres, world frame.
-        figure: whose flesh it is.
+        figure: the person's figure.
         scale: the person's stature over the reference's.
     """
     labels: AnyArray = _PART[pieces].copy()

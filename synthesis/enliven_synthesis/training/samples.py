@@ -1,7 +1,7 @@
-"""What the network learns from: crops of people that the project makes up, with the truth beside them.
+"""Training samples: crops of synthetic people with the ground truth.
 
-People of all builds in all postures before all sensors, and what a tracker does wrong in handing over their
-pixels: the middle a little off, a limb given to somebody else, a piece of something else taken in.
+They have people of all builds in all postures before all sensors, and the faults of a tracker's masks: the
+middle is a little off, a limb is given to another person, a piece of another thing is taken in.
 """
 
 from __future__ import annotations
@@ -9,39 +9,46 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.random import Generator
 
 from enliven.arrays import Bool, Float32, UInt8
 from enliven.person import Limb
 from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, Crop, Part, crop_person, facing_of
-from enliven_synthesis.training.rendering import Picture, Studio
-
-Dice = np.random.Generator
+from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 LABEL_ROWS, LABEL_COLUMNS = ROWS // 2, COLUMNS // 2
+"""Rows and columns of the part labels: half the crop's, as the network has them."""
 _MISPLACED = np.array([0.05, 0.05, 0.06, 0.06])
-"""Metres, one deviation, by which a crop's middle is off, and the logarithm by which its size is."""
+"""Standard deviations of a crop's errors: its place, three in metres, and the logarithm of its size; like a
+tracker's."""
 _FLOOR_OFF = 0.02
-"""Metres, one deviation, by which the floor is off;"""
-_IN_THE_AIR, _HIGHEST = 0.1, 0.6
-"""and the share of pictures in which people jump, or stand on something, and how high at most."""
+"""Metres: standard deviation of the error of the floor's height, like a tracker's."""
+_IN_THE_AIR = 0.1
+"""Share of the samples in which people jump, or stand on something."""
+_HIGHEST = 0.6
+"""Metres that people jump, or stand above the floor, at most: a high jump, or a chair."""
 _LOST = (Part.HAND_LEFT, Part.FOREARM_LEFT, Part.UPPER_ARM_LEFT, Part.FOOT_LEFT, Part.SHANK_LEFT, Part.HEAD)
-_THINGS = 0.12
-"""Share of the lessons that are about no person."""
-_LOSES, _TAKES_IN, _SHREDS = 0.1, 0.1, 0.03
-"""Shares of the pictures in which a limb is lost, in which something else is taken for the person, and in
-which nothing is measured but here and there."""
+"""The parts, of the left side or the head, that a tracker may lose."""
+_CLUTTER = 0.12
+"""Share of the samples that show no person: one in eight."""
+_LOSES = 0.1
+"""Share of the samples in which a limb is lost."""
+_TAKES_IN = 0.1
+"""Share of the samples in which a piece of another thing is taken for the person."""
+_SHREDS = 0.03
+"""Share of the samples in which depth is measured only in small discs."""
 
 
 @dataclass(frozen=True)
-class Lesson:
-    """One crop and the truth.
+class TrainingSample:
+    """One crop with its ground truth.
 
     Attributes:
         image: (4, 80, 64) float32, as of :class:`Crop`.
-        cell: metres a cell.
+        cell: metres of a cell.
         joints: (20, 3) float32 metres, crop coordinates, ordered by :class:`enliven.person.body.Joint`.
-        facing: radians, as of :func:`facing_of`; not a number where it is no person, and joints are 0.
-        parts: (40, 32) uint8 the part seen at every second cell, NOBODY where none is.
+        facing: radians, as of :func:`facing_of`; NaN without a person, where joints are 0.
+        parts: (40, 32) uint8 the part at every second cell, or the label of the background.
     """
 
     image: Float32
@@ -51,88 +58,88 @@ class Lesson:
     parts: UInt8
 
 
-def lesson(studio: Studio, dice: Dice, frontal: float) -> Lesson:
-    """A lesson about somebody, or something; ``frontal`` is the share of people who look at the sensor."""
-    thing = dice.random() < _THINGS
-    picture = studio.thing(dice) if thing else studio.picture(dice, frontal=frontal)
-    mask = picture.z > 0
-    z = np.where(mask, picture.z, picture.around)
-    if not thing and dice.random() < _LOSES:
-        mask &= ~_lost_limb(picture, dice)
+def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) -> TrainingSample:
+    """Renders a random sample; ``frontal`` is the share of the people who face the sensor."""
+    clutter = rng.random() < _CLUTTER
+    rendered = renderer.render_clutter(rng) if clutter else renderer.render_person(rng, frontal=frontal)
+    mask = rendered.z > 0
+    z = np.where(mask, rendered.z, rendered.around)
+    if not clutter and rng.random() < _LOSES:
+        mask &= ~_lost_limb(rendered, rng)
     if not mask.any():
-        return lesson(studio, dice, frontal)
-    if dice.random() < _TAKES_IN:
-        z, mask = _taken_in(z, mask, dice)
-    if dice.random() < _SHREDS:
-        shreds = _shreds(mask, dice)
+        return training_sample(renderer, rng, frontal)
+    if rng.random() < _TAKES_IN:
+        z, mask = _taken_in(z, mask, rng)
+    if rng.random() < _SHREDS:
+        shreds = _shreds(mask, rng)
         z, mask = np.where(shreds, z, 0.0).astype(np.float32), mask & shreds
-    raised = dice.normal(0.0, _FLOOR_OFF)
-    if dice.random() < _IN_THE_AIR:
-        raised += dice.uniform(0.0, _HIGHEST)
-    shift = dice.normal(0.0, 1.0, 4) * _MISPLACED
-    pose = picture.world_from_camera
-    crop = crop_person(z.astype(np.float64), mask, picture.camera, pose, shift, raised)
-    if picture.figure is None:
+    raised = rng.normal(0.0, _FLOOR_OFF)
+    if rng.random() < _IN_THE_AIR:
+        raised += rng.uniform(0.0, _HIGHEST)
+    shift = rng.normal(0.0, 1.0, 4) * _MISPLACED
+    pose = rendered.world_from_camera
+    crop = crop_person(z.astype(np.float64), mask, rendered.camera, pose, shift, raised)
+    if rendered.figure is None:
         nothing = np.full((LABEL_ROWS, LABEL_COLUMNS), NOBODY, np.uint8)
-        return Lesson(crop.image, crop.cell, np.zeros((20, 3), np.float32), np.nan, nothing)
+        return TrainingSample(crop.image, crop.cell, np.zeros((20, 3), np.float32), np.nan, nothing)
     inverse = np.linalg.inv(pose)
-    joints = picture.figure.joints @ inverse[:3, :3].T + inverse[:3, 3]
-    chest = picture.figure.frames[Limb.CHEST]
-    return Lesson(
+    joints = rendered.figure.joints @ inverse[:3, :3].T + inverse[:3, 3]
+    chest = rendered.figure.frames[Limb.CHEST]
+    return TrainingSample(
         crop.image,
         crop.cell,
         crop.from_camera(joints).astype(np.float32),
         facing_of(chest[:, 0], chest[:, 3], pose[:3, 3]),
-        _labels(crop, picture, mask),
+        _labels(crop, rendered, mask),
     )
 
 
-def _lost_limb(picture: Picture, dice: Dice) -> Bool:
-    """(h, w) the pixels of one part of the body."""
-    part = int(_LOST[int(dice.integers(len(_LOST)))])
-    return np.asarray(picture.label == (part if part == Part.HEAD else part + int(dice.integers(2))))
+def _lost_limb(rendered: RenderedPerson, rng: Generator) -> Bool:
+    """Returns (h, w) the pixels of a random part of the body."""
+    part = int(_LOST[int(rng.integers(len(_LOST)))])
+    return np.asarray(rendered.label == (part if part == Part.HEAD else part + int(rng.integers(2))))
 
 
-def _shreds(mask: Bool, dice: Dice) -> Bool:
-    """(h, w) discs here and there on the person."""
+def _shreds(mask: Bool, rng: Generator) -> Bool:
+    """Returns (h, w) small random discs on the person."""
     rows, columns = np.nonzero(mask)
-    reach = max(1.0, 0.04 * float(np.hypot(np.ptp(rows), np.ptp(columns))) * dice.uniform(0.6, 1.6))
+    reach = max(1.0, 0.04 * float(np.hypot(np.ptp(rows), np.ptp(columns))) * rng.uniform(0.6, 1.6))
     v, u = np.indices(mask.shape)
     out = np.zeros(mask.shape, bool)
-    for i in dice.integers(0, len(rows), int(dice.integers(15, 50))):
+    for i in rng.integers(0, len(rows), int(rng.integers(15, 50))):
         out |= (v - rows[i]) ** 2 + (u - columns[i]) ** 2 < reach**2
     return out
 
 
-def _taken_in(z: Float32, mask: Bool, dice: Dice) -> tuple[Float32, Bool]:
-    """The depth and the person's pixels with a slanted piece of something beside or before them."""
+def _taken_in(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
+    """Adds a slanted piece of another thing to the depth and to the person's mask, both (h, w)."""
     rows, columns = np.nonzero(mask)
-    i = int(dice.integers(len(rows)))
+    i = int(rng.integers(len(rows)))
     sides = (int(np.ptp(rows)) + 5, int(np.ptp(columns)) + 5)
-    tall, wide = (int(dice.integers(3, max(4, side // 4))) for side in sides)
-    top = max(0, rows[i] - int(dice.integers(tall)))
-    left = max(0, columns[i] - int(dice.integers(wide)))
+    tall, wide = (int(rng.integers(3, max(4, side // 4))) for side in sides)
+    top = max(0, rows[i] - int(rng.integers(tall)))
+    left = max(0, columns[i] - int(rng.integers(wide)))
     piece = np.zeros(mask.shape, bool)
     piece[top : top + tall, left : left + wide] = True
-    if dice.random() < 0.7:
+    if rng.random() < 0.7:
         piece &= ~mask
     down, right = np.nonzero(piece)
     out, taken = z.copy(), mask | piece
-    slope = dice.normal(0.0, 0.01, 2)
-    here = float(z[rows[i], columns[i]]) + dice.normal(0.0, 0.1)
+    slope = rng.normal(0.0, 0.01, 2)
+    here = float(z[rows[i], columns[i]]) + rng.normal(0.0, 0.1)
     out[piece] = np.maximum(0.3, here + slope[0] * (down - top) + slope[1] * (right - left))
     return out, taken
 
 
-def _labels(crop: Crop, picture: Picture, mask: Bool) -> UInt8:
-    """(40, 32) the part in the middle of every two by two cells."""
+def _labels(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:
+    """Returns (40, 32) the part in the middle of every two by two cells."""
     i, j = np.mgrid[:LABEL_ROWS, :LABEL_COLUMNS]
     flat = np.stack([(j + 0.5 - LABEL_COLUMNS / 2), (i + 0.5 - LABEL_ROWS / 2)], -1) * (2 * crop.cell)
     x, y = np.moveaxis((flat / crop.depth + crop.centre) @ crop.axes, -1, 0)
-    u = np.floor(picture.camera[0] * x + picture.camera[2] + 0.5).astype(int)
-    v = np.floor(picture.camera[1] * y + picture.camera[3] + 0.5).astype(int)
+    u = np.floor(rendered.camera[0] * x + rendered.camera[2] + 0.5).astype(int)
+    v = np.floor(rendered.camera[1] * y + rendered.camera[3] + 0.5).astype(int)
     height, width = mask.shape
     inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
     out = np.full((LABEL_ROWS, LABEL_COLUMNS), NOBODY, np.uint8)
-    out[inside] = np.where(mask, picture.label, NOBODY)[v[inside], u[inside]]
+    out[inside] = np.where(mask, rendered.label, NOBODY)[v[inside], u[inside]]
     return out

@@ -20,7 +20,7 @@ from enliven_edge.sensors.profile import load_profile
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.exercises import exercise
 from enliven_synthesis.motion.mocap import Captured
-from enliven_synthesis.motion.motion import Chained, Danced, Held, Leg, Motion
+from enliven_synthesis.motion.motion import Chained, Danced, HeldMotion, Motion, MotionSegment
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 from enliven_synthesis.sensor.scene import ROOM, Box
 
@@ -63,7 +63,7 @@ class Move:
     def made_for(self, performer: Performer) -> Motion:
         if self.source == "exercise":
             danced = Danced(performer, exercise(self.name, self.seed))
-            return danced if self.held is None else Held(danced, self.held)
+            return danced if self.held is None else HeldMotion(danced, self.held)
         return Captured(performer, _capture(self.source), self.start, self.stop)
 
 
@@ -90,7 +90,9 @@ class Person:
 
     def appearance(self) -> Appearance:
         performer = Performer(self.build)
-        legs = tuple(Leg(t, move.made_for(performer), place, yaw) for t, move, place, yaw in self.moves)
+        legs = tuple(
+            MotionSegment(t, move.made_for(performer), place, yaw) for t, move, place, yaw in self.moves
+        )
         return Appearance(performer, Chained(performer, legs, self.blend), (0.0, 0.0), 0.0, 0.0, self.present)
 
 

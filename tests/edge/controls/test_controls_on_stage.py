@@ -87,12 +87,12 @@ class House:
 
     @property
     def shown(self) -> list[str]:
-        names = self.actor.puppet.shape.skeleton.names
+        names = self.actor.live_shape.shape.skeleton.names
         return [names[b.chain[1]][:-2] for b in self.actor.chooser.pick.match.pairs if b is not None]
 
     @property
     def driven(self) -> list[tuple[int, list[str]]]:
-        names = self.actor.puppet.shape.skeleton.names
+        names = self.actor.live_shape.shape.skeleton.names
         return [(h.body, [names[target[1]][:-2] for _, target in h.pairs]) for h in self.actor.holds]
 
 

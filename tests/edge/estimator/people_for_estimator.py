@@ -10,7 +10,7 @@ import numpy as np
 from enliven.person.limbs import Limb
 from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
 from enliven_edge.tracking.estimator.labels import facing_of
-from enliven_synthesis.training.rendering import Picture, Studio
+from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 _DICE = 2024
 """No album is rendered with these."""
@@ -27,7 +27,7 @@ class Fresh:
         facing: radians, the truth.
     """
 
-    picture: Picture
+    picture: RenderedPerson
     z: np.ndarray
     mask: np.ndarray
     facing: float
@@ -42,7 +42,7 @@ class Fresh:
 @cache
 def fresh(number: int, frontal: float = 0.4) -> Fresh:
     """The picture of a number."""
-    taken = _studio().picture(np.random.default_rng([_DICE, number]), frontal=frontal)
+    taken = _studio().render_person(np.random.default_rng([_DICE, number]), frontal=frontal)
     mask = taken.z > 0
     chest = taken.figure.frames[Limb.CHEST]
     facing = facing_of(chest[:, 0], chest[:, 3], taken.world_from_camera[:3, 3])
@@ -50,8 +50,8 @@ def fresh(number: int, frontal: float = 0.4) -> Fresh:
 
 
 @cache
-def _studio() -> Studio:
-    return Studio()
+def _studio() -> PersonRenderer:
+    return PersonRenderer()
 
 
 def turned_at_random(dice: np.random.Generator) -> np.ndarray:

@@ -17,7 +17,7 @@ from enliven_edge.assets import ESTIMATOR
 from enliven_edge.tracking.estimator.crop import crop_person
 from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator, shipped_estimator
 from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED
-from enliven_synthesis.training.rendering import Studio
+from enliven_synthesis.training.rendering import PersonRenderer
 
 PICTURES = 60
 WITHIN_TOLD, WITHIN_NOT_TOLD = 0.6, 0.58
@@ -72,11 +72,11 @@ def test_the_way_to_face_is_told():
 
 def test_people_are_told_from_things():
     """Of fresh pictures of both, at the probability from which the tracker believes that it is somebody."""
-    studio = Studio()
+    studio = PersonRenderer()
     people = [fresh(n).estimate(False).somebody for n in range(PICTURES)]
     things = []
     for n in range(PICTURES):
-        p = studio.thing(np.random.default_rng([77, n]))
+        p = studio.render_clutter(np.random.default_rng([77, n]))
         z = np.where(p.z > 0, p.z, p.around).astype(np.float64)
         things.append(shipped_estimator().estimate(z, p.z > 0, p.camera, p.world_from_camera, None).somebody)
     assert np.mean(np.array(people) > BELIEVED) > PEOPLE_BELIEVED

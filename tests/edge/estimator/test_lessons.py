@@ -11,9 +11,9 @@ from enliven.errors import InputError
 from enliven.person.body import Joint
 from enliven_edge.tracking.estimator.labels import MIRRORED, NOBODY, Part
 from enliven_synthesis.training import dataset
-from enliven_synthesis.training.dataset import Album, Batch, render_album
-from enliven_synthesis.training.rendering import Studio
-from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, Lesson, lesson
+from enliven_synthesis.training.dataset import Batch, Dataset, render_dataset
+from enliven_synthesis.training.rendering import PersonRenderer
+from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, TrainingSample, training_sample
 
 OWN_PARTS = {
     Joint.HEAD: (Part.HEAD,),
@@ -33,14 +33,14 @@ def same(one: tuple, other: tuple) -> bool:
 
 
 @pytest.fixture(scope="module")
-def every_lesson() -> list[Lesson]:
+def every_lesson() -> list[TrainingSample]:
     """About people, and things."""
-    studio, dice = Studio(), np.random.default_rng(11)
-    return [lesson(studio, dice, 0.5) for _ in range(60)]
+    studio, dice = PersonRenderer(), np.random.default_rng(11)
+    return [training_sample(studio, dice, 0.5) for _ in range(60)]
 
 
 @pytest.fixture(scope="module")
-def lessons(every_lesson) -> list[Lesson]:
+def lessons(every_lesson) -> list[TrainingSample]:
     """Those about people."""
     return [made for made in every_lesson if np.isfinite(made.facing)]
 
@@ -57,9 +57,9 @@ def render(folder, processes: int, count: int = 10) -> list[int]:
     """An album rendered by so many processes, three lessons in one go; what was told of its progress."""
     told: list[int] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "CHAPTER", 3)
+        patch.setattr(dataset, "SHARD", 3)
         patch.setattr(dataset.os, "cpu_count", lambda: processes)
-        render_album(folder, count, 0.5, 3, told.append)
+        render_dataset(folder, count, 0.5, 3, told.append)
     return told
 
 
@@ -90,11 +90,11 @@ def shares(cases) -> tuple[float, float]:
 
 def test_the_same_dice_make_the_same_lesson(every_lesson):
     """Whatever the studio took pictures of before."""
-    studio = Studio()
-    studio.picture(np.random.default_rng(1))
+    studio = PersonRenderer()
+    studio.render_person(np.random.default_rng(1))
     dice = np.random.default_rng(11)
     for known in every_lesson[:5]:
-        assert same(astuple(known), astuple(lesson(studio, dice, 0.5)))
+        assert same(astuple(known), astuple(training_sample(studio, dice, 0.5)))
 
 
 def test_a_joint_lies_where_its_own_part_is_seen(lessons):
@@ -127,13 +127,13 @@ def test_parts_are_where_the_person_is(lessons):
 def test_an_album_is_the_same_by_however_many_processes(folder, tmp_path):
     told = render(tmp_path, processes=3)
     assert sorted(told) == [1, 3, 3, 3], "ten lessons"
-    one, other = (Album(each).batch(np.arange(10)) for each in (folder, tmp_path))
+    one, other = (Dataset(each).batch(np.arange(10)) for each in (folder, tmp_path))
     assert same(astuple(one), astuple(other))
     assert len({made.tobytes() for made in one.image}) == 10, "no lesson comes twice"
 
 
 def test_a_batch_is_in_rising_order(folder):
-    every = Album(folder)
+    every = Dataset(folder)
     assert len(every) == 10
     drawn, whole = every.batch(np.array([7, 2, 5, 2])), every.batch(np.arange(10))
     for some, all_of_them in zip(astuple(drawn), astuple(whole), strict=True):
@@ -141,7 +141,7 @@ def test_a_batch_is_in_rising_order(folder):
 
 
 def batch_of(folder) -> Batch:
-    return Album(folder).batch(np.arange(10))
+    return Dataset(folder).batch(np.arange(10))
 
 
 def test_mirroring_twice_changes_nothing(folder):
@@ -177,4 +177,4 @@ def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):
     for name in dataset._ARRAYS:
         (tmp_path / f"{name}.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + head.encode())
     with pytest.raises(InputError, match="an array of it is damaged"):
-        Album(tmp_path)
+        Dataset(tmp_path)

@@ -14,7 +14,7 @@ from enliven.errors import InputError
 from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS, Crop
 from enliven_edge.tracking.estimator.estimator import PoseEstimator
 from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
-from enliven_synthesis.training.dataset import Album, render_album
+from enliven_synthesis.training.dataset import Dataset, render_dataset
 from enliven_synthesis.training.pose_network import training
 from enliven_synthesis.training.pose_network.network import JOINTS, PoseNetwork
 from enliven_synthesis.training.pose_network.quantisation import quantise
@@ -28,8 +28,8 @@ LEARNT = 0.8
 
 
 @pytest.fixture(scope="module")
-def album(tmp_path_factory) -> Album:
-    return render_album(tmp_path_factory.mktemp("album"), COUNT, 0.5, 1)
+def album(tmp_path_factory) -> Dataset:
+    return render_dataset(tmp_path_factory.mktemp("album"), COUNT, 0.5, 1)
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def seen_by(network, count: int, seed: int = 0):
 def test_it_says_what_it_promises():
     (joints, spread, facing, parts), _, _ = seen_by(PoseNetwork(), 3)
     assert joints.shape == (3, JOINTS, 3) and spread.shape == (3, JOINTS)
-    assert facing.shape == (3, FACINGS) and parts.shape == (3, PARTS, ROWS // 2, COLUMNS // 2)
+    assert facing.shape == (3, FACINGS + 1) and parts.shape == (3, PARTS, ROWS // 2, COLUMNS // 2)
 
 
 def test_a_joint_is_where_its_heat_is():
@@ -95,10 +95,11 @@ def test_the_exported_network_says_what_it_said_before(tmp_path):
     np.testing.assert_allclose(seen[0].joints, crop.to_camera(expected[0][0].astype(float)), atol=1e-2)
 
 
-def loss_of(network, album: Album) -> float:
+def loss_of(network, album: Dataset) -> float:
     """Of the lessons that are not kept back, the facing told."""
     batch = album.batch(np.arange(BACK, COUNT))
-    told = np.stack([np.cos(batch.facing), np.sin(batch.facing), batch.cell], 1).astype(np.float32)
+    known, facing = batch.is_person, np.nan_to_num(batch.facing)
+    told = np.stack([known * np.cos(facing), known * np.sin(facing), batch.cell], 1).astype(np.float32)
     with torch.no_grad():
         return float(
             training._loss(network.train()(torch.from_numpy(batch.image), torch.from_numpy(told)), batch)
@@ -130,17 +131,17 @@ def test_the_same_seed_learns_the_same_and_another_does_not(album, few_kept_back
 
 def test_lessons_that_are_kept_back_are_not_learnt(album, few_kept_back, monkeypatch):
     drawn = []
-    batch = Album.batch
-    monkeypatch.setattr(Album, "batch", lambda self, which: drawn.extend(which) or batch(self, which))
+    batch = Dataset.batch
+    monkeypatch.setattr(Dataset, "batch", lambda self, which: drawn.extend(which) or batch(self, which))
     train(album, TrainingSettings(steps=3, batch=64))
     assert min(drawn) >= BACK and max(drawn) < COUNT
 
 
 def test_what_a_network_is_worth_are_shares(album, monkeypatch, tmp_path):
     """Measured on the lessons kept back, 250 at a time: of a small album all of them, again and again."""
-    batch = Album.batch
+    batch = Dataset.batch
     monkeypatch.setattr(training, "KEPT_BACK", 250)
-    monkeypatch.setattr(Album, "batch", lambda self, which: batch(self, which % COUNT))
+    monkeypatch.setattr(Dataset, "batch", lambda self, which: batch(self, which % COUNT))
     export(PoseNetwork(), tmp_path / "made.onnx")
     found = measure(tmp_path / "made.onnx", album)
     assert all(0 <= share <= 1 for share in (*found.within, found.facing, found.parts))

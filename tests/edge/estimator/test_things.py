@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from people_for_estimator import turned_at_random
 
 from enliven_edge.tracking.estimator.labels import NOBODY
-from enliven_synthesis.training.clutter import Solid, piece_of_wall, random_thing
-from enliven_synthesis.training.rendering import Studio
-from enliven_synthesis.training.samples import _THINGS, lesson
+from enliven_synthesis.training.clutter import ClutterSolid, piece_of_wall, random_clutter
+from enliven_synthesis.training.rendering import PersonRenderer
+from enliven_synthesis.training.samples import _CLUTTER, training_sample
 
 STEPS, FARTHEST = 1500, 6.0
 """Samples along a ray, and how far they reach."""
@@ -23,17 +23,17 @@ SEEDS = st.integers(0, 100_000)
 
 
 @pytest.fixture(scope="module")
-def studio() -> Studio:
-    return Studio()
+def studio() -> PersonRenderer:
+    return PersonRenderer()
 
 
-def random_solid(dice) -> Solid:
-    return Solid(
+def random_solid(dice) -> ClutterSolid:
+    return ClutterSolid(
         dice.normal(0, 0.5, 3), dice.uniform(0.05, 1.0, 3), turned_at_random(dice), dice.random() < 0.5
     )
 
 
-def holds(solid: Solid, points: np.ndarray) -> np.ndarray:
+def holds(solid: ClutterSolid, points: np.ndarray) -> np.ndarray:
     """Which of the (..., 3) points are inside."""
     local = (points - solid.centre) @ solid.turn / solid.half
     return (np.linalg.norm(local, axis=-1) if solid.round else np.abs(local).max(-1)) <= 1.0
@@ -63,7 +63,7 @@ def test_a_ray_along_an_axis_meets_what_is_before_it(seed, is_round):
     """Rays that are level with faces, and some that start beside them."""
     dice = np.random.default_rng(seed)
     half, beside = dice.uniform(0.1, 1.0, 3), dice.uniform(-1.5, 1.5, 2)
-    solid = Solid(np.array([0.0, 0.0, 3.0]), half, np.eye(3), is_round)
+    solid = ClutterSolid(np.array([0.0, 0.0, 3.0]), half, np.eye(3), is_round)
     eye = np.array([*(beside * half[:2]), 0.0])
     (entry,) = solid.entry(eye, np.array([[0.0, 0.0, 1.0]]))
     if is_round:
@@ -79,7 +79,7 @@ def test_a_ray_along_an_axis_meets_what_is_before_it(seed, is_round):
 @settings(max_examples=200, deadline=None)
 def test_a_thing_stands_at_its_place(seed, x, z):
     """Within one and a half metres, the middle of every part above the floor."""
-    made = random_thing(np.array([x, z]), np.random.default_rng(seed))
+    made = random_clutter(np.array([x, z]), np.random.default_rng(seed))
     assert made
     for solid in made:
         corners = solid.centre + (solid.half * CORNERS) @ solid.turn.T
@@ -92,7 +92,7 @@ def test_a_thing_stands_at_its_place(seed, x, z):
 def test_a_thing_stands_on_the_floor():
     """Something of it touches it, or nearly; turned parts may stand a little in it."""
     for seed in range(100):
-        made = random_thing(np.zeros(2), np.random.default_rng(seed))
+        made = random_clutter(np.zeros(2), np.random.default_rng(seed))
         lowest = min((s.centre + (s.half * CORNERS) @ s.turn.T)[:, 1].min() for s in made)
         assert -0.7 < lowest < 0.1
 
@@ -113,7 +113,7 @@ def test_a_piece_of_a_wall_is_mostly_about_where_and_as_large_as_asked_for():
 
 @pytest.mark.parametrize("seed", range(25))
 def test_the_picture_of_a_thing_is_of_nobody(studio, seed):
-    made = studio.thing(np.random.default_rng(seed))
+    made = studio.render_clutter(np.random.default_rng(seed))
     assert np.count_nonzero(made.z) >= 60
     assert made.figure is None
     assert (made.label == NOBODY).all() and made.label.shape == made.z.shape == made.around.shape
@@ -124,14 +124,14 @@ def test_the_picture_of_a_thing_is_of_nobody(studio, seed):
 def test_the_same_dice_take_the_same_picture(studio):
     """Whatever the studio took pictures of before."""
     for seed in range(5):
-        one, other = (each.thing(np.random.default_rng(seed)) for each in (studio, Studio()))
+        one, other = (each.render_clutter(np.random.default_rng(seed)) for each in (studio, PersonRenderer()))
         assert all(np.array_equal(a, b) for a, b in zip(astuple(one), astuple(other), strict=True))
 
 
 @pytest.fixture(scope="module")
 def lessons(studio):
     dice = np.random.default_rng(5)
-    return [lesson(studio, dice, 0.5) for _ in range(150)]
+    return [training_sample(studio, dice, 0.5) for _ in range(150)]
 
 
 def test_a_lesson_about_a_thing_says_nothing_of_a_person(lessons):
@@ -151,4 +151,4 @@ def test_a_lesson_about_somebody_says_where_they_are(lessons):
 
 def test_so_many_lessons_are_about_things(lessons):
     share = np.mean([np.isnan(made.facing) for made in lessons])
-    assert 0.4 * _THINGS < share < 1.8 * _THINGS
+    assert 0.4 * _CLUTTER < share < 1.8 * _CLUTTER

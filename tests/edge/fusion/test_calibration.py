@@ -15,7 +15,7 @@ from enliven_edge.fusion.calibration.quality import Verdict
 from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack, stream_of
 from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved, rigid, turn
 from enliven_edge.fusion.settings import CalibrationSettings
-from enliven_synthesis.motion.wander import Way
+from enliven_synthesis.motion.wander import WalkPath
 
 A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)
 TIMES = np.arange(0.0, 16.0, 1 / 30)
@@ -34,7 +34,7 @@ def streams(walkers, places, times=TIMES, clocks=None, names="abcdef", **more):
 @cache
 def seen_by_both(walker_shape=(8.0, 1.6, 1.2)):
     """Two streams of a short walk, without error, for tests that change them."""
-    return streams([Walker(Way(*walker_shape))], [A, B], SHORT, [10.0, 13.0])
+    return streams([Walker(WalkPath(*walker_shape))], [A, B], SHORT, [10.0, 13.0])
 
 
 @cache
@@ -103,14 +103,18 @@ def test_the_clocks_difference_is_found(clock):
 
 def test_noise_does_not_pull_the_clock_between_frames():
     """Interpolated joints are less noisy halfway between frames; that is no reason to go there."""
-    made = calibrate(streams([Walker(Way(16, 1.6, 0.9))], [A, B], noise=0.03))
+    made = calibrate(streams([Walker(WalkPath(16, 1.6, 0.9))], [A, B], noise=0.03))
     assert abs(made.clock_offset_ns["b"]) < 2.5e6
     assert errors(made, [A, B])[1, 0] < 0.01
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
 def test_who_is_who_does_not_depend_on_ids_or_order(order):
-    people = [Walker(), Walker(Way(12, 1.5, 1.5, (1, 1), 1.57), 1.6, (0.4, 0.2)), Walker(Way(9, 1, 0.6), 1.9)]
+    people = [
+        Walker(),
+        Walker(WalkPath(12, 1.5, 1.5, (1, 1), 1.57), 1.6, (0.4, 0.2)),
+        Walker(WalkPath(9, 1, 0.6), 1.9),
+    ]
     a = stream_of("a", told(people, A, SHORT, sensor="a"))
     b = stream_of("b", told([people[i] for i in order], B, SHORT + 0.013, sensor="b", ids=[5, 3, 9]))
     assert errors(calibrate([a, b]), [A, B]).max() < 1e-3
@@ -139,7 +143,7 @@ def test_joints_that_lie_do_not_matter():
 
 
 def test_a_straight_line_is_not_enough_and_says_where_to_go():
-    made = calibrate(streams([Walker(Way(16, 1.6, 0.0))], [A, B], noise=0.01))
+    made = calibrate(streams([Walker(WalkPath(16, 1.6, 0.0))], [A, B], noise=0.01))
     assert not made.good
     assert made.pairs[0].quality.verdict is Verdict.WALK_ON
     assert "walk on, to the " in made.advice[0] and "of sensor b" in made.advice[0]
@@ -156,7 +160,7 @@ def test_a_short_look_is_not_enough():
 def test_different_people_are_not_one():
     """Each sensor sees another person on another way: no silent result."""
     a = stream_of("a", told([Walker()], A, TIMES, sensor="a", noise=0.01))
-    other = Walker(Way(11.0, 1.2, 1.7, (2, 1), 0.7), 1.55)
+    other = Walker(WalkPath(11.0, 1.2, 1.7, (2, 1), 0.7), 1.55)
     b = stream_of("b", told([other], B, TIMES, sensor="b", noise=0.01))
     made = calibrate([a, b])
     assert not made.good and made.advice
@@ -166,7 +170,7 @@ def test_a_chain_of_sensors_that_do_not_all_overlap():
     """Three sensors; the first and the last never see the person at the same time."""
     far = stand(4.5, -4.0, 130.0)
     a, b, c = streams(
-        [Walker(Way(30.0, 1.6, 1.2, (2, 3)))], [A, B, far], np.arange(0, 30, 1 / 30), noise=0.01
+        [Walker(WalkPath(30.0, 1.6, 1.2, (2, 3)))], [A, B, far], np.arange(0, 30, 1 / 30), noise=0.01
     )
 
     def cut(stream, start, stop):

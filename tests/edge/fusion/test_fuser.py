@@ -17,11 +17,11 @@ from enliven_edge.fusion.live.health import SensorState
 from enliven_edge.fusion.live.sides import exchanged
 from enliven_edge.fusion.live.warmup import standing_person, warm_up_fusion
 from enliven_edge.fusion.settings import FusionSettings
-from enliven_synthesis.motion.wander import Way
+from enliven_synthesis.motion.wander import WalkPath
 
 EYES = {"a": np.array([0.0, 1.2, 0.0]), "b": np.array([2.5, 1.2, -2.0]), "c": np.array([-2.5, 1.2, -2.0])}
 STEP = 1 / 30
-STANDING = Walker(Way(8.0, 0.0, 0.0)).joints(0.0)
+STANDING = Walker(WalkPath(8.0, 0.0, 0.0)).joints(0.0)
 OTHERS = np.array([0.0, 0.0, -1.2])
 
 

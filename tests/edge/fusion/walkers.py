@@ -7,7 +7,7 @@ from enliven.person.body import Body
 from enliven_edge.fusion.live.sides import exchanged
 from enliven_edge.fusion.placement.rigid_transform import inverse, moved, rigid, turn
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.motion.wander import Way
+from enliven_synthesis.motion.wander import WalkPath
 
 FORWARD = np.array([0.0, 0.0, 1.0])
 
@@ -21,8 +21,8 @@ def stand(x: float, z: float, degrees: float, tilt: float = 0.0) -> np.ndarray:
 class Walker:
     """One person on a way."""
 
-    def __init__(self, way: Way | None = None, height: float = 1.75, shift=(0.0, 0.0)) -> None:
-        self.way, self.performer = way or Way(), Performer(Proportions(height=height))
+    def __init__(self, way: WalkPath | None = None, height: float = 1.75, shift=(0.0, 0.0)) -> None:
+        self.way, self.performer = way or WalkPath(), Performer(Proportions(height=height))
         self.shift = np.array([shift[0], 0.0, shift[1]])
 
     def joints(self, time: float) -> np.ndarray:

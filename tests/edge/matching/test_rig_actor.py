@@ -42,7 +42,7 @@ class Show:
 
     @property
     def names(self) -> tuple[str, ...]:
-        return self.actor.puppet.shape.skeleton.names
+        return self.actor.live_shape.shape.skeleton.names
 
     @property
     def shown(self) -> list[str]:
@@ -51,12 +51,12 @@ class Show:
 
     def limb(self, name: str) -> np.ndarray:
         """(3,) from the middle to the tip of a limb, as it is now."""
-        joints = self.actor.puppet.joints
+        joints = self.actor.live_shape.joints
         return joints[self.names.index(f"{name} 2")] - joints[0]
 
     def last_bone(self, name: str) -> np.ndarray:
         """(3,) the direction of a limb's second bone, which has all of the arm's turn."""
-        joints = self.actor.puppet.joints
+        joints = self.actor.live_shape.joints
         bone = joints[self.names.index(f"{name} 2")] - joints[self.names.index(f"{name} 1")]
         return bone / np.linalg.norm(bone)
 
@@ -84,10 +84,10 @@ def test_without_a_mirror_left_is_where_it_is_seen() -> None:
 def test_who_looks_from_behind_sees_the_other_side() -> None:
     show = Show()
     show.actor.preview(None, "arms")
-    show.stage.look(ScreenView(np.array([0.0, 0.0, 1.0])))
+    show.stage.set_view(ScreenView(np.array([0.0, 0.0, 1.0])))
     show.play(person())
     assert show.shown == ["right", "left"]
-    show.stage.look(ScreenView(np.array([1.0, 0.0, 0.0])))
+    show.stage.set_view(ScreenView(np.array([1.0, 0.0, 0.0])))
     show.play(person(left=(0.0, 1.0, 0.0)), frames=20)
     assert show.shown == ["up", "front"], "seen from the left, the front limb is on the right"
 
@@ -127,10 +127,12 @@ def test_the_mesh_goes_with_the_bones() -> None:
     show.stage.possess("star", parts="arms")
     show.play(moved(90, (0, 0, 1)))
     bone = show.names.index("right 2")
-    place = show.actor.puppet.shape.place
-    tip = show.actor.puppet.shape.skeleton.positions[bone] - show.actor.character.pivots[bone]
+    place = show.actor.live_shape.shape.place
+    tip = show.actor.live_shape.shape.skeleton.positions[bone] - show.actor.character.pivots[bone]
     np.testing.assert_allclose(
-        show.pose.linear[bone] @ tip + show.pose.positions[bone], show.actor.puppet.joints[bone], atol=1e-5
+        show.pose.linear[bone] @ tip + show.pose.positions[bone],
+        show.actor.live_shape.joints[bone],
+        atol=1e-5,
     )
     left = (show.actor.character.vertices[:, 0] + place[0]).min()
     assert left == pytest.approx(person().joints[0, 0] + 0.7), "it stands beside the performer"
@@ -150,7 +152,7 @@ def test_whoever_lets_go_chooses_anew_and_the_limbs_go_back() -> None:
 
 def test_nothing_jumps_when_somebody_lets_go() -> None:
     show = Show()
-    show.actor.puppet._fading.seconds = 0.5
+    show.actor.live_shape._easing.seconds = 0.5
     show.play(person())
     show.stage.possess("star", parts="arms")
     show.play(moved(60, (0, 0, 1)), frames=30)
@@ -261,7 +263,7 @@ def test_a_joint_that_is_not_seen_pulls_nothing() -> None:
 
 def test_a_joint_that_is_seen_again_eases_back() -> None:
     show = Show()
-    show.actor.puppet._fade = 0.5
+    show.actor.live_shape._fade = 0.5
     show.play(person())
     show.stage.possess("star", parts="arms")
     unsure = np.ones(20)

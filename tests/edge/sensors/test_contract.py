@@ -41,7 +41,7 @@ from enliven_edge.sensors.profile import load_profile
 from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.sensors.reopening import kept_open
 from enliven_edge.tracking.tracker import Tracker
-from enliven_synthesis.sensor.studio import Studio, StudioSettings
+from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 
 LOAD = 0.5
 """Share of the time of waiting that may be spent computing: busy waiting takes all of it, and a helper's own
@@ -191,7 +191,7 @@ def rooms(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rooms")
     for name, tilt, height in (("here", 6.0, 1.2), ("there", 20.0, 1.6)):
         more = {"choreography": "idle", "width": 160, "camera_height": height, "camera_tilt": tilt}
-        studio = Studio(load_profile("kinect1"), StudioSettings(**more))
+        studio = SyntheticStudio(load_profile("kinect1"), SyntheticSettings(**more))
         with Recorder(folder / f"{name}.mcap") as recorder:
             for index in range(150):
                 recorder.write_frame(studio.frame(index))

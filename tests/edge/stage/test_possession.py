@@ -14,7 +14,7 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
 from enliven.person.body import PARTS, Body, Joint
 from enliven.samples.chair import make_chair
-from enliven_edge.stage.easing import Fading
+from enliven_edge.stage.easing import Easing
 from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.opening import Opening
 from enliven_edge.stage.placement import turn_about_y
@@ -173,24 +173,24 @@ def test_whatever_happens_when_nothing_jumps(chair, events, apart):
 @given(st.integers(0, 2**32 - 1), st.floats(-3, 3), st.floats(0.2, 3.0), st.sampled_from([0.5, 4.0, np.inf]))
 @settings(max_examples=40, deadline=None)
 def test_a_gap_closes_no_faster_than_it_says(seed, yaw, growth, pace):
-    """Fading alone: between two states that stand still, the bound of its docstring, and both ends met."""
+    """Easing alone: between two states that stand still, the bound of its docstring, and both ends met."""
     rng = np.random.default_rng(seed)
     positions = rng.normal(size=(20, 3))
     linear = np.tile(np.eye(3), (20, 1, 1))
     moved = growth * positions @ turn_about_y(yaw).T + rng.normal(size=3) + 0.2 * rng.normal(size=(20, 3))
     turned = growth * turn_about_y(yaw) @ linear
-    fading = Fading(FADE, pace)
-    last = fading(linear, positions, 0)[1]
-    fading.tear()
+    easing = Easing(FADE, pace)
+    last = easing(linear, positions, 0)[1]
+    easing.restart_fade()
     gap = np.linalg.norm(moved - positions, axis=1).max() + np.ptp(moved, axis=0).max()
-    assert Fading(FADE, pace)(turned, moved, 0)[1] is moved, "without a tear nothing is eased"
+    assert Easing(FADE, pace)(turned, moved, 0)[1] is moved, "without a tear nothing is eased"
     for k in range(1, 20 if pace == np.inf else 3000):
-        now = fading(turned, moved, k * FRAME)[1]
+        now = easing(turned, moved, k * FRAME)[1]
         bound = FRAME * 1e-9 * min(np.pi / 2 * 1.5 / FADE * gap, pace)
         assert np.linalg.norm(now - last, axis=1).max() < bound
         last = now
     np.testing.assert_allclose(last, moved)
-    assert not fading.under_way
+    assert not easing.under_way
 
 
 def test_taking_hold_in_the_middle_of_a_fade_goes_on_from_what_is_shown(chair):

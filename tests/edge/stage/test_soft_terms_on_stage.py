@@ -27,8 +27,8 @@ from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.frame.observation import surface_samples, world_points
 from enliven_edge.tracking.output.surfaces import inner_pixels
 from enliven_edge.tracking.tracker import Tracker
-from enliven_synthesis.body.body_sdf import TAPER, Flesh
-from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.body.body_sdf import TAPER, BodySdf
+from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 FRAME = 33_333_333
@@ -217,9 +217,9 @@ def seen_of(ends) -> ObservedPoints:
         hull[k] = [*a, *b, RADIUS]
     numbers = np.zeros(2, np.int64)
     depth, material = np.full((120, 160), np.inf), np.zeros((120, 160), np.uint8)
-    Renderer(CAMERA).draw(Flesh(shape, np.full(2, TAPER), numbers, numbers, hull), depth, material)
+    DepthRenderer(CAMERA).draw(BodySdf(shape, np.full(2, TAPER), numbers, numbers, hull), depth, material)
     z = np.where(np.isfinite(depth), depth, 0.0)
-    points = world_points(z, Renderer(CAMERA).ray, WORLD_FROM_CAMERA)
+    points = world_points(z, DepthRenderer(CAMERA).ray, WORLD_FROM_CAMERA)
     pixels = np.argwhere(inner_pixels(z, np.where(z > 0, 0, -1), 0))[::2]
     eye = WORLD_FROM_CAMERA[:3, 3].copy()
     return ObservedPoints(*surface_samples(points, z, np.ascontiguousarray(pixels), eye))

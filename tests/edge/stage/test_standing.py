@@ -11,7 +11,7 @@ from enliven.meshes.mesh import Mesh
 from enliven.person.body import PARENTS, Joint
 from enliven.samples.chair import make_chair
 from enliven_edge.stage.placement import turn_about_y
-from enliven_edge.stage.standing import _Nearness, best_stand, standing_figure, stood_in
+from enliven_edge.stage.standing import _Nearness, best_stand, fit_standing_person, standing_figure
 
 FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -62,7 +62,7 @@ def moved(mesh: Mesh, quarter: int, x: float, z: float, scale: float = 1.0) -> M
 @settings(max_examples=4, deadline=None)
 @given(st.integers(0, 3), st.floats(-3, 3), st.floats(-3, 3), st.floats(0.2, 5.0))
 def test_the_chair_is_brought_back_to_where_it_was_made(chair, quarter, x, z, scale) -> None:
-    back, fit = stood_in(moved(chair, quarter, x, z, scale))
+    back, fit = fit_standing_person(moved(chair, quarter, x, z, scale))
     assert np.abs(back.vertices / scale - chair.vertices).max() < 0.09
     assert fit > 0.25
 
@@ -103,7 +103,7 @@ def test_a_point_is_as_near_as_the_cell_that_it_is_in(seed) -> None:
 
 def test_nothing_but_the_place_of_a_mesh_changes(chair) -> None:
     other = moved(chair, 1, 2.0, 0.5)
-    back, _ = stood_in(other)
+    back, _ = fit_standing_person(other)
     lengths = [
         np.linalg.norm(m.vertices[m.faces[:, 0]] - m.vertices[m.faces[:, 1]], axis=1) for m in (other, back)
     ]
@@ -114,7 +114,7 @@ def test_nothing_but_the_place_of_a_mesh_changes(chair) -> None:
 
 def test_flat_and_wide_meshes_have_a_place_too() -> None:
     for mesh in (box((-40, 0, -40), (40, 0.5, 40)), box((-1, 0, 0), (1, 1.75, 0.0001))):
-        back, fit = stood_in(mesh)
+        back, fit = fit_standing_person(mesh)
         assert np.isfinite(back.vertices).all()
         assert 0.0 <= fit <= 1.0
 

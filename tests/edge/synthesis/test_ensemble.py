@@ -12,11 +12,11 @@ from tolerances import assert_alike
 
 from enliven.person.body import Joint
 from enliven_edge.sensors.profile import load_profile
-from enliven_synthesis.body.body_sdf import Anatomy
+from enliven_synthesis.body.body_sdf import BodyAnatomy
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.body.visibility import THICKNESS
 from enliven_synthesis.motion.exercises import exercise
-from enliven_synthesis.motion.motion import Chained, Danced, Held, Leg, placed
+from enliven_synthesis.motion.motion import Chained, Danced, HeldMotion, MotionSegment, placed
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 from enliven_synthesis.sensor.scene import Box
 
@@ -33,15 +33,15 @@ def appearance(name: str, build: Proportions | None = None, **more) -> Appearanc
 
 
 def hidden_by_ray(scene: Ensemble, figures, p: int, joint: int, boxes) -> bool:
-    """Whether a ray to the joint meets a box, another's flesh, or own flesh well before the joint's own."""
+    """Whether a ray to the joint meets a box, another's sdf, or own flesh well before the joint's own."""
     target = scene.camera_from_world[:3, :3] @ figures[p].joints[joint] + scene.camera_from_world[:3, 3]
     performer = scene.cast[p].performer
     thick = THICKNESS[joint] * performer.scale * max(1.0, performer.proportions.girth)
     steps = np.arange(0.3, target[2] - thick, 0.004)
     points = target[None] / target[2] * steps[:, None]
     for figure, other in zip(figures, scene.cast, strict=True):
-        flesh = Anatomy(other.performer).place(figure, scene.camera_from_world)
-        if (slow_field(flesh, points) < 0).any():
+        sdf = BodyAnatomy(other.performer).place(figure, scene.camera_from_world)
+        if (slow_field(sdf, points) < 0).any():
             return True
     world = points @ scene.world_from_camera[:3, :3].T + scene.world_from_camera[:3, 3]
     return any(((world > box.low) & (world < box.high)).all(1).any() for box in boxes)
@@ -81,7 +81,7 @@ def test_the_one_behind_is_hidden() -> None:
 
 def test_the_back_does_not_hide_the_chest_but_hides_folded_hands() -> None:
     performer = Performer()
-    held = Held(Danced(performer, exercise("crossed")), 1.7, 0.0)
+    held = HeldMotion(Danced(performer, exercise("crossed")), 1.7, 0.0)
     front = Ensemble(TOF, (Appearance(performer, held),), noise=False).frame(0)[1].visible[0]
     back = Ensemble(TOF, (Appearance(performer, held, yaw=np.pi),), noise=False).frame(0)[1].visible[0]
     for joint in (Joint.HEAD, Joint.SHOULDER_LEFT, Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.KNEE_RIGHT):
@@ -133,7 +133,11 @@ def test_feet_stand_until_they_step() -> None:
 def test_a_chain_goes_on_where_it_is_told() -> None:
     performer = Performer()
     still = Danced(performer, exercise("still"))
-    chain = Chained(performer, (Leg(0.0, still, (1.0, -3.0)), Leg(2.0, still, (1.0, -3.0), 1.0)), blend=1.0)
+    chain = Chained(
+        performer,
+        (MotionSegment(0.0, still, (1.0, -3.0)), MotionSegment(2.0, still, (1.0, -3.0), 1.0)),
+        blend=1.0,
+    )
     assert chain.duration == pytest.approx(2.0 + still.duration)
     np.testing.assert_allclose(chain.figure(0.5).joints, placed(still.figure(0.5), (1.0, -3.0), 0.0).joints)
     np.testing.assert_allclose(chain.figure(2.5).joints, placed(still.figure(0.5), (1.0, -3.0), 1.0).joints)

@@ -13,7 +13,7 @@ from slow_performer import SlowPerformer
 from enliven.errors import InputError
 from enliven.person.body import BONES, Joint
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.body.posture import Arm, Foot, Posture
+from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.body.rotations import GRID
 from enliven_synthesis.motion.choreographies import choreography, choreography_names
 from enliven_synthesis.motion.tracks import Track, ease, pulse
@@ -50,7 +50,7 @@ def test_bones_keep_their_lengths(name: str, height: float) -> None:
 
 _angle = st.floats(-0.6, 0.6)
 _foot = st.builds(
-    Foot,
+    FootPose,
     st.floats(-0.3, 0.3),
     st.floats(-0.3, 0.3),
     st.sampled_from([0.0, 0.1, 0.4]),
@@ -59,18 +59,27 @@ _foot = st.builds(
     _angle,
 )
 _arm = st.builds(
-    Arm, st.floats(-0.7, 2.5), st.floats(0, 1.6), _angle, st.floats(0, 2.4), _angle, _angle, st.floats(0, 0.3)
+    ArmPose,
+    st.floats(-0.7, 2.5),
+    st.floats(0, 1.6),
+    _angle,
+    st.floats(0, 2.4),
+    _angle,
+    _angle,
+    st.floats(0, 0.3),
 )
 
 
-_posture = st.builds(Posture, _foot, _foot, _arm, _arm, _angle, _angle, st.floats(-0.5, 0.1), *[_angle] * 9)
+_posture = st.builds(
+    PerformerPosture, _foot, _foot, _arm, _arm, _angle, _angle, st.floats(-0.5, 0.1), *[_angle] * 9
+)
 
 
 @settings(deadline=None, max_examples=150)
 @given(_posture, st.sampled_from([1.2, 1.75]))
-def test_any_posture_has_the_performers_bones(made: Posture, height: float) -> None:
+def test_any_posture_has_the_performers_bones(made: PerformerPosture, height: float) -> None:
     performer = Performer(Proportions(height=height))
-    usual = performer.pose(Posture(Foot(0.15, 0.0), Foot(-0.15, 0.0)))
+    usual = performer.pose(PerformerPosture(FootPose(0.15, 0.0), FootPose(-0.15, 0.0)))
     figure = performer.pose(made)
     assert np.allclose(_lengths(figure.joints), _lengths(usual.joints), atol=1e-6)
     rotations = figure.frames[:, :, :3]
@@ -80,7 +89,7 @@ def test_any_posture_has_the_performers_bones(made: Posture, height: float) -> N
 
 @settings(deadline=None, max_examples=100)
 @given(_posture)
-def test_a_posture_is_that_of_the_slow_twin(made: Posture) -> None:
+def test_a_posture_is_that_of_the_slow_twin(made: PerformerPosture) -> None:
     build = Proportions(height=1.6, shoulders=1.2, hips=0.8, arms=0.9, legs=1.1)
     figure, slow = Performer(build).pose(made), SlowPerformer(build).pose(made)
     np.testing.assert_allclose(figure.joints, slow.joints, rtol=0, atol=STEPS)
@@ -165,7 +174,7 @@ def test_left_is_the_performers_own_left() -> None:
 @pytest.mark.parametrize("height", [1.0, 1.6, 1.9])
 def test_the_stature_is_as_asked(height: float) -> None:
     performer = Performer(Proportions(height=height))
-    figure = performer.pose(Posture(Foot(0.08, 0.0), Foot(-0.08, 0.0)))
+    figure = performer.pose(PerformerPosture(FootPose(0.08, 0.0), FootPose(-0.08, 0.0)))
     crown = figure.joints[Joint.HEAD, 1] + 0.12 * height / 1.75
     assert crown == pytest.approx(height, abs=0.03 * height)
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, project, rays, world_from_level_camera
 from enliven.person.body import BONES, Joint
-from enliven_synthesis.body.body_sdf import BETWEEN, BLEND, DARK, PIECES, TAPER, Anatomy, Flesh
+from enliven_synthesis.body.body_sdf import BETWEEN, BLEND, DARK, PIECES, TAPER, BodyAnatomy, BodySdf
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreographies import choreography
-from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import MIRROR, Box, cast_room
 
 CAMERA = Intrinsics(162, 122, 145.0, 145.0, 80.0, 60.0)  # no multiple of the tiles
@@ -25,14 +25,14 @@ def _united(a: np.ndarray, b: np.ndarray, k: float) -> np.ndarray:
     return np.minimum(a, b) - h * h * k / 4
 
 
-def slow_field(flesh: Flesh, points: np.ndarray) -> np.ndarray:
+def slow_field(sdf: BodySdf, points: np.ndarray) -> np.ndarray:
     """(N,) distance of (N, 3) points to the whole body: every primitive, no tiles, no pruning."""
     whole = np.full(len(points), 1e9)
     for group in range(len(BLEND)):
         part = np.full(len(points), 1e9)
-        for i in np.flatnonzero(flesh.group == group):
-            s = flesh.shape[i]
-            if flesh.kind[i] == TAPER:
+        for i in np.flatnonzero(sdf.group == group):
+            s = sdf.shape[i]
+            if sdf.kind[i] == TAPER:
                 t = np.clip((points - s[:3]) @ s[3:6] * s[6], 0, 1)
                 radius = s[7] + t * s[8] + 4 * t * (1 - t) * s[9]
                 d = np.linalg.norm(points - s[:3] - t[:, None] * s[3:6], axis=-1) - radius
@@ -47,13 +47,13 @@ def slow_field(flesh: Flesh, points: np.ndarray) -> np.ndarray:
 
 def _drawn(
     name: str, time: float, build: Proportions | None = None
-) -> tuple[Flesh, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[BodySdf, np.ndarray, np.ndarray, np.ndarray]:
     performer = Performer(build)
     figure = performer.pose(choreography(name).posture(time))
-    flesh = Anatomy(performer).place(figure, CAMERA_FROM_WORLD)
+    sdf = BodyAnatomy(performer).place(figure, CAMERA_FROM_WORLD)
     depth, material = np.full((122, 162), np.inf), np.zeros((122, 162), np.uint8)
-    Renderer(CAMERA).draw(flesh, depth, material)
-    return flesh, depth, material, figure.joints
+    DepthRenderer(CAMERA).draw(sdf, depth, material)
+    return sdf, depth, material, figure.joints
 
 
 @pytest.mark.parametrize(
@@ -67,26 +67,26 @@ def _drawn(
     ],
 )
 def test_the_picture_is_the_surface(name: str, time: float, build: Proportions | None) -> None:
-    flesh, depth, _, _ = _drawn(name, time, build)
+    sdf, depth, _, _ = _drawn(name, time, build)
     ray = np.concatenate([rays(CAMERA), np.ones((122, 162, 1))], -1)
     hit = np.isfinite(depth)
     assert 500 < hit.sum() < 0.4 * hit.size
-    assert np.abs(slow_field(flesh, ray[hit] * depth[hit][:, None])).max() < 1.5e-3
+    assert np.abs(slow_field(sdf, ray[hit] * depth[hit][:, None])).max() < 1.5e-3
     # Nothing of the body is in front of what was drawn, nor anywhere on a ray that met nothing.
     rng = np.random.default_rng(3)
     v, u = np.nonzero(hit | np.roll(hit, 3, 1) | np.roll(hit, -3, 0))
     for n in rng.choice(len(v), 60, replace=False):
         z = np.arange(1.5, min(depth[v[n], u[n]] - 0.01, 3.6), 0.004)
-        assert slow_field(flesh, ray[v[n], u[n]] * z[:, None]).min() > -2e-3
+        assert slow_field(sdf, ray[v[n], u[n]] * z[:, None]).min() > -2e-3
 
 
 def test_the_flesh_is_around_the_bones() -> None:
-    flesh, _, _, joints = _drawn("chair", 0.5)
+    sdf, _, _, joints = _drawn("chair", 0.5)
     inside = joints @ CAMERA_FROM_WORLD[:3, :3].T + CAMERA_FROM_WORLD[:3, 3]
-    assert slow_field(flesh, inside).max() < -0.015
+    assert slow_field(sdf, inside).max() < -0.015
     for a, b in BONES:
         middle = (inside[a] + inside[b])[None] / 2
-        assert slow_field(flesh, middle)[0] < -0.01
+        assert slow_field(sdf, middle)[0] < -0.01
 
 
 @pytest.mark.parametrize("time", [0.5, 3.05, 6.0, 8.4])
@@ -116,9 +116,9 @@ def test_both_sides_have_the_same_pieces() -> None:
 def test_a_still_room_hides_the_performer() -> None:
     performer = Performer()
     figure = performer.pose(choreography("idle").posture(0.0))
-    flesh = Anatomy(performer).place(figure, CAMERA_FROM_WORLD)
+    sdf = BodyAnatomy(performer).place(figure, CAMERA_FROM_WORLD)
     depth, material = np.full((122, 162), 1.5), np.zeros((122, 162), np.uint8)
-    Renderer(CAMERA).draw(flesh, depth, material)
+    DepthRenderer(CAMERA).draw(sdf, depth, material)
     assert (depth == 1.5).all() and not material.any()
 
 
@@ -207,10 +207,10 @@ def test_a_box_is_cut_by_the_ray_where_geometry_says() -> None:
 
 
 def test_the_ankle_is_above_the_sole() -> None:
-    flesh, _, _, joints = _drawn("idle", 0.0)
+    sdf, _, _, joints = _drawn("idle", 0.0)
     for ankle in (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT):
         heights = np.linspace(-0.03, 0.05, 81)
         below = np.stack([np.full(81, joints[ankle, 0]), heights, np.full(81, joints[ankle, 2])], -1)
         camera = below @ CAMERA_FROM_WORLD[:3, :3].T + CAMERA_FROM_WORLD[:3, 3]
-        sole = heights[np.flatnonzero(slow_field(flesh, camera) < 0)[0]]
+        sole = heights[np.flatnonzero(slow_field(sdf, camera) < 0)[0]]
         assert abs(sole) < 0.02

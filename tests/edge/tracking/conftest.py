@@ -10,10 +10,10 @@ import pytest
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven_synthesis.body.body_sdf import Anatomy
+from enliven_synthesis.body.body_sdf import BodyAnatomy
 from enliven_synthesis.body.performer import Figure, Performer, Proportions
 from enliven_synthesis.motion.choreographies import choreography
-from enliven_synthesis.sensor.render import Renderer
+from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -38,7 +38,7 @@ class Player:
 
     def __post_init__(self):
         self.performer = Performer(self.build)
-        self.anatomy = Anatomy(self.performer)
+        self.anatomy = BodyAnatomy(self.performer)
         self.choreography = choreography(self.does)
 
     def figure(self, time: float) -> Figure | None:
@@ -70,7 +70,7 @@ class Playground:
         self.players, self.boxes, self.told, self.noise = players, boxes, told, noise
         self.mount = mount or (lambda time: MOUNT)
         self.camera = camera
-        self._renderer = Renderer(camera)
+        self._renderer = DepthRenderer(camera)
         self._random = np.random.default_rng(seed)
         self._rooms = {}
 

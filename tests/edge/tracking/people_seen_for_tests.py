@@ -16,7 +16,7 @@ from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimato
 from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points
 from enliven_synthesis.body.performer import Figure, Performer
 from enliven_synthesis.training.body_poses import random_figure
-from enliven_synthesis.training.rendering import Picture, Studio, random_build
+from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson, random_build
 
 CLASSES = {
     "arms overhead": ("stand", "overhead", 0.0),
@@ -32,12 +32,12 @@ SEEDS = (900, 901, 902)
 
 
 @cache
-def _studio() -> Studio:
-    return Studio()
+def _studio() -> PersonRenderer:
+    return PersonRenderer()
 
 
 @cache
-def taken(name: str, seed: int) -> Picture:
+def taken(name: str, seed: int) -> RenderedPerson:
     """The picture of somebody."""
     family, arms, yaw = CLASSES[name]
     dice = np.random.default_rng([41, seed])
@@ -46,7 +46,7 @@ def taken(name: str, seed: int) -> Picture:
     middle = 0.5 * (figure.joints.min(0) + figure.joints.max(0))
     pose = world_from_level_camera(1.2, np.arctan2(1.2 - middle[1], 2.8))
     pose[:3, 3] = middle[0], 1.2, middle[2] + 2.8
-    return _studio().take(performer, figure, seed % 6, pose, dice)
+    return _studio().render_figure(performer, figure, seed % 6, pose, dice)
 
 
 @cache

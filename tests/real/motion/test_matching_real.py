@@ -100,7 +100,7 @@ def test_the_leg_turns_as_the_arm_does():
             angles.append(leg)
     assert max(angles) > 1.0, "somebody waved"
     driven = {bone for _, target in hold.pairs for bone in target[1:]}
-    below = {j for bone in driven for j in actor.puppet.shape.skeleton.below(bone)}
+    below = {j for bone in driven for j in actor.live_shape.shape.skeleton.below(bone)}
     others = [j for j in range(len(actor.character.pivots)) if j not in below]
     np.testing.assert_allclose(pose.linear[others], rest.linear[others], atol=1e-6)
 

@@ -1,5 +1,6 @@
-"""Meshes moved by a few example poses: performers drive control points, and the surface follows in the
-viewer.
+"""Puppets are meshes that a few example poses move.
+
+Performers drive their control points; the viewer solves the surface.
 """
 
 import lazy_loader

@@ -1,7 +1,6 @@
-"""A performer's bones, seen from their own front: what is not seen keeps its direction, and nothing is flung.
+"""Follows the directions of a performer's bones in the performer's own frame; unseen bones keep theirs.
 
-Directions do not know how tall somebody is, nor where they stand or look: a child moves a puppet as an adult
-does.
+Directions do not depend on a performer's height, place or facing: a child moves a puppet as an adult does.
 """
 
 from __future__ import annotations
@@ -14,18 +13,23 @@ from enliven.arrays import Bool, Float
 from enliven.person import PARENTS, Body, Joint
 from enliven_edge.stage.placement import turn_about_y
 
-_UP, _DOWN, _AHEAD = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, -0.5, 0.866)
+_UP = (0.0, 1.0, 0.0)
+"""The unit direction of the trunk's bones while standing."""
+_DOWN = (0.0, -1.0, 0.0)
+"""The unit direction of hanging arms and of legs."""
+_AHEAD = (0.0, -0.5, 0.866)
+"""The unit direction from ankle to foot: 30 degrees below the horizontal, as the sole is level."""
 _PARENT = np.maximum(np.array(PARENTS), 0)
 _SHORT = 1e-3
-"""Metres below which a bone points nowhere."""
+"""Metres below which a bone has no direction: a millimetre is below the noise of joints."""
 
 
 def standing() -> Float:
-    """(20, 3) unit directions of bones to their joints, of who stands upright facing +Z with hanging arms."""
+    """Returns (20, 3) unit directions of the bones to the joints: upright, facing +Z, arms hanging."""
     at = np.tile(np.array(_DOWN), (len(Joint), 1))
     for joint in (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD):
         at[joint] = _UP
-    for joint, way in (
+    for joint, direction in (
         (Joint.SHOULDER_LEFT, (0.94, -0.34, 0.0)),
         (Joint.SHOULDER_RIGHT, (-0.94, -0.34, 0.0)),
         (Joint.HIP_LEFT, (0.77, -0.64, 0.0)),
@@ -33,21 +37,21 @@ def standing() -> Float:
         (Joint.FOOT_LEFT, _AHEAD),
         (Joint.FOOT_RIGHT, _AHEAD),
     ):
-        at[joint] = way
+        at[joint] = direction
     return at
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """A performer at one moment, from their own front.
+class BonePose:
+    """The directions of a performer's bones at one moment, in the performer's own frame.
 
     Attributes:
-        ways: (20, 3) unit directions of the bones to the joints; front at +Z, left at +X.
-        pelvis, chest, head: (3, 3) how these are turned, upright the identity.
-        yaw: radians about +Y that they face, continuous.
+        directions: (20, 3) unit directions of the bones to the joints; front at +Z, left at +X.
+        pelvis, chest, head: (3, 3) rotations, the identity when upright.
+        yaw: radians about +Y from +Z to the facing, continuous.
     """
 
-    ways: Float
+    directions: Float
     pelvis: Float
     chest: Float
     head: Float
@@ -55,31 +59,31 @@ class Seen:
 
 
 class Bones:
-    """Follows one performer's bones.
+    """Follows the bones of one performer over time.
 
     Args:
-        ease: seconds in which a bone that is seen again counts fully.
+        ease: seconds until a bone that is seen again counts fully.
     """
 
     def __init__(self, ease: float) -> None:
         self._ease = ease
-        self._ways = standing()
+        self._directions = standing()
         self._trust = np.zeros(len(Joint))
         self._turns = np.tile(np.eye(3), (3, 1, 1))
         self._sure = np.zeros(3)
         self._yaw: float | None = None
         self._fresh = True
 
-    def see(self, body: Body, seconds: float) -> Seen:
-        """What is known now.
+    def see(self, body: Body, seconds: float) -> BonePose:
+        """Updates the bones from a body and returns them.
 
         Args:
-            seconds: since the last time.
+            seconds: since the last body.
         """
         known = (body.confidence > 0) & np.isfinite(body.joints).all(1)
         gain = 1.0 if self._fresh or self._ease <= 0.0 else seconds / self._ease
         turns, sure = _trunk(body, known)
-        # Of who stands so near that the hips are not seen, the chest says where they look.
+        # Where the hips are not seen, as of performers who stand too near, the chest tells the facing.
         self._turn(turns[0] if sure[0] else turns[1], bool(sure[0] or sure[1]))
         yaw = self._yaw or 0.0
         back = turn_about_y(-yaw)
@@ -89,19 +93,20 @@ class Bones:
         lengths = np.linalg.norm(vectors, axis=1)
         both = known & known[_PARENT] & (lengths > _SHORT)
         self._trust = np.where(both, np.minimum(self._trust + gain, 1.0), 0.0)
-        ways = vectors / np.maximum(lengths, _SHORT)[:, None]
-        self._ways = _unit(self._ways + self._trust[:, None] * (ways - self._ways), self._ways)
+        directions = vectors / np.maximum(lengths, _SHORT)[:, None]
+        before = self._directions
+        self._directions = _unit(before + self._trust[:, None] * (directions - before), before)
         self._fresh = False
         return self.seen
 
     @property
-    def seen(self) -> Seen:
-        """As they were last."""
+    def seen(self) -> BonePose:
+        """The bones as of the last body."""
         pelvis, chest, head = self._turns
-        return Seen(self._ways, pelvis, chest, head, self._yaw or 0.0)
+        return BonePose(self._directions, pelvis, chest, head, self._yaw or 0.0)
 
     def _turn(self, pelvis: Float, sure: bool) -> None:
-        """The yaw goes on from what it was, without a jump from one half turn to the other."""
+        """Updates the yaw continuously, without a jump of a whole turn at +-pi."""
         if not sure:
             return
         yaw = _yaw_of(pelvis)
@@ -118,7 +123,7 @@ class Bones:
 
 
 def _trunk(body: Body, known: Bool) -> tuple[Float, Bool]:
-    """(3, 3, 3) world turns of pelvis, chest and head, and (3,) whether each is seen."""
+    """Returns (3, 3, 3) world rotations of pelvis, chest and head, and (3,) whether each is seen."""
     at, j = body.joints, Joint
     need = (
         (j.HIP_CENTER, j.HIP_LEFT, j.HIP_RIGHT, j.SHOULDER_CENTER),
@@ -141,7 +146,7 @@ def _trunk(body: Body, known: Bool) -> tuple[Float, Bool]:
 
 
 def _frame(left: Float, up: Float) -> Float | None:
-    """(3, 3) columns left, up, front; None where they say nothing."""
+    """Returns (3, 3) with columns left, up, front; None where the vectors are too short."""
     size = float(np.linalg.norm(up))
     if size < _SHORT:
         return None
@@ -155,11 +160,11 @@ def _frame(left: Float, up: Float) -> Float | None:
 
 
 def _yaw_of(turn: Float) -> float:
-    """Radians of the part of a turn (3, 3) that is about +Y, as :func:`enliven.examples.performer.yaw_of`."""
+    """Returns the radians about +Y of a rotation (3, 3), as :func:`enliven.examples.performer.yaw_of`."""
     return float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
 
 
 def _unit(vectors: Float, otherwise: Float) -> Float:
-    """(N, 3) of length one; what has none stays as it was."""
+    """Returns (N, 3) unit vectors; those of ``otherwise`` where a vector has no length."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), otherwise))

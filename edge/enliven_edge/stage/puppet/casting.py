@@ -1,4 +1,4 @@
-"""From a session of examples, or a project, to a puppet on the stage."""
+"""Casting makes a puppet on the stage from a session of examples or from a project."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ log = logging.getLogger(__name__)
 
 
 def cast_puppet(spec: str, settings: PuppetSettings | None = None) -> PuppetActor:
-    """The actor of a puppet, ready to be moved.
+    """Returns the actor of a puppet, ready to be moved.
 
     Args:
-        spec: a name of ``MADE``, a session (.toml), or a project (.enliven),
-            of several puppets with "#" and its name behind.
+        spec: a name of ``MADE``, a session (.toml), or a project (.enliven);
+            "#" and a name behind a project with several puppets.
 
     Raises:
         InputError: for a file that cannot be read, and for a puppet that cannot move yet, with what it lacks.

@@ -1,4 +1,4 @@
-"""On which feet a performer stands, and whether they are in the air."""
+"""Tells on which feet a performer stands, and whether both are in the air."""
 
 from __future__ import annotations
 
@@ -13,20 +13,29 @@ from enliven.person import Body, Joint
 
 _SIDES = ((Joint.FOOT_LEFT, Joint.ANKLE_LEFT), (Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT))
 _CREEP = 0.01
-"""Metres a second by which what is taken for the floor may rise: nobody is in the air for long."""
+"""Metres a second by which the floor's estimate may rise: slow, as a jump lasts less than a second."""
 _DEAD = 0.025
-"""Share of a person's height below which feet are not in the air: heels come off, joints are not exact."""
-_SURE, _STILL_SURE = 0.5, 0.3
-"""Probability of contact from which a foot stands, and below which it no longer does."""
+"""Share of a person's height below which feet are not in the air: heels lift, and joints are inexact."""
+_SURE = 0.5
+"""Probability of contact from which a foot stands: more likely than not."""
+_STILL_SURE = 0.3
+"""Probability of contact below which a standing foot no longer stands: lower, so that it does not flicker."""
 _WINDOW = 0.1
-"""Seconds over which the speed of a foot is measured."""
+"""Seconds over which the speed of a foot is measured: three frames of a usual sensor."""
 _LEG = 0.5
-"""Share of a person's height."""
+"""Length of a leg as a share of a person's height."""
 _HIGHEST = 1.0
-"""Share of their height that nobody jumps beyond."""
-_ADULT, _LOWEST = 1.7, 0.3
-"""Metres of a performer whose height is not known, and below which it is not."""
-LEFT_FOOT, RIGHT_FOOT, EITHER = 0, 1, 2
+"""Share of a person's height to which a lift is limited: no person jumps higher."""
+_ADULT = 1.7
+"""Metres: the height taken for a performer of unknown height, an average adult's."""
+_LOWEST = 0.3
+"""Metres: a smaller height comes from missing joints and is unknown."""
+LEFT_FOOT = 0
+"""The side of a control point that goes with the left leg: an index into (left, right, either)."""
+RIGHT_FOOT = 1
+"""The side of a control point that goes with the right leg."""
+EITHER = 2
+"""The side of a control point that goes with neither leg: it stands where either foot does."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +43,9 @@ class Footing:
     """How the performer stands.
 
     Attributes:
-        touches: whether the floor is touched.
-        lift: shares of their height that the feet are in the air.
-        stands: whether the left and the right foot stand; neither where that is not known.
+        touches: whether a foot touches the floor.
+        lift: height of the feet above the floor, as a share of the performer's height.
+        stands: whether the left and the right foot stand; both false where that is not known.
     """
 
     touches: bool = True
@@ -44,8 +53,8 @@ class Footing:
     stands: tuple[bool, bool] = (False, False)
 
 
-class Soles:
-    """Tells on which feet a performer stands; in the air is only whose feet are both seen off the floor."""
+class Feet:
+    """Tells on which feet a performer stands; both feet must be seen off the floor to be in the air."""
 
     def __init__(self, settings: ContactSettings | None = None, runner: float = 0.4) -> None:
         self._how, self._runner = settings or ContactSettings(), runner
@@ -55,7 +64,7 @@ class Soles:
         self._down = [False, False]
 
     def see(self, body: Body, seconds: float) -> Footing:
-        """How they stand now, ``seconds`` after the last time."""
+        """Returns the footing of a body, ``seconds`` after the last one."""
         self._seconds += seconds
         joints = np.array(_SIDES)
         at = body.joints[joints]
@@ -73,7 +82,7 @@ class Soles:
         return Footing(False, lift - _DEAD)
 
     def _stand(self, body: Body, at: Float, seen: Bool, above: Float) -> None:
-        """Which feet stand: as the tracker says, else what is low and slow, as in a take."""
+        """Decides which feet stand: by the tracker's contacts, else by height and speed, as in a take."""
         if body.contacts is not None:
             self._down = self._contacts(body).tolist()
             return
@@ -93,7 +102,7 @@ class Soles:
             self._down[k] = bool(seen[k].any() and low and speeds[k] <= slow * more)
 
     def _contacts(self, body: Body) -> Bool:
-        """(2,) whether the tracker says that a foot stands."""
+        """Returns (2,) whether the tracker says that the left and the right foot stand."""
         if body.contacts is None:
             return np.zeros(2, np.bool_)
         least = np.where(self._down, _STILL_SURE, _SURE)
@@ -101,13 +110,13 @@ class Soles:
 
 
 def _height(body: Body) -> float:
-    """Metres of the performer; an adult's where joints do not say."""
+    """Returns the performer's height in metres; an adult's where it is unknown."""
     height = body.height
     return height if np.isfinite(height) and height > _LOWEST else _ADULT
 
 
 def side_of_foot(joint: Joint) -> int:
-    """Which foot of a performer a joint goes with."""
+    """Returns the side that a joint goes with: ``LEFT_FOOT``, ``RIGHT_FOOT`` or ``EITHER``."""
     if joint.name.endswith(("LEFT", "RIGHT")) and joint.name.split("_")[0] in (
         "HIP",
         "KNEE",

@@ -1,4 +1,4 @@
-"""One performer's hold on a puppet: the control points that they move, and what they did last."""
+"""One performer's hold on a puppet: the control points that they move, and their last pose."""
 
 from __future__ import annotations
 
@@ -9,44 +9,45 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Body, mirrored
 from enliven_edge.stage.puppet.bones import Bones
-from enliven_edge.stage.puppet.feet import Footing, Soles
-from enliven_edge.stage.puppet.likeness import Likeness
+from enliven_edge.stage.puppet.feet import Feet, Footing
+from enliven_edge.stage.puppet.retargeting import Retargeting
 
 _MIRROR = np.zeros(3), np.array([1.0, 0.0, 0.0])
+"""A point and the unit normal of the plane x = 0, in which a performer is mirrored."""
 
 
 @dataclass
-class Hold:
-    """What one performer moves.
+class ControlPointHold:
+    """The control points that one performer moves.
 
     Attributes:
         body: the performer's id.
         points: numbers of the control points.
-        bones, soles: follow them.
-        pose: (P, 3) metres, the paired joints in the body frame, all of them, as they were last.
+        bones, feet: follow the performer's bones and feet.
+        pose: (P, 3) metres, the last positions of all paired joints in the body frame.
         yaw: radians that the performer faces, continuous.
-        footing: how they stood last.
-        seen_ns: when that was, the sensor's clock.
+        footing: how the performer stood last.
+        seen_ns: nanoseconds of the sensor's clock when the performer was last in view.
     """
 
     body: int
     points: frozenset[int]
     bones: Bones
-    soles: Soles = field(default_factory=Soles)
+    feet: Feet = field(default_factory=Feet)
     pose: Float = field(default_factory=lambda: np.zeros((0, 3)))
     yaw: float = 0.0
     footing: Footing = field(default_factory=Footing)
     seen_ns: int = 0
 
-    def see(self, body: Body, likeness: Likeness, time_ns: int, *, mirror: bool) -> None:
-        """The performer is in view."""
+    def see(self, body: Body, retargeting: Retargeting, time_ns: int, *, mirror: bool) -> None:
+        """Updates the pose and the footing from a performer in view."""
         seconds = max(time_ns - self.seen_ns, 0) * 1e-9
         if mirror:
             body = mirrored(body, *_MIRROR)
         seen = self.bones.see(body, seconds)
-        self.pose, self.yaw, self.seen_ns = likeness.pose(seen), seen.yaw, time_ns
-        self.footing = self.soles.see(body, seconds)
+        self.pose, self.yaw, self.seen_ns = retargeting.pose(seen), seen.yaw, time_ns
+        self.footing = self.feet.see(body, seconds)
 
     def away(self, time_ns: int) -> float:
-        """Seconds since they were last in view; to it, where the clock went back."""
+        """Returns the seconds since, or until, the performer was last in view: the clock may go back."""
         return abs(time_ns - self.seen_ns) * 1e-9

@@ -1,8 +1,8 @@
-"""The examples' mapping at an even pace, whatever the pace of the sensor.
+"""Runs the examples' mapping at an even rate, whatever the frame rate of the sensor.
 
-A performer's poses come when frames come: late, twice as fast, with some left out. Here they are samples
-at an even rate, interpolated between the frames; the answers come ``lag`` samples later, and what is shown
-lies between the last two of them: ``lag + 1`` samples after the pose, always.
+A performer's poses arrive unevenly, and some are missing. They are interpolated to samples at an even rate.
+The mapping answers ``lag`` samples later, and the shown state is interpolated between the last two answers:
+it is always ``lag + 1`` samples behind the pose.
 """
 
 from __future__ import annotations
@@ -15,18 +15,19 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.examples import ExampleMap, LiveExamples, State
 from enliven_edge.stage.puppet.feet import Footing
-from enliven_edge.stage.puppet.locomotion import Way
+from enliven_edge.stage.puppet.locomotion import Locomotion
 
 _NS = 1_000_000_000
+"""Nanoseconds in a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """What performers did at one moment.
+    """The performers' input at one moment.
 
     Attributes:
         pose: (P, 3) metres, the paired joints in the body frame.
-        yaw: radians, which way the puppet is to look.
+        yaw: radians about +Y that the puppet is to face.
         footing: how the performer stands.
         size: metres that the puppet rises for a lift of 1.
     """
@@ -38,19 +39,19 @@ class Sample:
 
 
 class Live:
-    """A puppet's control points and its way in the world, while somebody performs.
+    """A puppet's control points and its root in the world while performers move it.
 
     Args:
         rate: samples a second.
         lag: samples from a pose to the answer.
 
     Attributes:
-        loose: numbers of the control points that nobody moves: they are at ``rest``.
-        rest: (P, 3) metres.
+        loose: numbers of the control points that no performer moves: they are at ``rest``.
+        rest: (P, 3) metres, all control points at rest.
     """
 
-    def __init__(self, mapping: ExampleMap, way: Way, rate: float, lag: int) -> None:
-        self._mapping, self._way, self._lag = mapping, way, lag
+    def __init__(self, mapping: ExampleMap, locomotion: Locomotion, rate: float, lag: int) -> None:
+        self._mapping, self._locomotion, self._lag = mapping, locomotion, lag
         self._step_ns = round(_NS / rate)
         self._live: LiveExamples | None = None
         self._waiting: deque[Sample] = deque()
@@ -66,27 +67,28 @@ class Live:
         return (self._lag + 1) * self._step_ns / _NS
 
     def begin(self, time_ns: int, sample: Sample, state: State) -> State:
-        """The first sample, as if the performer had been like that for ever.
+        """Starts from a first sample, as if the performer had always been so, and returns the state to show.
 
         Args:
-            state: of the puppet until now: it stands where it stood.
+            state: the puppet's state until now; it keeps its place.
         """
         self._live = LiveExamples(self._mapping, self._step_ns / _NS, self._lag)
         self._waiting.clear()
-        self._way.begin(state.root)
+        self._locomotion.begin(state.root)
         self._after = State(np.zeros((0, 3)), 0.0, state.root)
         self._last, self._due_ns = (time_ns, sample), time_ns + self._step_ns
         for _ in range(self._lag + 2):
             self._push(sample)
-        if self._way.goes:
-            by = (self._way.stands(state) - self._way.stands(self._after)) * np.array([1.0, 0.0, 1.0])
-            self._way.shift(by)
+        if self._locomotion.goes:
+            by = self._locomotion.stands(state) - self._locomotion.stands(self._after)
+            by = by * np.array([1.0, 0.0, 1.0])
+            self._locomotion.shift(by)
             self._after = replace(self._after, root=self._after.root + by)
         self._before = self._after
         return self._after
 
     def go_on(self, time_ns: int, sample: Sample) -> State:
-        """The next sample; what is to be shown now."""
+        """Takes the next sample and returns the state to show now."""
         assert self._last is not None
         before_ns, before = self._last
         while self._due_ns <= time_ns:
@@ -110,7 +112,7 @@ class Live:
             return
         places[self.loose] = self.rest[self.loose]
         out = self._waiting.popleft()
-        root = self._way.go(places, out.yaw, out.footing, out.size)
+        root = self._locomotion.go(places, out.yaw, out.footing, out.size)
         self._before, self._after = self._after, State(places, out.yaw, root)
 
 

@@ -1,9 +1,9 @@
-"""Where a puppet is in the world, as somebody performs: ``locomotion`` frame by frame.
+"""Locomotion of a puppet frame by frame: its root in the world while performers move it.
 
-In contact the anchor does not move over the floor: a foot that the performer stands on until they lift it,
-or, where that is not known, the lowest foot until another is clearly lower. In the
-air the puppet keeps the velocity it left with. How high it is then is the performer's own height over the
-floor at the puppet's size: when they will land nobody knows yet, but they fall as they fall.
+In contact the anchor does not move over the floor. The anchor is a foot that the performer stands on until
+they lift it, or, where that is not known, the lowest foot until another is clearly lower. In the air the
+puppet keeps the velocity with which it left the floor, and its height is the performer's lift at the puppet's
+size, as the time of landing is not known yet.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from enliven.examples.spacetime import stand
 from enliven_edge.stage.puppet.feet import EITHER, Footing
 
 
-class Way:
-    """The root of a puppet, frame by frame.
+class Locomotion:
+    """Moves the root of a puppet frame by frame.
 
     Args:
         rest: (P, 3) metres, the control points at rest.
-        feet: numbers of those that it can stand on; without any it stays on its spot.
+        feet: numbers of the control points that it can stand on; without any it stays on its spot.
         step: seconds between frames.
-        sides: of each foot, whether it is the performer's left or right one, or either; None: all are either.
+        sides: (F,) the performer's foot for each, see :func:`side_of_foot`; None: either foot for all.
     """
 
     def __init__(
@@ -50,33 +50,33 @@ class Way:
         self.root = np.zeros(3)
 
     def begin(self, root: Float) -> None:
-        """From a root (3,) on, as if nothing had been before."""
+        """Starts anew at a root (3,), metres."""
         self.root = np.array(root, np.float64)
         self._before, self.anchor = None, -1
         self._roots.clear()
 
     def stands(self, state: State) -> Float:
-        """(3,) metres, the middle of the feet, before the puppet's own place and turn."""
+        """Returns (3,) metres, the middle of the feet, before the puppet's own place and rotation."""
         feet = turned_about_y(state.places[self._feet], np.asarray(state.yaw))
         return np.asarray(feet.mean(0) + state.root)
 
     def shift(self, by: Float) -> None:
-        """Everything, also what was before, by (3,) metres."""
+        """Moves the root, the past ones included, by (3,) metres."""
         self.root = self.root + by
         self._roots = deque((root + by for root in self._roots), self._roots.maxlen)
 
     @property
     def goes(self) -> bool:
-        """Whether it has feet to go on."""
+        """Whether the puppet has feet to walk on."""
         return len(self._feet) > 0
 
     def go(self, places: Float, yaw: float, footing: Footing, size: float) -> Float:
-        """(3,) the root of the next frame.
+        """Returns the root (3,) of the next frame, metres.
 
         Args:
             places: (P, 3) metres in the puppet's frame.
             yaw: radians.
-            size: metres that it rises for a lift of 1.
+            size: metres that the puppet rises for a lift of 1.
         """
         if len(self._feet) == 0:
             return self.root
@@ -91,7 +91,7 @@ class Way:
         return root
 
     def _stand(self, turned: Float, root: Float, stands: tuple[bool, bool]) -> None:
-        """Contact: as in a take, upon the frame before; at first, whoever is lowest."""
+        """Moves the root in contact, as in a take; the first anchor is the lowest foot."""
         known = np.array([*stands, any(stands)])[self._sides]
         before = turned if self._before is None else self._before
         roots, anchors = np.stack([root, root]), np.array([self.anchor, -1])

@@ -1,4 +1,4 @@
-"""A puppet on the stage: performers move its control points, by what its key poses say they mean."""
+"""The actor of a puppet: its key poses map the performers' joints to its control points."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from enliven.examples import ExampleMap, State, examples_of, pose_of_state, refe
 from enliven.person import MIRROR, Body, parts_named
 from enliven.rotation import rotate
 from enliven_edge.stage.actor import Mode
-from enliven_edge.stage.easing import Fading
+from enliven_edge.stage.easing import Easing
 from enliven_edge.stage.highlights import Cues, cues_of
-from enliven_edge.stage.highlights import State as Held
+from enliven_edge.stage.highlights import State as HoldState
 from enliven_edge.stage.puppet.bones import Bones
-from enliven_edge.stage.puppet.feet import Soles, side_of_foot
-from enliven_edge.stage.puppet.hold import Hold
-from enliven_edge.stage.puppet.likeness import Likeness
+from enliven_edge.stage.puppet.feet import Feet, side_of_foot
+from enliven_edge.stage.puppet.hold import ControlPointHold
 from enliven_edge.stage.puppet.live import Live, Sample
-from enliven_edge.stage.puppet.locomotion import Way
+from enliven_edge.stage.puppet.locomotion import Locomotion
+from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
 _STEP = 33_333_333
@@ -46,32 +46,33 @@ class PuppetActor:
         self.settings = settings or PuppetSettings()
         self._project, self._puppet = project, puppet
         self._examples = examples_of(project, puppet)
-        self._likeness = Likeness(reference_of(project, puppet), self._examples.joints)
+        self._retargeting = Retargeting(reference_of(project, puppet), self._examples.joints)
         self.character = character_of_puppet(puppet)
-        self.holds: list[Hold] = []
+        self.holds: list[ControlPointHold] = []
         walks = self.settings.place == "walks"
         feet = [k for k, point in enumerate(puppet.points) if point.foot and walks]
-        sides = [side_of_foot(self._likeness.joints[k]) for k in feet]
-        way = Way(puppet.rest, feet, 1.0 / self.settings.rate, puppet.locomotion, sides)
+        sides = [side_of_foot(self._retargeting.joints[k]) for k in feet]
+        locomotion = Locomotion(puppet.rest, feet, 1.0 / self.settings.rate, puppet.locomotion, sides)
         mapping = ExampleMap(self._examples, puppet.examples)
-        self._way, self._live = way, Live(mapping, way, self.settings.rate, self.settings.lag)
+        self._locomotion = locomotion
+        self._live = Live(mapping, locomotion, self.settings.rate, self.settings.lag)
         self._live.rest = puppet.rest
         self._state = State(puppet.rest.copy(), 0.0, np.zeros(3))
-        self._fading = Fading(self.settings.fade, self.settings.fade_pace)
-        self._lead: Hold | None = None
-        self._turned = 0.0
-        self._anew = self._met = False
+        self._easing = Easing(self.settings.fade, self.settings.fade_pace)
+        self._lead: ControlPointHold | None = None
+        self._yaw_offset = 0.0
+        self._restarts = self._placed = False
         self._candidate: tuple[int | None, str] = (None, "all")
         self._time_ns = 0
 
     @property
-    def state(self) -> Held:
-        """Whether somebody moves it."""
+    def state(self) -> HoldState:
+        """Whether a performer moves it."""
         return "possessed" if self.holds else "free"
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """Who takes hold next, None for the first in view, and with what."""
+        """The id of the performer who takes hold next, None for the first in view, and the parts."""
         return self._candidate
 
     @property
@@ -82,29 +83,29 @@ class PuppetActor:
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
-        """The pose at a moment; of performers who are out of view, the last."""
-        if not self._met and bodies and np.isfinite(bodies[0].joints).all():
-            self._meet(bodies[0])
+        """Returns the pose at a moment; performers out of view keep their last pose."""
+        if not self._placed and bodies and np.isfinite(bodies[0].joints).all():
+            self._place_beside(bodies[0])
         self._hand_over(bodies, time_ns)
         paused = not 0 < time_ns - self._time_ns <= self.settings.pause * 1e9
         if paused:
-            self._fading.skip(time_ns)
-        self._look(bodies, time_ns)
+            self._easing.skip(time_ns)
+        self._update_holds(bodies, time_ns)
         if self.holds:
-            self._follow(time_ns, paused)
+            self._update_state(time_ns, paused)
         self._time_ns = time_ns
         pose = pose_of_state(self._puppet, self._state, time_ns)
-        linear, positions = self._fading(
+        linear, positions = self._easing(
             pose.linear.astype(np.float64), pose.positions.astype(np.float64), time_ns
         )
         return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """The performer moves the control points that go with these parts of the body from now on.
+        """Lets the performer move the control points that go with these parts of the body.
 
         Args:
-            mode: "alone": nobody else moves any; "join": others keep what this performer does not take, and
-                what they moved themselves before is let go; "extend": that is kept too.
+            mode: "alone": all others let go; "join": others keep the points that this performer does not
+                take, and this performer's earlier points are let go; "extend": they are kept too.
 
         Raises:
             InputError: for an unknown part, or one that no control point goes with.
@@ -124,7 +125,7 @@ class PuppetActor:
             points |= own.points
         hold = own or self._new(body.id, points)
         hold.points = points
-        hold.see(body, self._likeness, self._time_ns, mirror=self.settings.mirror)
+        hold.see(body, self._retargeting, self._time_ns, mirror=self.settings.mirror)
         others = [] if mode == "alone" else [other for other in self.holds if other is not hold]
         for other in others:
             other.points -= points
@@ -132,7 +133,7 @@ class PuppetActor:
         self._candidate = (None, parts)
 
     def release(self, body: int | None = None) -> None:
-        """A performer, or everybody, lets go; what nobody moves eases back to rest.
+        """Ends the hold of one performer, or of all; free control points ease back to rest.
 
         Raises:
             InputError: where that performer moves nothing of it.
@@ -145,7 +146,7 @@ class PuppetActor:
         self._hold(left)
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """From now on, show what this performer (whoever comes next where None) would move with these parts.
+        """Makes the cues show what this performer (None: the next one) would move with these parts.
 
         Raises:
             InputError: for an unknown part.
@@ -154,12 +155,12 @@ class PuppetActor:
         self._candidate = (body, parts)
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
-        """Who would take hold: the first who moves nothing of it."""
+        """Returns the first of the bodies that moves nothing of it."""
         holders = {hold.body for hold in self.holds}
         return next((body for body in bodies if body.id not in holders), None)
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """The control points that are moved, and those that the next performer would move."""
+        """Returns the control points that are moved, and those that the next performer would move."""
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         held = [(hold.body, self._strengths(hold.points)) for hold in self.holds]
@@ -176,22 +177,22 @@ class PuppetActor:
             if frame == 1:
                 rehearsal.possess(body)
 
-    def _new(self, body: int, points: frozenset[int]) -> Hold:
-        """A hold of somebody who held nothing."""
+    def _new(self, body: int, points: frozenset[int]) -> ControlPointHold:
+        """Returns the hold of a performer who held nothing."""
         how = self._puppet.locomotion
-        soles = Soles(how.contact, how.runner)
-        return Hold(body, points, Bones(self.settings.ease), soles, seen_ns=self._time_ns)
+        feet = Feet(how.contact, how.runner)
+        return ControlPointHold(body, points, Bones(self.settings.ease), feet, seen_ns=self._time_ns)
 
     def _points(self, parts: str) -> frozenset[int]:
-        """The control points that go with some parts of the performer's own body."""
+        """Returns the control points that go with some parts of the performer's own body."""
         joints = {int(joint) for joint in parts_named(parts)}
         if self.settings.mirror:
             joints = {MIRROR[joint] for joint in joints}
-        return frozenset(k for k, joint in enumerate(self._likeness.joints) if int(joint) in joints)
+        return frozenset(k for k, joint in enumerate(self._retargeting.joints) if int(joint) in joints)
 
     def _followed(self) -> list[str]:
-        """Names of what control points go with."""
-        return sorted({joint.name.lower().replace("_", " ") for joint in self._likeness.joints})
+        """Returns the names of the joints that control points go with."""
+        return sorted({joint.name.lower().replace("_", " ") for joint in self._retargeting.joints})
 
     def _strengths(self, points: frozenset[int]) -> Float:
         """(P + 1,) one for the transforms of these control points."""
@@ -199,63 +200,63 @@ class PuppetActor:
         strengths[[1 + point for point in points]] = 1.0
         return strengths
 
-    def _hold(self, holds: list[Hold]) -> None:
-        """From now on these move it; what is shown eases over."""
+    def _hold(self, holds: list[ControlPointHold]) -> None:
+        """Replaces the holds; the shown state eases over."""
         self.holds = holds
         held = frozenset[int]().union(*(hold.points for hold in holds))
         count = len(self._puppet.points)
         self._live.loose = np.array([k for k in range(count) if k not in held], np.int64)
-        self._anew = True
-        self._fading.tear()
+        self._restarts = True
+        self._easing.restart_fade()
         if not holds:
             self._lead = None
             self._rest()
 
     def _rest(self) -> None:
-        """The shape of nobody, where it is."""
+        """Sets the rest shape, where the puppet is."""
         still = State(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
-        if self._way.goes:
-            by = self._way.stands(self._state) - self._way.stands(still)
+        if self._locomotion.goes:
+            by = self._locomotion.stands(self._state) - self._locomotion.stands(still)
             still = State(still.places, still.yaw, by * np.array([1.0, 0.0, 1.0]))
         self._state = still
 
-    def _look(self, bodies: list[Body], time_ns: int) -> None:
-        """What everybody who moves it does; who comes back is eased in."""
+    def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
+        """Updates all holds from the bodies in view; a performer who comes back is eased in."""
         present = {body.id: body for body in bodies}
         for hold in self.holds:
             body = present.get(hold.body)
             if body is None:
                 continue
             if hold.away(time_ns) > self.settings.pause:
-                self._anew = True
-            hold.see(body, self._likeness, time_ns, mirror=self.settings.mirror)
+                self._restarts = True
+            hold.see(body, self._retargeting, time_ns, mirror=self.settings.mirror)
 
-    def _follow(self, time_ns: int, paused: bool) -> None:
-        """The state that follows from what performers did last."""
+    def _update_state(self, time_ns: int, paused: bool) -> None:
+        """Updates the state from the holds' last poses."""
         lead = self._leader()
         if lead is not self._lead:
-            self._lead, self._turned = lead, self._state.yaw - lead.yaw
+            self._lead, self._yaw_offset = lead, self._state.yaw - lead.yaw
         pose = lead.pose.copy()
         for hold in self.holds:
             rows = list(hold.points)
             pose[rows] = hold.pose[rows]
-        yaw = self._turned + lead.yaw if self._way.goes else 0.0
+        yaw = self._yaw_offset + lead.yaw if self._locomotion.goes else 0.0
         size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
         sample = Sample(pose, yaw, lead.footing, size)
-        if self._anew or paused:
-            self._anew = False
-            self._fading.tear()
+        if self._restarts or paused:
+            self._restarts = False
+            self._easing.restart_fade()
             self._state = self._live.begin(time_ns, sample, self._state)
         else:
             self._state = self._live.go_on(time_ns, sample)
 
-    def _leader(self) -> Hold:
-        """Who takes it through the world: who moves its feet, else who has moved it longest."""
+    def _leader(self) -> ControlPointHold:
+        """Returns the hold that moves it through the world: one with a foot, else the oldest."""
         feet = {k for k, point in enumerate(self._puppet.points) if point.foot}
         return next((hold for hold in self.holds if hold.points & feet), self.holds[0])
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Who alone moves nothing goes on for who has been away for long."""
+        """Gives the hold of a performer who has been away for long to the only idle one in view."""
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
         idle = present - {hold.body for hold in self.holds}
@@ -263,12 +264,12 @@ class PuppetActor:
             old = max(away, key=lambda hold: hold.away(time_ns))
             new = self._new(idle.pop(), old.points)
             body = next(body for body in bodies if body.id == new.body)
-            new.see(body, self._likeness, time_ns, mirror=self.settings.mirror)
+            new.see(body, self._retargeting, time_ns, mirror=self.settings.mirror)
             self._hold([new if hold is old else hold for hold in self.holds])
 
-    def _meet(self, body: Body) -> None:
-        """Stands beside the first performer, to the right as the sensor sees it."""
-        self._met = True
+    def _place_beside(self, body: Body) -> None:
+        """Places the puppet beside the first performer, to the right as the sensor sees it."""
+        self._placed = True
         if not self.settings.meet:
             return
         where = rotate(self._puppet.turn, self._puppet.mesh.vertices)

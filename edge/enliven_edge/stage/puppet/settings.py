@@ -25,23 +25,27 @@ class PuppetSettings:
     meet: bool = setting(True, "It begins beside its first performer; false: where it was modelled.")
     beside: float = setting(
         0.7,
-        "How far beside the first performer's middle its own edge is, to the right as the sensor sees it.",
+        "Distance of its edge from the first performer's middle, to the right as the sensor sees it.",
         unit="m",
     )
-    mirror: bool = setting(False, "It is like the performer's picture in a mirror.")
-    fade: float = setting(0.6, "Seconds that a change takes to show.", unit="s", low=0.0, high=10.0)
+    mirror: bool = setting(False, "It moves like the performer's mirror image.")
+    fade: float = setting(0.6, "Time to ease over any change of who moves it.", unit="s", low=0.0, high=10.0)
     fade_pace: float = setting(
-        2.5, "How fast it goes at most while a change shows.", unit="m/s", low=0.01, high=1000.0
+        2.5,
+        "Fastest that easing moves anything: a wide change takes longer.",
+        unit="m/s",
+        low=0.01,
+        high=1000.0,
     )
     ease: float = setting(
-        0.4, "Seconds in which a joint that is seen again counts fully.", unit="s", low=0.0, high=10.0
+        0.4, "Time until a joint that is seen again counts fully.", unit="s", low=0.0, high=10.0
     )
     pause: float = setting(
-        0.3, "After so long without a frame it begins anew, and eases over.", unit="s", low=0.05, high=60.0
+        0.3, "Gap between frames after which it starts anew, and eases over.", unit="s", low=0.05, high=60.0
     )
     hand_over: float = setting(
         60.0,
-        "Who alone moves nothing goes on for who has been away for longer; 0: only who takes hold.",
+        "A performer away for longer loses the hold to the only idle one in view; 0: never.",
         unit="s",
         low=0.0,
         high=3600.0,

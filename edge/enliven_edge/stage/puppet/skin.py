@@ -1,4 +1,4 @@
-"""Roughly where the surface of a puppet is, without solving it: for what only needs to bump into it."""
+"""Approximate skinning of a puppet, for physics that only collides with its surface."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from scipy.spatial import cKDTree
 from enliven.document import Character, SkinWeights
 
 _NEAR = 4
+"""Control points that move a vertex: as many as skin weights hold."""
 _SHARP = 3.0
-"""How fast a control point counts for less with the distance: its power."""
+"""The power of the distance by which a control point's weight falls: nearest points dominate."""
 
 
 def roughly_skinned(character: Character) -> Character:
-    """A puppet whose vertices follow their nearest control points; other characters as they are."""
+    """Returns a puppet with vertices that follow their nearest control points; other characters unchanged."""
     if character.kind != "points" or len(character.pivots) < 2:
         return character
     near = min(_NEAR, len(character.pivots) - 1)

@@ -1,4 +1,4 @@
-"""What names a puppet on a command line: known without loading what a puppet needs."""
+"""Recognises a puppet's name on a command line, without importing the modules that a puppet needs."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ def _cactus() -> Project:
 MADE = {"cactus": _cactus}
 """The puppets that the project makes itself, by name instead of by path."""
 ENDINGS = (".toml", ".enliven")
-"""Of files that a puppet is read from."""
+"""The endings of files that a puppet is read from."""
 
 
 def is_puppet(spec: str) -> bool:
-    """Whether what was asked for is a puppet: a session, or a project, perhaps with a name behind #."""
+    """Returns whether a spec names a puppet: a session, or a project, perhaps with a name behind #."""
     return spec in MADE or Path(file_of(spec)[0]).suffix.lower() in ENDINGS
 
 
 def file_of(spec: str) -> tuple[str, str]:
-    """The file, and the name of the puppet in it, empty where none is given."""
+    """Returns the file and the name of the puppet in it; the name is empty where none is given."""
     file, mark, name = spec.rpartition("#")
     return (file, name) if mark and Path(file).suffix.lower() in ENDINGS else (spec, "")

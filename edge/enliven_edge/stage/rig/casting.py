@@ -1,4 +1,4 @@
-"""From a rigged model to an actor on the stage."""
+"""Casting makes an actor on the stage from a rigged model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 def cast_rig(spec: str, settings: MatchingSettings | None = None) -> RigActor:
-    """The actor of a rigged glTF model, on the floor and of the height that the settings say.
+    """Returns the actor of a rigged glTF model, on the floor and scaled to the settings' height.
 
     Raises:
         InputError: for a file that is no glTF, or cannot be used.

@@ -1,4 +1,4 @@
-"""Whoever chooses from a rigged character: their limbs, the ranking of this frame, and what is meant."""
+"""Lets one performer choose a part of a rigged character: ranks the matches of a pose and picks one."""
 
 from __future__ import annotations
 
@@ -13,17 +13,20 @@ from enliven_edge.stage.rig.live_shape import Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 
 _TOWARDS = ScreenView(np.array([0.0, 0.0, -1.0]))
+"""The view of a sensor on performers who face +Z."""
 _MIRRORED = ScreenView(np.array([0.0, 0.0, 1.0]))
+"""The view from behind the performers, as in a mirror."""
 _NOTHING = Pick(None, -1)
+"""The pick without a match."""
 
 
 class Chooser:
-    """One performer at a time; somebody else, or other parts, begin anew.
+    """Ranks and picks for one performer at a time; another performer, or other parts, start anew.
 
     Attributes:
-        body: the performer's id, -1 for nobody.
-        view: from where the character is seen.
-        pick: what is meant now.
+        body: the performer's id, -1 for none.
+        view: the direction from which the viewer sees the character.
+        pick: the match that is picked now.
     """
 
     def __init__(self, skeleton: Skeleton, settings: MatchingSettings) -> None:
@@ -37,15 +40,15 @@ class Chooser:
 
     @property
     def total(self) -> int:
-        """How many matches there are."""
+        """The number of matches."""
         return 0 if self._ranking is None else self._ranking.total
 
-    def look(self, body: Body | None, parts: str, joints: Float, seconds: float) -> None:
-        """Ranks every match of a body, and picks; nobody's where there is none.
+    def rank(self, body: Body | None, parts: str, joints: Float, seconds: float) -> None:
+        """Ranks every match of a body and picks one; forgets the performer where ``body`` is None.
 
         Args:
-            joints: (N, 3) metres, the character's as they are shown.
-            seconds: of the sensor's clock.
+            joints: (N, 3) metres, the shown joints of the character.
+            seconds: the sensor's clock.
         """
         if body is None:
             self.forget()
@@ -59,23 +62,23 @@ class Chooser:
         self.pick = self._picker.update(self._ranking, points, seconds)
 
     def browse(self, step: int) -> None:
-        """Means another match; step 0 follows the pose again."""
+        """Picks another match; step 0 follows the pose again."""
         if step == 0:
             self._picker.reset()
         else:
             self.pick = self._picker.cycle(step)
 
     def forget(self) -> None:
-        """Nobody chooses."""
+        """Forgets the performer: the next one starts anew."""
         self._picker.reset()
         self.body, self._source, self._ranking, self.pick = -1, None, None, _NOTHING
 
-    def again(self) -> None:
-        """Whoever chooses begins anew, and must move before holding still counts."""
+    def restart(self) -> None:
+        """Starts anew: the performer must move before holding still accepts a match."""
         self._picker.reset()
 
     def accept(self) -> list[Pair]:
-        """The chains of the body, and those of the character that they are to drive; none without a match."""
+        """Returns pairs of a body's chain and the character's chain that it drives; none without a match."""
         match = self._picker.accept()
         if match is None or self._source is None:
             return []
@@ -86,14 +89,14 @@ class Chooser:
         ]
 
     def targets(self) -> list[tuple[int, ...]]:
-        """The chains that are meant."""
+        """Returns the character's chains of the picked match."""
         return [] if self.pick.match is None else [chain for chain in self._chains(self.pick.match) if chain]
 
-    def rows(self, joints: Float) -> tuple[tuple[MatchRow, ...], int]:
-        """The best matches and the one that is meant, and which of them that is; -1 for none.
+    def rows(self, joints: Float) -> tuple[tuple[Row, ...], int]:
+        """Returns the best matches with the picked one, and the index of that; -1 for none.
 
         Args:
-            joints: (N, 3) metres, the character's.
+            joints: (N, 3) metres, the joints of the character.
         """
         if self._ranking is None or self.pick.place < 0:
             return (), -1
@@ -108,6 +111,6 @@ class Chooser:
         return MatchRow(self._skeleton.names[match.candidate.root], place, match.score, lines)
 
     def _chains(self, match: Match) -> list[tuple[int, ...]]:
-        """The target chain of each branch of the source; empty for none."""
+        """Returns the target chain of each branch of the source; empty for none."""
         extend = self._settings.extend
         return [() if b is None else b.extended if extend else b.chain for b in match.pairs]

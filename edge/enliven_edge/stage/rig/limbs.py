@@ -1,4 +1,4 @@
-"""What of a body plays: limbs as the branches of a source, with the chains that drive."""
+"""The limbs of a body that choose and drive: branches of a matching source, with their chains."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ LIMBS: dict[str, tuple[Joint, ...]] = {
 }  # fmt: skip
 """The chains of a person, from the trunk outwards."""
 _TRUNK = (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)
+"""The chain of the trunk, from the hips to the head."""
 
 
 @dataclass(frozen=True, eq=False)
 class BodySource:
-    """Limbs that play.
+    """The limbs of a body that choose and drive.
 
     Attributes:
-        source: their branches around one point of the trunk.
-        chains: by branch, the joints from the trunk outwards, neighbours in the body's tree.
+        source: the limbs as branches around one point of the trunk.
+        chains: for each branch the joints from the trunk outwards, neighbours in the body's tree.
     """
 
     source: MatchSource
@@ -37,10 +38,10 @@ class BodySource:
 
 
 def body_source(body: Body, parts: str) -> BodySource:
-    """The limbs that the parts belong to, with this body's lengths.
+    """Returns the limbs that the parts belong to, with this body's lengths.
 
-    Limbs of one end of the trunk begin there; limbs of both ends have the trunk between them taken as one
-    point, its middle. Parts of the trunk alone are one chain, from the hips to the head.
+    Limbs at one end of the trunk begin there. Limbs at both ends begin at the middle of the trunk, taken as
+    one point. Parts of the trunk alone are one chain, from the hips to the head.
 
     Raises:
         InputError: for an unknown part.

@@ -1,4 +1,4 @@
-"""A shape that performers drive live: takes that are fed frame by frame, bound to its chains."""
+"""A rigged shape that performers drive live: takes are fed frame by frame and bound to its chains."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from enliven.motion.layers import Player, bind_chain, pose_from
 from enliven.person import PARENTS, Body
 from enliven.rotation import conjugate, multiply
 from enliven.takes import clip_of_bodies, turns_of
-from enliven_edge.stage.easing import Fading
+from enliven_edge.stage.easing import Easing
 
 _TOWARDS = np.array([0.0, 0.0, -1.0])
-"""Where a sensor looks, in a world whose performers face +Z."""
+"""The unit direction of the sensor's view in the world: performers face +Z."""
 
 Pair = tuple[tuple[int, ...], tuple[int, ...]]
 """A chain of the body, and the chain of the shape that it drives."""
@@ -29,14 +29,14 @@ class Binding:
 
     Attributes:
         body: the performer's id.
-        pairs: what drives what.
-        take: one frame, the pose at which it began: the rest pose of what follows.
-        view: from where the shape was seen then.
-        mirrored: as in a mirror.
-        still: the performer then.
-        joints: (20, 3) metres, where the performer's joints were last.
-        turns: (20, 4) what they were turned by then, or None.
-        seen_ns: when that was, the sensor's clock.
+        pairs: the chains of the body, each with the chain that it drives.
+        take: one frame, the pose at the start of the binding, which is the rest pose.
+        view: the direction from which the viewer saw the shape at the start.
+        mirrored: whether the shape moves as in a mirror.
+        still: the performer at the start.
+        joints: (20, 3) metres, the performer's last joints.
+        turns: (20, 4) their rotations since the start, or None.
+        seen_ns: nanoseconds of the sensor's clock when the performer was last in view.
         trust: (20,) how far each joint is followed, 0..1.
     """
 
@@ -52,13 +52,13 @@ class Binding:
     trust: Float = field(default_factory=lambda: np.ones(len(PARENTS)))
 
     def see(self, body: Body, time_ns: int, ease: float) -> None:
-        """Turns bones as far as the body's are turned since the binding began.
+        """Updates the turns of the bones since the start of the binding.
 
         A joint that is not seen is a guess and must not pull: its bone keeps its direction. When it is seen
         again, the bone eases to where it is.
 
         Args:
-            ease: seconds that this takes.
+            ease: seconds until the bone is there.
         """
         seconds = max(time_ns - self.seen_ns, 0) * 1e-9
         gain = seconds / ease if ease > 0.0 else 1.0
@@ -77,17 +77,17 @@ class Binding:
         self.seen_ns = time_ns
 
 
-class Puppet:
-    """A shape, who drives it, and its pose; what changes eases over.
+class LiveShape:
+    """A shape, the bindings that drive it, and its pose; changes of bindings ease over.
 
     Args:
-        shape: at rest.
-        fade: seconds that a change takes to show.
+        shape: the shape at rest.
+        fade: seconds of the easing.
     """
 
     def __init__(self, shape: Shape, fade: float) -> None:
         self.shape, self.bindings = shape, list[Binding]()
-        self._fading, self._fade = Fading(fade), fade
+        self._easing, self._fade = Easing(fade), fade
         self._count, self._time_ns = 0, 0
         self._rebuild()
         self.joints: Float = self._player.at(0.0).joints
@@ -101,10 +101,10 @@ class Puppet:
     def bind(
         self, body: Body, pairs: Sequence[Pair], view: ScreenView, *, mirrored: bool, alone: bool = False
     ) -> None:
-        """From now on, chains of the body drive chains of the shape; both are at rest as they are now.
+        """Binds chains of the body to chains of the shape; the poses of now are the rest poses.
 
         Args:
-            alone: takes everybody else off; else only what this performer drove before.
+            alone: whether all other bindings end; else only this performer's earlier one does.
         """
         self._count += 1
         take = clip_of_bodies([body], np.zeros(1), f"live {self._count}")
@@ -113,25 +113,25 @@ class Puppet:
         made = Binding(body.id, tuple(pairs), take, view, mirrored, body, joints, seen_ns=self._time_ns)
         self.bindings.append(made)
         self._rebuild()
-        self._fading.tear()
+        self._easing.restart_fade()
 
     def release(self, body: int | None = None) -> None:
-        """A performer, or everybody, lets go; the shape eases back to rest."""
+        """Ends the binding of one performer, or of all; a free shape eases back to rest."""
         self.bindings = [b for b in self.bindings if body is not None and b.body != body]
         self._rebuild()
-        self._fading.tear()
+        self._easing.restart_fade()
 
     def hand_over(self, bodies: Sequence[Body], time_ns: int, patience: float) -> None:
-        """Who alone drives nothing goes on for who has been away for longer than some seconds."""
+        """Gives the binding of a performer away for over ``patience`` seconds to the only idle one."""
         present = {body.id for body in bodies}
         away = [b for b in self.bindings if b.body not in present and time_ns - b.seen_ns > patience * 1e9]
         idle = present - {binding.body for binding in self.bindings}
         if away and len(idle) == 1:
             min(away, key=lambda binding: binding.seen_ns).body = idle.pop()
-            self._fading.tear()
+            self._easing.restart_fade()
 
     def pose(self, bodies: Sequence[Body], time_ns: int) -> Pose:
-        """The pose at a moment; of performers who are out of view, the last."""
+        """Returns the pose at a moment; performers out of view keep their last pose."""
         present = {body.id: body for body in bodies}
         for binding in self.bindings:
             body = present.get(binding.body)
@@ -143,13 +143,13 @@ class Puppet:
         at = self._player.at(time_ns * 1e-9)
         self.joints = at.joints
         pose = pose_from(self.shape, at, time_ns * 1e-9)
-        linear, positions = self._fading(
+        linear, positions = self._easing(
             pose.linear.astype(np.float64), pose.positions.astype(np.float64), time_ns
         )
         return Pose(self.shape.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
     def _rebuild(self) -> None:
-        """The project of what is bound, and its player."""
+        """Makes the project of all bindings, and its player."""
         project = Project().with_shapes(self.shape)
         for binding in self.bindings:
             project = project.with_takes(binding.take)

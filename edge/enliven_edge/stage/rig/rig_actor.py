@@ -1,4 +1,4 @@
-"""A rigged character on the stage: a performer poses to choose a part of it, and moves to animate that."""
+"""The actor of a rigged character: performers pose to choose a part of it, and move to animate that part."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from enliven.person import Body, parts_named
 from enliven_edge.stage.actor import Mode
 from enliven_edge.stage.highlights import Cues, State, cues_of
 from enliven_edge.stage.rig.chooser import Chooser
-from enliven_edge.stage.rig.live_shape import Binding, Pair, Puppet
+from enliven_edge.stage.rig.live_shape import Binding, LiveShape, Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 
 
 class RigActor:
     """A character with a skeleton of its own; to the stage it is like any ``Actor``.
 
-    Whoever of the performers drives nothing yet chooses: every frame all matches of their limbs with the
-    shape are ranked as the viewer sees it. Taking hold accepts the match that is shown.
+    A performer who drives nothing yet chooses: every frame all matches of their limbs with the shape are
+    ranked as the viewer sees it. Taking hold accepts the match that is shown.
     """
 
     uses_surface = False
@@ -32,15 +32,15 @@ class RigActor:
     def __init__(self, shape: Shape, settings: MatchingSettings | None = None) -> None:
         self.settings = settings or MatchingSettings()
         self.character = character_of(shape)
-        self.puppet = Puppet(shape, self.settings.fade)
+        self.live_shape = LiveShape(shape, self.settings.fade)
         self.chooser = Chooser(shape.skeleton, self.settings)
         self._candidate: tuple[int | None, str] = (None, "all")
-        self._met = False
+        self._placed = False
         self._time_ns = 0
 
     @property
     def view(self) -> ScreenView:
-        """From where it is seen: what a pose means is decided on the screen."""
+        """The direction from which the viewer sees it: poses are matched as they look on the screen."""
         return self.chooser.view
 
     @view.setter
@@ -49,43 +49,43 @@ class RigActor:
 
     @property
     def holds(self) -> list[Binding]:
-        """Who drives it, the first first."""
-        return self.puppet.bindings
+        """The bindings that drive it, the oldest first."""
+        return self.live_shape.bindings
 
     @property
     def state(self) -> State:
-        """Whether somebody drives it."""
+        """Whether a performer drives it."""
         return "possessed" if self.holds else "free"
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """Who takes hold next, and with what: whose match is shown, else who was asked for."""
-        who, parts = self._candidate
-        return (self.chooser.body if self.chooser.body >= 0 else who), parts
+        """The id of the performer who takes hold next, None for the first in view, and the parts."""
+        asked, parts = self._candidate
+        return (self.chooser.body if self.chooser.body >= 0 else asked), parts
 
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
-        """The pose at a moment, and the ranking for whoever chooses."""
+        """Returns the pose at a moment, and ranks the matches of the performer who chooses."""
         self._time_ns = time_ns
         bodies = [body for body in bodies if np.isfinite(body.joints).all()]
-        if not self._met and bodies:
-            self._meet(bodies[0])
+        if not self._placed and bodies:
+            self._place_beside(bodies[0])
         if self.settings.hand_over > 0.0:
-            self.puppet.hand_over(bodies, time_ns, self.settings.hand_over)
-        pose = self.puppet.pose(bodies, time_ns)
+            self.live_shape.hand_over(bodies, time_ns, self.settings.hand_over)
+        pose = self.live_shape.pose(bodies, time_ns)
         self._choose(bodies)
         if self.chooser.pick.accepted:  # by holding still
             self._bind(bodies, "join")
         return pose
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
-        """Who chooses: the first who drives nothing of it."""
+        """Returns the performer who chooses: the first of the bodies that drives nothing of it."""
         holders = {hold.body for hold in self.holds}
         return next((body for body in bodies if body.id not in holders), None)
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """The performer drives what is shown from now on; the pose of this moment is rest.
+        """Lets the performer drive the match that is shown; the pose of this moment is the rest pose.
 
         Raises:
             InputError: for an unknown part, or a body or character without a match.
@@ -95,11 +95,11 @@ class RigActor:
             where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
             raise InputError(f"the joints of performer {body.id} are not known", where=where, mend=mend)
         self._candidate = (body.id, parts)
-        self._look(body)
+        self._rank(body)
         self._bind([body], mode)
 
     def release(self, body: int | None = None) -> None:
-        """A performer, or everybody, lets go, and chooses anew.
+        """Ends the binding of one performer, or of all; choosing starts anew.
 
         Raises:
             InputError: where that performer drives nothing of it.
@@ -108,11 +108,11 @@ class RigActor:
             who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
             what, mend = f"performer {body} does not drive it", f"It is driven by: {who}."
             raise InputError(what, where=f"releasing {self.character.id!r}", mend=mend)
-        self.puppet.release(body)
-        self.chooser.again()
+        self.live_shape.release(body)
+        self.chooser.restart()
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """From now on this performer chooses, or whoever comes next, with these parts.
+        """Makes this performer (None: the next one) choose, with these parts.
 
         Raises:
             InputError: for an unknown part.
@@ -125,7 +125,7 @@ class RigActor:
         self.chooser.browse(step)
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """The bones that are driven, and those that would be."""
+        """Returns the bones that are driven, and those that the shown match would drive."""
         count = len(self.character.pivots)
         held = [(hold.body, _strengths(count, [t for _, t in hold.pairs])) for hold in self.holds]
         targets = self.chooser.targets()
@@ -133,23 +133,23 @@ class RigActor:
         return cues_of(held, preview)
 
     def board(self) -> Board:
-        """What there is to choose from, for viewers."""
+        """Returns the matches to choose from, or the chains that are driven, for viewers."""
         own, chooser = self.character.id, self.chooser
-        rows, shown = chooser.rows(self.puppet.joints)
+        rows, shown = chooser.rows(self.live_shape.joints)
         if shown >= 0:
             told = (chooser.body, self._time_ns, shown, rows, chooser.total, chooser.pick.held)
             return Board(own, "choosing", *told)
         if not self.holds:
             return Board(own, "off", time_ns=self._time_ns)
         rows = tuple(
-            MatchRow("driven", 0, 0.0, tuple(self.puppet.joints[list(t)] for _, t in hold.pairs))
+            MatchRow("driven", 0, 0.0, tuple(self.live_shape.joints[list(t)] for _, t in hold.pairs))
             for hold in self.holds
         )
         return Board(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
 
     def warm_up(self) -> None:
         """Runs everything once, so that no frame waits for a compiler."""
-        rehearsal = RigActor(self.puppet.shape, self.settings)
+        rehearsal = RigActor(self.live_shape.shape, self.settings)
         joints = np.random.default_rng(0).normal(size=(20, 3))
         for parts in ("all", "arms"):
             body = Body(0, joints, np.ones(20))
@@ -159,25 +159,25 @@ class RigActor:
             rehearsal.perform([body], 33_333_333)
             rehearsal.release()
 
-    def _meet(self, body: Body) -> None:
-        """Stands beside the first performer, to the right as the sensor sees it."""
-        self._met = True
+    def _place_beside(self, body: Body) -> None:
+        """Places the character beside the first performer, to the right as the sensor sees it."""
+        self._placed = True
         low, high = self.character.vertices.min(0), self.character.vertices.max(0)
         across = body.joints[0, 0] + self.settings.beside - low[0]
-        self.puppet.stand(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
+        self.live_shape.stand(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
 
     def _choose(self, bodies: list[Body]) -> None:
-        """Ranks and picks, for whoever chooses: who was asked for, or the first who drives nothing."""
+        """Ranks and picks for the requested performer, or for the first who drives nothing."""
         body = next((body for body in bodies if body.id == self._candidate[0]), None)
         if body is None or body.id in {hold.body for hold in self.holds}:
             body = self.next_performer(bodies)
-        self._look(body)
+        self._rank(body)
 
-    def _look(self, body: Body | None) -> None:
-        self.chooser.look(body, self._candidate[1], self.puppet.joints, self._time_ns * 1e-9)
+    def _rank(self, body: Body | None) -> None:
+        self.chooser.rank(body, self._candidate[1], self.live_shape.joints, self._time_ns * 1e-9)
 
     def _bind(self, bodies: Sequence[Body], mode: Mode) -> None:
-        """What is meant becomes a binding."""
+        """Binds the picked match to its performer."""
         pairs = self.chooser.accept()
         body = next((body for body in bodies if body.id == self.chooser.body), None)
         if not pairs or body is None:
@@ -185,18 +185,18 @@ class RigActor:
             raise InputError("nothing of it is like the pose", where=where, mend="It needs a bone at least.")
         if mode == "extend":
             pairs += self._kept(body.id, pairs)
-        self.puppet.bind(body, pairs, self.view, mirrored=self.settings.mirror, alone=mode == "alone")
+        self.live_shape.bind(body, pairs, self.view, mirrored=self.settings.mirror, alone=mode == "alone")
         self.chooser.forget()
 
     def _kept(self, body: int, pairs: list[Pair]) -> list[Pair]:
-        """What a performer drives already, but for the limbs that now drive something else."""
+        """Returns a performer's present pairs, without the limbs that now drive something else."""
         anew = {source for source, _ in pairs}
         own = [pair for hold in self.holds if hold.body == body for pair in hold.pairs]
         return [pair for pair in own if pair[0] not in anew]
 
 
 def _strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:
-    """(N,) one for the bones of the chains."""
+    """Returns (N,) one for the bones of the chains, zero for the others."""
     strengths = np.zeros(count)
     for chain in chains:
         strengths[list(chain[1:])] = 1.0

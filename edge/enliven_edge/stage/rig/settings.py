@@ -17,21 +17,23 @@ class MatchingSettings:
     )
     beside: float = setting(
         0.7,
-        "How far beside the first performer's middle its own edge is, to the right as the sensor sees it.",
+        "Distance of its edge from the first performer's middle, to the right as the sensor sees it.",
         unit="m",
     )
-    mirror: bool = setting(True, "The character is like the performer's picture in a mirror.")
+    mirror: bool = setting(True, "The character moves like the performer's mirror image.")
     extend: bool = setting(
-        True, "Chains go on along the longest branch of what hangs on them; else that is carried rigidly."
+        True, "Chains extend along the longest branch that hangs on them; else it is carried rigidly."
     )
-    fade: float = setting(0.6, "Seconds that a change takes to show.", unit="s", low=0.0, high=10.0)
+    fade: float = setting(0.6, "Time to ease over any change of who drives.", unit="s", low=0.0, high=10.0)
     hand_over: float = setting(
         60.0,
-        "Who alone drives nothing goes on for who has been away for longer; 0: only who takes hold.",
+        "A performer away for longer loses the hold to the only idle one in view; 0: never.",
         unit="s",
         low=0.0,
         high=3600.0,
     )
-    listed: int = setting(6, "Matches told to viewers.", unit="matches", low=1, high=15)
+    listed: int = setting(6, "Matches sent to viewers.", unit="matches", low=1, high=15)
     ranking: RankingSettings = setting(RankingSettings, "How matches are scored.")
-    picking: PickingSettings = setting(PickingSettings, "When the shown match gives way, and is taken.")
+    picking: PickingSettings = setting(
+        PickingSettings, "When the shown match changes, and when it is accepted."
+    )

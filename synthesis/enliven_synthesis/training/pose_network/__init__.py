@@ -1,4 +1,4 @@
-"""The network itself: its layers in PyTorch, its training, and its quantisation for the edge."""
+"""The pose network: its layers in PyTorch, its training, and its quantisation for the edge."""
 
 import lazy_loader
 

@@ -1,9 +1,9 @@
-"""The network itself, as it is trained: an hourglass that says where every joint is and how sure that is.
+"""The pose network in PyTorch: an hourglass that gives every joint and its uncertainty.
 
-Joints are read off heat maps by their mean (Sun et al., *Integral Human Pose Regression*, ECCV 2018), the
-depth of each off a second map under the same heat. A front looks much like a back, so the way that somebody
-faces is told at the waist of the hourglass, by whoever knows it from the frames before: without it, left and
-right would be averaged where both are likely.
+Joints are the means of heat maps (Sun et al., *Integral Human Pose Regression*, ECCV 2018); their depths are
+means of a second map under the same heat. A front looks much like a back, so the hourglass is conditioned at
+its waist on the facing that the tracker knows from earlier frames: without it, left and right would be
+averaged where both are likely.
 
 Needs PyTorch, which only training does: the tracker runs the exported network by ONNX Runtime.
 """
@@ -19,13 +19,15 @@ from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, FACINGS, PARTS, R
 WIDTHS = (16, 32, 64, 96)
 """Channels at a half, a quarter, an eighth and a sixteenth of the crop."""
 JOINTS = 20
-USUAL_CELL, CELL_SPREAD = 0.027, 0.01
-"""Metres: about the mean and the spread of a crop's cells."""
+"""Joints of a person, as of :class:`enliven.person.Joint`."""
+USUAL_CELL = 0.027
+"""Metres: about the mean of a crop's cells; it centres the network's input."""
+CELL_SPREAD = 0.01
+"""Metres: about the standard deviation of a crop's cells; it scales the network's input."""
 
 
 class PoseNetwork(nn.Module):
-    """From crops and what is known of them to joints, their spread, the way people face and their parts; or
-    that nobody is there."""
+    """Maps crops and a known facing to joints, their spreads, the facing, and the parts of the body."""
 
     def __init__(self, widths: tuple[int, int, int, int] = WIDTHS) -> None:
         super().__init__()
@@ -45,17 +47,16 @@ class PoseNetwork(nn.Module):
         self.register_buffer("cells", _cells(ROWS // 4, COLUMNS // 4))
 
     def forward(self, image: Tensor, told: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """What is seen in N crops.
+        """Estimates the pose in N crops.
 
         Args:
             image: (N, 4, 80, 64) as of :class:`enliven_edge.tracking.estimator.crop.Crop`.
-            told: (N, 3) cosine and sine of the angle from facing the sensor to the way somebody faces, both 0
-                where that is not known; and the metres of a cell.
+            told: (N, 3) the condition: cosine and sine of the facing (0 towards the sensor), both 0 where it
+                is not known; and the metres of a cell.
 
         Returns:
-            (N, 20, 3) joints in crop coordinates, metres; (N, 20) the logarithm of the mean distance, in
-            metres, that each is off; (N, 9) logits of the ways to face, the last that of being no person;
-            (N, 17, 40, 32) logits of the parts.
+            (N, 20, 3) joints in crop coordinates, metres; (N, 20) the logarithm of the mean error of each,
+            metres; (N, 9) logits of eight facings and of no person; (N, 17, 40, 32) logits of the parts.
         """
         half = self.down_2(image)
         quarter = self.down_4(half)
@@ -72,7 +73,7 @@ class PoseNetwork(nn.Module):
         return joints, spread, facing, parts
 
     def _read(self, maps: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
-        """(N, 20, 3) joints and (N, 20) spreads, from the (N, 60, cells) maps."""
+        """Reads (N, 20, 3) joints and (N, 20) spreads from the (N, 60, cells) maps."""
         heat = torch.softmax(maps[:, :JOINTS], 2)
         flat = (heat @ self.cells) * cell[:, :, None]
         away = (heat * maps[:, JOINTS : 2 * JOINTS]).sum(2)
@@ -81,15 +82,15 @@ class PoseNetwork(nn.Module):
 
 
 class _Residual(nn.Module):
-    """Two convolutions beside a way past them."""
+    """Two convolutions with a skip connection."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
         last = nn.Conv2d(channels, channels, 3, 1, 1, bias=False)
-        self.way = nn.Sequential(_block(channels, channels), last, nn.BatchNorm2d(channels))
+        self.branch = nn.Sequential(_block(channels, channels), last, nn.BatchNorm2d(channels))
 
     def forward(self, x: Tensor) -> Tensor:
-        return relu(x + self.way(x))
+        return relu(x + self.branch(x))
 
 
 def _block(inward: int, outward: int, stride: int = 1, size: int = 3) -> nn.Sequential:
@@ -102,7 +103,7 @@ def _doubled(x: Tensor) -> Tensor:
 
 
 def _cells(rows: int, columns: int) -> Tensor:
-    """(rows x columns, 2) how many cells of the crop each of a map's is right of and below the middle."""
+    """Returns (rows x columns, 2) a map's cells, in cells of the crop right of and below the middle."""
     down, right = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
     middle = torch.tensor([columns / 2, rows / 2])
     return (torch.stack([right, down], 2).flatten(0, 1) + 0.5 - middle) * (ROWS / rows)

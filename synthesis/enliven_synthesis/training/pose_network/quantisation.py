@@ -1,8 +1,8 @@
-"""The trained network in eight bits: a third of the size, and more than twice as fast on one core.
+"""Quantises the trained network to eight bits: a third of the size, and more than twice as fast on one core.
 
-Only the maps that joints are read off stay in full precision: a mean over their softmax moves by centimetres
-when its logits are rounded. Weights have seven bits, so that processors that add up pairs of products in
-sixteen (x86 without VNNI) never overflow.
+Only the maps of the joints stay in full precision: a mean over a softmax moves by centimetres when its logits
+are rounded. Weights have seven bits, so that processors that add pairs of products in sixteen bits (x86
+without VNNI) never overflow.
 """
 
 from __future__ import annotations
@@ -16,20 +16,22 @@ from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantTy
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from enliven.arrays import Float32
-from enliven_synthesis.training.dataset import Album
+from enliven_synthesis.training.dataset import Dataset
 from enliven_synthesis.training.pose_network.network import JOINTS
 
-_LESSONS, _AT_ONCE = 600, 4
-"""From which the ranges of all values are taken, and how many of them in one run."""
+_SAMPLES = 600
+"""Training samples that the ranges of all values are measured on: hundreds cover them."""
+_AT_ONCE = 4
+"""Samples in one run of the network: it limits the memory for all intermediate values."""
 
 
-def quantise(whole: Path, made: Path, album: Album, first: int) -> None:
-    """Writes the exported network ``whole`` in eight bits.
+def quantise(whole: Path, made: Path, dataset: Dataset, first: int) -> None:
+    """Writes the exported network ``whole`` in eight bits to ``made``.
 
     Args:
-        album: whose lessons, from number ``first`` on, show what values there are.
+        dataset: the ranges of values are measured on its samples from number ``first`` on.
     """
-    import onnx  # of the same extra as PyTorch, whose absence is to be told first
+    import onnx  # of the same extra as PyTorch: its absence is reported first
 
     with tempfile.TemporaryDirectory() as spare:
         folded = Path(spare) / "folded.onnx"
@@ -37,7 +39,7 @@ def quantise(whole: Path, made: Path, album: Album, first: int) -> None:
         quantize_static(
             folded,
             made,
-            _Values(album, first),
+            _Values(dataset, first),
             quant_format=QuantFormat.QDQ,
             per_channel=True,
             reduce_range=True,
@@ -49,11 +51,11 @@ def quantise(whole: Path, made: Path, album: Album, first: int) -> None:
 
 
 class _Values(CalibrationDataReader):  # type: ignore[misc]
-    """Lessons as the network takes them, the facing told in two of three."""
+    """Training samples as inputs of the network, two of three with the facing."""
 
-    def __init__(self, album: Album, first: int) -> None:
-        batch = album.batch(np.arange(first, min(first + _LESSONS, len(album))))
-        known = batch.somebody & (np.arange(len(batch.cell)) // _AT_ONCE % 3 > 0)
+    def __init__(self, dataset: Dataset, first: int) -> None:
+        batch = dataset.batch(np.arange(first, min(first + _SAMPLES, len(dataset))))
+        known = batch.is_person & (np.arange(len(batch.cell)) // _AT_ONCE % 3 > 0)
         angle = np.nan_to_num(batch.facing)
         told = np.stack([known * np.cos(angle), known * np.sin(angle), batch.cell], 1)
         self._image, self._told = batch.image, told.astype(np.float32)
@@ -67,7 +69,7 @@ class _Values(CalibrationDataReader):  # type: ignore[misc]
 
 
 def _maps(model: Any) -> list[str]:
-    """The name of the convolution that makes the maps of all joints."""
+    """Returns the name of the convolution that makes the maps of all joints."""
     shapes = {weights.name: tuple(weights.dims) for weights in model.graph.initializer}
     convolutions = [node for node in model.graph.node if node.op_type == "Conv"]
     return [node.name for node in convolutions if shapes[node.input[1]][0] == 3 * JOINTS]

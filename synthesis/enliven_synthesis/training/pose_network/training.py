@@ -1,7 +1,7 @@
-"""Training the network on rendered lessons, and writing it down for ONNX Runtime.
+"""Trains the pose network on rendered samples, and exports it for ONNX Runtime.
 
-Positions are learnt by their likelihood under a distribution whose width the network says itself, so that the
-spread it gives means something; what it cannot see pulls less than what it can.
+Positions are learnt by their likelihood under a distribution with a width that the network predicts: its
+spread is the size of its error, and hidden joints pull less than visible ones.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import onnxruntime
 import torch
+from numpy.random import Generator
 from torch import Tensor
 from torch.nn.functional import cross_entropy
 
@@ -21,25 +22,40 @@ from enliven.arrays import AnyArray
 from enliven.errors import InputError
 from enliven.settings import setting
 from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, FACINGS, NOBODY, ROWS
-from enliven_synthesis.training.dataset import Album, Batch
+from enliven_synthesis.training.dataset import Batch, Dataset
 from enliven_synthesis.training.pose_network.network import PoseNetwork
 
-Dice = np.random.Generator
-
 KEPT_BACK = 3000
-"""The first lessons, which are only measured on."""
-_TOLD, _TOLD_OFF, _TOLD_WRONGLY = 0.6, 0.35, 0.04
-"""Share of the lessons in which the facing is told, radians (one deviation) that it is off then, and the
-share in which it is turned about."""
-_CLEAREST, _VAGUEST = -5.0, 1.0
-"""Logarithms of the least and the largest spread, metres."""
-_LIKELIHOOD, _DISTANCE, _FACING, _PARTS = 0.3, 2.0, 0.3, 0.5
-_LONGEST_GRADIENT, _WARM_UP, _LAST_RATE = 5.0, 300, 0.02
+"""The number of samples, the first of a data set, that are only measured on."""
+_TOLD = 0.6
+"""Share of the samples in which the network is conditioned on the facing: it must do without it, too."""
+_TOLD_OFF = 0.35
+"""Radians: standard deviation of the error of that facing, twenty degrees."""
+_TOLD_WRONGLY = 0.04
+"""Share of the samples in which that facing is turned about: the network must not rely on it blindly."""
+_CLEAREST = -5.0
+"""Logarithm of the least spread, 7 mm: better joints are not rewarded."""
+_VAGUEST = 1.0
+"""Logarithm of the largest spread, 2.7 m: more than a person's size says nothing."""
+_LIKELIHOOD = 0.3
+"""Weight of the joints' negative log-likelihood in the loss."""
+_DISTANCE = 2.0
+"""Weight of the joints' mean distance, metres, in the loss: it brings it near to the other terms."""
+_FACING = 0.3
+"""Weight of the facing's cross-entropy in the loss."""
+_PARTS = 0.5
+"""Weight of the parts' cross-entropy in the loss."""
+_LONGEST_GRADIENT = 5.0
+"""Norm to which the gradient is clipped, so that a rare sample does not undo the training."""
+_WARM_UP = 300
+"""Steps in which the learning rate rises to its highest, as Adam's averages settle."""
+_LAST_RATE = 0.02
+"""The last learning rate as a share of the highest."""
 
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """How much is rendered and how long it is learnt."""
+    """The size of the data set and the length of the training."""
 
     pictures: int = setting(110_000, "Rendered pictures.", low=2 * KEPT_BACK, high=10_000_000)
     steps: int = setting(12_000, "Steps of the training.", low=1)
@@ -53,51 +69,51 @@ class TrainingSettings:
 
 @dataclass(frozen=True)
 class Measured:
-    """What a network is worth on lessons that it has not learnt.
+    """The scores of a network on samples that it has not learnt.
 
     Attributes:
-        within: share of the joints within 10 cm when told the facing, and when not.
-        facing: share of the pictures whose facing is told rightly, to an eighth of a turn.
-        parts: share of the cells whose part is told rightly.
-        somebody: share of the pictures in which a person is told from a thing.
+        within: share of the joints within 10 cm, when conditioned on the facing, and when not.
+        facing: share of the samples with a right facing, to an eighth of a turn.
+        parts: share of the cells with a right part.
+        persons: share of the samples in which a person is rightly told from clutter.
     """
 
     within: tuple[float, float]
     facing: float
     parts: float
-    somebody: float
+    persons: float
 
 
 def train(
-    album: Album,
+    dataset: Dataset,
     settings: TrainingSettings,
     stepped: Callable[[int, PoseNetwork], object] = lambda _n, _network: None,
 ) -> PoseNetwork:
-    """A network that has learnt an album.
-
-    Raises:
-        InputError: where there is nothing left to learn from.
+    """Returns a network trained on a data set.
 
     Args:
         stepped: called after each step with its number and the network so far.
+
+    Raises:
+        InputError: where no samples are left to learn from.
     """
-    if len(album) <= KEPT_BACK:
+    if len(dataset) <= KEPT_BACK:
         raise InputError(
-            f"{len(album)} lessons are too few: {KEPT_BACK} are kept back to measure on",
+            f"{len(dataset)} lessons are too few: {KEPT_BACK} are kept back to measure on",
             where="train-estimator",
             mend="Render more pictures.",
         )
     torch.manual_seed(settings.seed)
-    dice = np.random.default_rng([settings.seed, 5])
+    rng = np.random.default_rng([settings.seed, 5])
     network = PoseNetwork().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     network.train()
     optimizer = torch.optim.AdamW(network.parameters(), weight_decay=1e-2)
     for step in range(settings.steps):
         for group in optimizer.param_groups:
             group["lr"] = settings.rate * _schedule(step, settings.steps)
-        batch = album.batch(dice.integers(KEPT_BACK, len(album), settings.batch))
-        batch = batch.mirrored(dice.random(len(batch.cell)) < 0.5)
-        told = _told(batch, dice)
+        batch = dataset.batch(rng.integers(KEPT_BACK, len(dataset), settings.batch))
+        batch = batch.mirrored(rng.random(len(batch.cell)) < 0.5)
+        told = _condition(batch, rng)
         with torch.autocast("cpu", torch.bfloat16):
             out = network(_tensor(batch.image), told)
         optimizer.zero_grad(set_to_none=True)
@@ -108,14 +124,14 @@ def train(
     return network.eval()
 
 
-def measure(path: Path, album: Album) -> Measured:
-    """What a written network is worth, as the tracker runs it, on the lessons kept back."""
+def measure(path: Path, dataset: Dataset) -> Measured:
+    """Scores an exported network, run as the tracker does, on the samples kept back."""
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
     near: list[list[AnyArray]] = [[], []]
-    facing, parts, somebody = [], [], []
+    facing, parts, persons = [], [], []
     for first in range(0, KEPT_BACK, 250):
-        batch = album.batch(np.arange(first, first + 250))
-        people = batch.somebody
+        batch = dataset.batch(np.arange(first, first + 250))
+        people = batch.is_person
         for k, sure in enumerate((1.0, 0.0)):
             angle = sure * np.nan_to_num(batch.facing)
             told = np.stack([sure * np.cos(angle), sure * np.sin(angle), batch.cell], 1)
@@ -123,16 +139,16 @@ def measure(path: Path, album: Album) -> Measured:
             joints, _, ways, seen = session.run(None, given)
             near[k].append(np.linalg.norm(joints - batch.joints, axis=2)[people] < 0.1)
         facing.append((ways[:, :FACINGS].argmax(1) == _ways(batch))[people])
-        somebody.append((ways.argmax(1) < FACINGS) == people)
+        persons.append((ways.argmax(1) < FACINGS) == people)
         shown = batch.parts != NOBODY
         parts.append((seen.argmax(1) == batch.parts)[shown])
-    shares = [float(np.concatenate(each).mean()) for each in (*near, facing, parts, somebody)]
+    shares = [float(np.concatenate(each).mean()) for each in (*near, facing, parts, persons)]
     return Measured((shares[0], shares[1]), *shares[2:])
 
 
 def export(network: PoseNetwork, path: Path) -> None:
     """Writes a network as an ONNX file, for any number of crops at once."""
-    import onnx  # of the same extra as PyTorch, whose absence is to be told first
+    import onnx  # of the same extra as PyTorch: its absence is reported first
 
     example = (torch.zeros(2, CHANNELS, ROWS, COLUMNS), torch.zeros(2, 3))
     crops = torch.export.Dim("crops", min=1)
@@ -152,33 +168,33 @@ def export(network: PoseNetwork, path: Path) -> None:
 
 
 def _strip(graph: Any) -> None:
-    """Takes out where in the source every node comes from: it names the folders of whoever trained."""
+    """Removes the source location of every node: it names folders of the machine that trained."""
     for part in (graph, *graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer):
         part.ClearField("doc_string")
         part.ClearField("metadata_props")
 
 
 def _schedule(step: int, steps: int) -> float:
-    """The share of the highest rate: rising at first, then falling as a cosine."""
+    """Returns the share of the highest rate at a step: rising at first, then falling as a cosine."""
     falling = _LAST_RATE + (1.0 - _LAST_RATE) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
     return min(1.0, (step + 1) / _WARM_UP) * float(falling)
 
 
-def _told(batch: Batch, dice: Dice) -> Tensor:
-    """(N, 3) what the network is told: the facing roughly, wrongly or not at all, and the cell."""
+def _condition(batch: Batch, rng: Generator) -> Tensor:
+    """Returns (N, 3) the condition: the facing roughly, turned about or unknown, and the cell's metres."""
     count = len(batch.cell)
-    angle = np.where(batch.somebody, batch.facing, dice.uniform(-np.pi, np.pi, count))
-    angle += dice.normal(0.0, _TOLD_OFF, count)
-    angle += np.pi * (dice.random(count) < _TOLD_WRONGLY)
-    known = dice.random(count) < _TOLD
+    angle = np.where(batch.is_person, batch.facing, rng.uniform(-np.pi, np.pi, count))
+    angle += rng.normal(0.0, _TOLD_OFF, count)
+    angle += np.pi * (rng.random(count) < _TOLD_WRONGLY)
+    known = rng.random(count) < _TOLD
     told = np.stack([np.cos(angle) * known, np.sin(angle) * known, batch.cell], 1)
     return torch.from_numpy(told.astype(np.float32))
 
 
 def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: Batch) -> Tensor:
-    """What is to become small."""
+    """Returns the training loss, a scalar: likelihood, distance, and cross-entropies of facing and parts."""
     joints, spread, facing, parts = out
-    people = torch.from_numpy(batch.somebody)
+    people = torch.from_numpy(batch.is_person)
     off = (joints - torch.from_numpy(batch.joints))[people]
     distance = (off.square().sum(2) + 1e-6).sqrt()
     spread = spread[people].clamp(_CLEAREST, _VAGUEST)
@@ -190,9 +206,9 @@ def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: Batch) -> Tensor:
 
 
 def _ways(batch: Batch) -> AnyArray:
-    """(N,) which of the eight ways people face, or that nobody is there."""
+    """Returns (N,) the facing, 0 to 7, or 8 without a person."""
     ways = np.round(np.nan_to_num(batch.facing) * FACINGS / (2.0 * np.pi)).astype(np.int64) % FACINGS
-    return np.where(batch.somebody, ways, FACINGS)
+    return np.where(batch.is_person, ways, FACINGS)
 
 
 def _tensor(image: AnyArray) -> Tensor:

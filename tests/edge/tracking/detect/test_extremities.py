@@ -13,7 +13,7 @@ from enliven.person.body import Joint
 from enliven_edge.tracking.detect.extremities import _PENALTY, extremities, spread
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.training.body_poses import random_figure
-from enliven_synthesis.training.rendering import Studio
+from enliven_synthesis.training.rendering import PersonRenderer
 
 
 def slow_distances(points: np.ndarray, z: np.ndarray, mask: np.ndarray, step: int, source: int) -> np.ndarray:
@@ -56,7 +56,7 @@ def test_hands_feet_and_head_are_the_extremities_of_a_star():
     figure = random_figure(performer, dice, 0.0, "side lunge", "out")
     pose = world_from_level_camera(1.0)
     pose[2, 3] = 3.0
-    picture = Studio().take(performer, figure, 1, pose, dice)
+    picture = PersonRenderer().render_figure(performer, figure, 1, pose, dice)
     z = picture.z.astype(float)
     found = extremities(z, z > 0, picture.camera, pose)
     ends = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]

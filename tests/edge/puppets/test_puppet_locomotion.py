@@ -16,8 +16,8 @@ from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.examples.spacetime.locomotion import locate
 from enliven.person.body import Joint
 from enliven.samples.cactus_puppet import cactus_project
-from enliven_edge.stage.puppet.feet import Footing, Soles
-from enliven_edge.stage.puppet.locomotion import Way
+from enliven_edge.stage.puppet.feet import Feet, Footing
+from enliven_edge.stage.puppet.locomotion import Locomotion
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
@@ -45,7 +45,7 @@ def walked(frames: int = 120, stride: float = 0.3) -> np.ndarray:
 
 def gone(places: np.ndarray, yaw=None, footings=None, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """(F, 3) roots and (F,) anchors."""
-    way = Way(REST, FEET, STEP, LocomotionSettings())
+    way = Locomotion(REST, FEET, STEP, LocomotionSettings())
     way.begin(np.zeros(3))
     roots, anchors = [], []
     for f, at in enumerate(places):
@@ -92,35 +92,35 @@ def test_in_the_air_it_keeps_the_velocity_it_left_with_and_its_height_is_the_per
 
 
 def test_without_feet_it_stays() -> None:
-    way = Way(REST, (), STEP, LocomotionSettings())
+    way = Locomotion(REST, (), STEP, LocomotionSettings())
     way.begin(np.array([1.0, 0.0, 2.0]))
     assert not way.goes
     np.testing.assert_array_equal(way.go(REST + 1.0, 2.0, Footing(False, 1.0), 1.0), [1.0, 0.0, 2.0])
 
 
 def test_only_who_is_seen_off_the_floor_is_in_the_air() -> None:
-    soles = Soles()
-    assert soles.see(person(), 0.0).touches
-    assert soles.see(person(up=0.02), STEP).touches
-    up = soles.see(person(up=0.25), STEP)
+    feet = Feet()
+    assert feet.see(person(), 0.0).touches
+    assert feet.see(person(up=0.02), STEP).touches
+    up = feet.see(person(up=0.25), STEP)
     assert not up.touches
     assert 0.08 < up.lift < 0.25 / 1.75
     one = person(up=0.25, knees=(0.0, 0.9))
-    assert not soles.see(one, STEP).touches
+    assert not feet.see(one, STEP).touches
     one.confidence[[Joint.FOOT_LEFT, Joint.ANKLE_LEFT]] = 0.0
-    assert soles.see(one, STEP).touches
+    assert feet.see(one, STEP).touches
     sure = replace(person(up=0.25), contacts=np.array([0.9, 0.0]))
-    assert soles.see(sure, STEP).touches
-    assert soles.see(person(knees=(1.2, 0.0)), STEP).touches
+    assert feet.see(sure, STEP).touches
+    assert feet.see(person(knees=(1.2, 0.0)), STEP).touches
 
 
 def test_a_floor_that_is_not_quite_where_it_is_does_not_make_anybody_fly() -> None:
-    soles = Soles()
-    assert all(soles.see(person(up=0.12), STEP).touches for _ in range(30))
+    feet = Feet()
+    assert all(feet.see(person(up=0.12), STEP).touches for _ in range(30))
     lost = person()
     lost.joints[:] = np.nan
     lost.confidence[:] = 0.0
-    assert soles.see(lost, STEP).touches
+    assert feet.see(lost, STEP).touches
 
 
 def jumped(jump: float = 1.0) -> np.ndarray:
@@ -170,6 +170,6 @@ def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
 
 @pytest.mark.parametrize("contact", [(0.0, 0.0), (1.0, 1.0)])
 def test_contacts_of_the_tracker_alone_do_not_lift_it(contact: tuple[float, float]) -> None:
-    soles = Soles()
+    feet = Feet()
     body = replace(person(), contacts=np.array(contact))
-    assert all(soles.see(body, STEP).touches for _ in range(10))
+    assert all(feet.see(body, STEP).touches for _ in range(10))

@@ -14,7 +14,7 @@ from enliven.person.body import MIRROR, PARENTS, Body, Joint
 from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.puppet.bones import Bones
-from enliven_edge.stage.puppet.likeness import Likeness
+from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation
@@ -62,10 +62,10 @@ def other_skeleton() -> Skeleton:
 OTHER = other_skeleton()
 
 
-def seen(likeness: Likeness, *bodies: Body) -> np.ndarray:
+def seen(retargeting: Retargeting, *bodies: Body) -> np.ndarray:
     bones = Bones(0.3)
     for body in bodies:
-        pose = likeness.pose(bones.see(body, 1 / 30))
+        pose = retargeting.pose(bones.see(body, 1 / 30))
     return pose
 
 
@@ -74,8 +74,8 @@ def seen(likeness: Likeness, *bodies: Body) -> np.ndarray:
 def test_who_was_tracked_makes_their_own_poses(arm: float, knee: float) -> None:
     bodies = [person(), person(arm=arm, knee=knee)]
     clip = clip_of_bodies(bodies, np.array([0.0, 1.0]), "own", step=1.0)
-    likeness = Likeness(clip.skeleton, PAIRED)
-    np.testing.assert_allclose(seen(likeness, bodies[1]), performed(clip, PAIRED).poses[1], atol=0.02)
+    retargeting = Retargeting(clip.skeleton, PAIRED)
+    np.testing.assert_allclose(seen(retargeting, bodies[1]), performed(clip, PAIRED).poses[1], atol=0.02)
 
 
 @few
@@ -88,9 +88,9 @@ def test_who_was_tracked_makes_their_own_poses(arm: float, knee: float) -> None:
 )
 def test_size_place_and_facing_do_not_matter(height, x, z, yaw, arm) -> None:
     for skeleton, joints in ((OTHER, HANDS), (own_skeleton(), PAIRED)):
-        likeness = Likeness(skeleton, joints)
-        expected = seen(likeness, person(arm=arm))
-        made = seen(likeness, person(x, z, yaw, arm, height=height))
+        retargeting = Retargeting(skeleton, joints)
+        expected = seen(retargeting, person(arm=arm))
+        made = seen(retargeting, person(x, z, yaw, arm, height=height))
         np.testing.assert_allclose(made, expected, atol=0.02)
 
 
@@ -99,45 +99,45 @@ def own_skeleton() -> Skeleton:
 
 
 def test_other_bones_go_where_the_persons_go() -> None:
-    likeness = Likeness(OTHER, HANDS)
+    retargeting = Retargeting(OTHER, HANDS)
     # The examples' performer looks along +X at rest: ahead is +X, left is -Z.
     straight = person(arm=np.pi / 2 - 0.1)
     straight.joints[[Joint.WRIST_LEFT, Joint.HAND_LEFT]] = straight.joints[Joint.SHOULDER_LEFT] + np.outer(
         [0.54, 0.64], [0.0, 0.0, 1.0]
     )
     straight.joints[Joint.ELBOW_LEFT] = straight.joints[Joint.SHOULDER_LEFT] + [0.0, 0.0, 0.3]
-    pose = seen(likeness, straight)
+    pose = seen(retargeting, straight)
     shoulder = OTHER.positions[OTHER.index("LeftArm")] - OTHER.positions[0]
     np.testing.assert_allclose(pose[0], shoulder + np.array([0.57, 0.0, 0.0]), atol=0.06)
     hanging = pose[1] - (OTHER.positions[OTHER.index("RightArm")] - OTHER.positions[0])
     assert hanging[1] < -0.45
     assert pose[2][1] > 0.6
-    assert likeness.joints == (
+    assert retargeting.joints == (
         Joint.WRIST_LEFT, Joint.WRIST_RIGHT, Joint.HEAD, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT
     )  # fmt: skip
 
 
 def test_a_joint_that_is_not_seen_keeps_its_direction_and_comes_back_softly() -> None:
-    likeness = Likeness(own_skeleton(), PAIRED)
+    retargeting = Retargeting(own_skeleton(), PAIRED)
     bones = Bones(0.3)
-    before = likeness.pose(bones.see(person(arm=1.5), 0.0))
+    before = retargeting.pose(bones.see(person(arm=1.5), 0.0))
     lost = person(arm=1.5, yaw=1.0, x=2.0)
     lost.joints[Joint.WRIST_LEFT] = (9.0, 9.0, 9.0)
     lost.confidence[Joint.WRIST_LEFT] = 0.0
-    np.testing.assert_allclose(likeness.pose(bones.see(lost, 1 / 30)), before, atol=1e-6)
+    np.testing.assert_allclose(retargeting.pose(bones.see(lost, 1 / 30)), before, atol=1e-6)
     lost.joints[Joint.WRIST_LEFT] = np.nan
-    np.testing.assert_allclose(likeness.pose(bones.see(lost, 1 / 30)), before, atol=1e-6)
+    np.testing.assert_allclose(retargeting.pose(bones.see(lost, 1 / 30)), before, atol=1e-6)
     back = person(arm=-0.5)
-    steps = [likeness.pose(bones.see(back, 1 / 30))[1] for _ in range(30)]
+    steps = [retargeting.pose(bones.see(back, 1 / 30))[1] for _ in range(30)]
     forearm = np.linalg.norm(np.diff([before[1], *steps], axis=0), axis=1)
     assert 0.0 < forearm[0] < 0.6
-    np.testing.assert_allclose(steps[-1], seen(likeness, back)[1], atol=1e-6)
+    np.testing.assert_allclose(steps[-1], seen(retargeting, back)[1], atol=1e-6)
 
 
 def test_who_was_never_seen_stands_with_hanging_arms() -> None:
-    likeness = Likeness(own_skeleton(), PAIRED)
+    retargeting = Retargeting(own_skeleton(), PAIRED)
     nobody = Body(1, np.full((20, 3), np.nan), np.zeros(20))
-    pose = seen(likeness, nobody)
+    pose = seen(retargeting, nobody)
     assert np.isfinite(pose).all()
     assert pose[0, 1] > 0.4
     assert pose[1, 1] < 0.1
@@ -160,21 +160,21 @@ def test_the_chest_says_where_who_stands_too_near_looks() -> None:
 
 def test_joints_that_a_person_has_nothing_like_are_named() -> None:
     with pytest.raises(InputError, match="'Tentacle'"):
-        Likeness(OTHER, ("LeftHand", "Tentacle"))
+        Retargeting(OTHER, ("LeftHand", "Tentacle"))
     tail = Skeleton(
         (*OTHER.names, "Tail1", "Tail2"),
         np.array([*OTHER.parents, 0, len(OTHER)], np.int32),
         np.vstack([OTHER.positions, [(-0.5, 0.9, 0.0), (-1.1, 0.8, 0.0)]]),
     )
     with pytest.raises(InputError, match="nothing like joint 'Tail2'"):
-        Likeness(tail, ("LeftHand", "Tail2"))
+        Retargeting(tail, ("LeftHand", "Tail2"))
 
 
 def test_the_mirror_of_a_pose_is_the_pose_of_the_mirror() -> None:
     joints = tuple(BODY_NAMES)
-    likeness = Likeness(own_skeleton(), joints)
+    retargeting = Retargeting(own_skeleton(), joints)
     body = person(arm=1.2, knee=0.7)
     turned = Body(1, body.joints[list(MIRROR)] * [-1.0, 1.0, 1.0], np.ones(20))
-    one, other = seen(likeness, body), seen(likeness, turned)
+    one, other = seen(retargeting, body), seen(retargeting, turned)
     np.testing.assert_allclose(other[list(MIRROR)] * [-1.0, 1.0, 1.0], one, atol=0.01)
     assert len(PARENTS) == len(one)

@@ -1,8 +1,7 @@
-"""A tracked person seen as the performer of the examples: their directions on that skeleton's own bones.
+"""Retargets a tracked person's bone directions onto the skeleton of the examples.
 
-Takes are of any skeleton. Which of its bones goes with which of a tracked person's is found by anatomy:
-arms with arms, legs with legs, each bone by where along the limb it is. Takes of people who were tracked
-have the same bones, one for one.
+Takes have any skeleton. Its bones are paired with a tracked person's by anatomy: arms with arms, legs with
+legs, and each bone by its place along the limb. Takes of tracked people have the same bones, one for one.
 """
 
 from __future__ import annotations
@@ -19,20 +18,28 @@ from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, facing_of
 from enliven.person import Body, Joint
 from enliven.takes import BODY_NAMES
 from enliven_edge.stage.placement import turn_about_y
-from enliven_edge.stage.puppet.bones import Bones, Seen
+from enliven_edge.stage.puppet.bones import BonePose, Bones
 
 ARMS = (
     (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT),
     (Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT),
 )
+"""The joints of the left and the right arm, from the trunk outwards."""
 LEGS = (
     (Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT),
     (Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT),
 )
-"""Left and right, from where a limb begins to where it ends."""
-_ARM, _LEG = np.array([0.29, 0.26, 0.08]), np.array([0.42, 0.42, 0.16])
-"""Metres of an average adult's bones, by which it is told how far along a limb each joint is."""
-_PELVIS, _CHEST, _HEAD = 0, 1, 2
+"""The joints of the left and the right leg, from the trunk outwards."""
+_ARM = np.array([0.29, 0.26, 0.08])
+"""Metres of an average adult's upper arm, forearm and hand: the places of the joints along an arm."""
+_LEG = np.array([0.42, 0.42, 0.16])
+"""Metres of an average adult's thigh, shank and foot: the places of the joints along a leg."""
+_PELVIS = 0
+"""Index of the pelvis among the rotations of the trunk."""
+_CHEST = 1
+"""Index of the chest among the rotations of the trunk."""
+_HEAD = 2
+"""Index of the head among the rotations of the trunk."""
 
 
 @dataclass(frozen=True)
@@ -40,23 +47,23 @@ class _Bone:
     """What a bone of the take follows.
 
     Attributes:
-        joint: the tracked joint whose bone it points along, or that it goes with.
-        turn: which part of the trunk it is turned with (pelvis, chest, head); -1: it points along the bone.
+        joint: the tracked joint at the end of the bone that it points along, or goes with.
+        turn: the part of the trunk that rotates it (pelvis, chest, head); -1: it points along the bone.
     """
 
     joint: Joint
     turn: int = -1
 
 
-class Likeness:
-    """Poses of the joints that control points are paired with, as the examples have them.
+class Retargeting:
+    """Gives the positions of the joints that control points are paired with, on the examples' skeleton.
 
     Args:
-        skeleton: of the takes of the examples.
+        skeleton: the skeleton of the examples' takes.
         joints: (P,) names of the paired joints.
 
     Attributes:
-        joints: (P,) the tracked joint that each of them is most like: by it parts of the body are named.
+        joints: (P,) the tracked joint that each paired joint is most like.
 
     Raises:
         InputError: for a joint that is not in the skeleton, or that a tracked person has nothing like.
@@ -89,17 +96,17 @@ class Likeness:
         for row, path in enumerate(self._paths):
             self._chains[row, [used.index(joint) for joint in path]] = 1.0
 
-    def pose(self, seen: Seen) -> Float:
+    def pose(self, seen: BonePose) -> Float:
         """(P, 3) metres in the body frame, on the bones of the examples' performer."""
         turns = np.stack([seen.pelvis, seen.chest, seen.head])[self._turns]
         carried = np.einsum("nab,nb->na", turns, self._rest)
-        along = seen.ways[self._followed] * self._lengths
+        along = seen.directions[self._followed] * self._lengths
         vectors = np.where(self._directs[:, None], along, carried)
         return np.asarray(self._chains @ vectors @ self._facing.T)
 
 
 def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
-    """Bone by bone, of a person who was tracked; empty for other skeletons."""
+    """Returns the bones of a tracked person's skeleton, one for one; empty for other skeletons."""
     known = {_plain(name): Joint(k) for k, name in enumerate(BODY_NAMES)}
     if {_plain(name) for name in skeleton.names} != set(known):
         return {}
@@ -107,7 +114,7 @@ def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
 
 
 def _front(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
-    """Radians that who was tracked faces at rest: as later on, by the hips, whatever the arms do."""
+    """Returns the radians about +Y that a tracked person faces at rest, by the hips."""
     joints = np.zeros((len(Joint), 3))
     joints[[bone.joint for bone in bones.values()]] = skeleton.positions
     return Bones(0.0).see(Body(0, joints, np.ones(len(Joint))), 0.0).yaw
@@ -118,7 +125,7 @@ def _plain(name: str) -> str:
 
 
 def _like_bones(skeleton: Skeleton) -> dict[int, _Bone]:
-    """By anatomy; bones that belong to nothing a person has are left out."""
+    """Returns the bones paired by anatomy; bones unlike any of a person's are left out."""
     anatomy = anatomy_of(skeleton)
     bones: dict[int, _Bone] = {}
     _take_trunk(anatomy, bones)
@@ -134,7 +141,7 @@ def _like_bones(skeleton: Skeleton) -> dict[int, _Bone]:
 
 
 def _take_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
-    """The lower half of the trunk turns with the pelvis, the upper with the chest."""
+    """Adds the trunk: the lower half turns with the pelvis, the upper with the chest."""
     trunk = anatomy.trunk[1:]
     for k, joint in enumerate(trunk):
         low = k < len(trunk) / 2 - 0.5
@@ -144,7 +151,7 @@ def _take_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
 def _take_limb(
     skeleton: Skeleton, limb: SkeletonLimb, chain: Sequence[Joint], lengths: Float, bones: dict[int, _Bone]
 ) -> None:
-    """The girdle goes with the trunk; each bone of the limb along the person's that is as far along."""
+    """Adds a limb: its girdle turns with the trunk, each bone follows the person's at its share of length."""
     grounded = chain[0] in (Joint.HIP_LEFT, Joint.HIP_RIGHT)
     for joint in limb.girdle[1:]:
         bones[joint] = _Bone(chain[0], _PELVIS if grounded else _CHEST)
@@ -158,7 +165,7 @@ def _take_limb(
 
 
 def _take_twigs(skeleton: Skeleton, anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
-    """What is small and hangs on a hand, a foot, the head or the root goes with it; a tail with nothing."""
+    """Adds small branches at hands, feet, head or root: each follows its parent; tails follow nothing."""
     tail = set(anatomy.tail.chain[1:]) if anatomy.tail is not None else set()
     limbs = {
         joint for pair in (*anatomy.arms[1:], *anatomy.legs[1:]) for limb in pair for joint in limb.chain
