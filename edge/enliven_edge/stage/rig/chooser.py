@@ -92,7 +92,7 @@ class Chooser:
         """Returns the character's chains of the picked match."""
         return [] if self.pick.match is None else [chain for chain in self._chains(self.pick.match) if chain]
 
-    def rows(self, joints: Float) -> tuple[tuple[Row, ...], int]:
+    def rows(self, joints: Float) -> tuple[tuple[MatchRow, ...], int]:
         """Returns the best matches with the picked one, and the index of that; -1 for none.
 
         Args:
