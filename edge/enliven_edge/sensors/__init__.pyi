@@ -1,7 +1,7 @@
 from . import crash_reports
 from .attached_cameras import attached
 from .base import CHECK_IT, Condition, Sensor, SensorFault, condition_of
-from .diary import Diary, Moment, Moments
+from .diary import Diary, DiaryEntry, Moments
 from .options import sensor_options
 from .profile import SensorProfile, load_profile, profile_names
 from .registry import open_sensor, sensor_names, sensor_opener
@@ -11,7 +11,7 @@ __all__ = [
     "CHECK_IT",
     "Condition",
     "Diary",
-    "Moment",
+    "DiaryEntry",
     "Moments",
     "Sensor",
     "SensorFault",

@@ -107,7 +107,7 @@ class Diary:
 
 
 @dataclass(frozen=True)
-class Moment:
+class DiaryEntry:
     """What a sensor delivered, or raised, at one moment.
 
     Attributes:
@@ -135,19 +135,19 @@ class Moments:
         self._messages = recording.in_order(topics, file)
         self._condition: Condition | None = None
 
-    def __iter__(self) -> Iterator[Moment]:
+    def __iter__(self) -> Iterator[DiaryEntry]:
         return self
 
-    def __next__(self) -> Moment:
+    def __next__(self) -> DiaryEntry:
         for topic, time_ns, data in self._messages:
             if topic == CONDITION_TOPIC:
                 self._condition = _understood(Condition, data) or self._condition
             elif topic == EVENTS_TOPIC:
                 event = _understood(SensorEvent, data)
                 if event is not None and (error := event.error) is not None:
-                    return Moment(time_ns + round(1e9 * max(event.after, 0.0)), error, self._condition)
+                    return DiaryEntry(time_ns + round(1e9 * max(event.after, 0.0)), error, self._condition)
             else:
-                return Moment(time_ns, frame_of(topic, data), self._condition)
+                return DiaryEntry(time_ns, frame_of(topic, data), self._condition)
         raise StopIteration
 
 

@@ -17,7 +17,7 @@ from enliven.files import open_file
 from enliven.frames import TIME_LIMIT_NS, Frame
 from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, RecordingInfo
 from enliven_edge.sensors.base import Condition, Sensor
-from enliven_edge.sensors.diary import Moment, Moments
+from enliven_edge.sensors.diary import DiaryEntry, Moments
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ class ReplaySensor(Sensor):
         # Held open, so that a lack of descriptors later on cannot end a loop.
         self._file = open_file(self.recording.path)
         moments = functools.partial(Moments, self.recording, self._file)
-        self._moments: Iterator[Moment] = _Endless(moments) if loop else moments()
+        self._moments: Iterator[DiaryEntry] = _Endless(moments) if loop else moments()
         self._ahead = _up_to_first_frame(self._moments)
         if not self._ahead:
             self._file.close()
@@ -113,14 +113,14 @@ class ReplaySensor(Sensor):
         self._moments = iter(())
         self._file.close()
 
-    def _due(self, moment: Moment) -> float:
+    def _due(self, moment: DiaryEntry) -> float:
         """The monotonic second at which a moment has come."""
         if self._started is None:
             self._started = time.monotonic()
         passed_ns = moment.time_ns - self._first_ns - self._cut_ns - self._too_long(moment)
         return self._started + passed_ns * 1e-9 / self._speed
 
-    def _too_long(self, moment: Moment) -> int:
+    def _too_long(self, moment: DiaryEntry) -> int:
         """Nanoseconds by which the silence before a moment is longer than it may be."""
         return max(0, moment.time_ns - self._now_ns - self._longest_ns)
 
@@ -132,9 +132,9 @@ def _rate(info: RecordingInfo) -> float | None:
     return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
-def _up_to_first_frame(moments: Iterator[Moment]) -> deque[Moment]:
+def _up_to_first_frame(moments: Iterator[DiaryEntry]) -> deque[DiaryEntry]:
     """The moments up to the first frame that can be used; empty where there is none."""
-    ahead: deque[Moment] = deque()
+    ahead: deque[DiaryEntry] = deque()
     while True:
         try:
             moment = next(moments, None)
@@ -151,7 +151,7 @@ def _up_to_first_frame(moments: Iterator[Moment]) -> deque[Moment]:
 class _Endless:
     """The moments again and again, with times that go on rising; a frame that cannot be used costs itself."""
 
-    def __init__(self, moments: Callable[[], Iterator[Moment]]) -> None:
+    def __init__(self, moments: Callable[[], Iterator[DiaryEntry]]) -> None:
         self._again, self._moments = moments, moments()
         self._shift, self._step = 0, _USUAL_STEP_NS
         self._first: int | None = None
@@ -160,7 +160,7 @@ class _Endless:
     def __iter__(self) -> _Endless:
         return self
 
-    def __next__(self) -> Moment:
+    def __next__(self) -> DiaryEntry:
         moment = next(self._moments, None)
         if moment is None:
             if self._first is None or self._last is None:
@@ -176,8 +176,8 @@ class _Endless:
         return _later(moment, self._shift) if self._shift else moment
 
 
-def _later(moment: Moment, shift_ns: int) -> Moment:
+def _later(moment: DiaryEntry, shift_ns: int) -> DiaryEntry:
     """The same moment, so much later."""
     said, time_ns = moment.said, moment.time_ns + shift_ns
     frame = said if isinstance(said, Exception) else dataclasses.replace(said, time_ns=time_ns)
-    return Moment(time_ns, frame, moment.condition)
+    return DiaryEntry(time_ns, frame, moment.condition)

@@ -11,11 +11,11 @@ from enliven.person import Body
 from enliven_edge.landmarks import ColourEye
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
 from enliven_edge.tracking.people import Crowd, Person
-from enliven_edge.tracking.scene import Mounting, Room
+from enliven_edge.tracking.scene import Mounting, RoomModel
 from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 
@@ -37,9 +37,9 @@ class Tracker:
         self.settings = settings or TrackerSettings()
         self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
         self._crowd = Crowd(self.settings, Fitter(self.settings.fit))
-        self._room: Room | None = None
+        self._room: RoomModel | None = None
         self._owner: Int | None = None
-        self._view: View | None = None
+        self._view: FrameView | None = None
         self.output = Output(self.settings)
         self.colour = colour
 
@@ -95,7 +95,7 @@ class Tracker:
         return self._crowd.lock.ids is not None
 
     def unlock(self) -> None:
-        """Newcomers may be performers again."""
+        """Candidates may be performers again."""
         self._crowd.unlock()
 
     def forget(self) -> None:
@@ -122,19 +122,19 @@ class Tracker:
         self._mounting.watch(view, agreement, somebody)
         return self._bodies(frame)
 
-    def _take_back(self, room: Room, view: View) -> None:
+    def _take_back(self, room: RoomModel, view: FrameView) -> None:
         """Who was there when the room was first seen may be taken for it in part: a leg below a hole."""
         people = [p.follower.posture for p in self._crowd.people if not p.travelled]
         if people and room.age < _YOUNG:
             room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
 
-    def _room_of(self, view: View) -> Room:
+    def _room_of(self, view: FrameView) -> RoomModel:
         """The room, a new one where the sensor was moved or exchanged."""
         mounting = self._mounting
         if mounting.new_camera or (mounting.new_place and mounting.far_away):
             self._crowd.misplaced(view.time_ns)
         if self._room is None or mounting.new_camera or mounting.new_place:
-            self._room = Room(view.z.shape, self.settings.room)
+            self._room = RoomModel(view.z.shape, self.settings.room)
         return self._room
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:

@@ -41,7 +41,7 @@ def frame_budget(fits: int, elapsed: float | None) -> Budget:
     return Budget(fits * max(1.0, (elapsed or 0.0) * _RATE))
 
 
-class Spread(Generic[T]):
+class BudgetedTask(Generic[T]):
     """Work that is under way.
 
     Attributes:
@@ -71,6 +71,6 @@ class Spread(Generic[T]):
 
 def whole(steps: Steps[T]) -> T:
     """All of the work at once."""
-    spread = Spread(steps)
+    spread = BudgetedTask(steps)
     spread.go_on(Budget(float("inf")))
     return spread.result

@@ -12,7 +12,7 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.scene.room import ROOM, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import _span, claim, image_boxes
 from enliven_edge.tracking.segment.segmentation import REACH, SPECKLE, loose_groups, segmented
@@ -22,7 +22,7 @@ MOUNT = world_from_level_camera(1.2)
 
 
 def view_of(z):
-    return View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+    return FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
 
 
 def person(x, z=-2.5, **pose):

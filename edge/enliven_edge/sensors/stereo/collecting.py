@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import UInt8
-from enliven_edge.sensors.stereo.board import Board
-from enliven_edge.sensors.stereo.solving import Sighting
+from enliven_edge.sensors.stereo.board import CalibrationBoard
+from enliven_edge.sensors.stereo.solving import BoardSighting
 
 _STILL = 0.01
 """Part of the image's width by which corners may have moved since the look before: the board is still."""
@@ -23,14 +23,14 @@ class Keeper:
         kept: the sightings.
     """
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: CalibrationBoard) -> None:
         self._board = board
-        self._before: Sighting | None = None
-        self.kept: list[Sighting] = []
+        self._before: BoardSighting | None = None
+        self.kept: list[BoardSighting] = []
 
     def offer(self, left: UInt8, right: UInt8) -> str:
         """Looks at a pair; empty where it was kept, else what to do."""
-        seen = Sighting(str(len(self.kept) + 1), self._board.find(left), self._board.find(right))
+        seen = BoardSighting(str(len(self.kept) + 1), self._board.find(left), self._board.find(right))
         before, self._before = self._before, seen
         for side in ("left", "right"):
             if len(getattr(seen, side)) < _COMMON:
@@ -44,7 +44,7 @@ class Keeper:
         return ""
 
 
-def _moved(one: Sighting, other: Sighting) -> float:
+def _moved(one: BoardSighting, other: BoardSighting) -> float:
     """Mean pixels between shared corners, of the camera where it is more; infinite where few are shared."""
     moved = []
     for side in ("left", "right"):

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.sensors.stereo.board import Board
+from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import StereoCalibration
-from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, Solution
+from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, StereoSolution
 
 _GOOD_REPROJECTION, _WORST_REPROJECTION = 0.35, 1.0
 """Pixels: corners are found to 0.1 to 0.3 px in a sharp image; above one the model does not fit."""
@@ -49,7 +49,7 @@ class Judgement:
         return self.verdict != "not good enough"
 
 
-def judge(board: Board, solution: Solution) -> Judgement:
+def judge(board: CalibrationBoard, solution: StereoSolution) -> Judgement:
     """How good a solution is."""
     facts = [("pairs", f"{len(solution.used)} used, {len(solution.left_out)} left out")]
     facts += [("left out", f"{name}: {why}") for name, why in solution.left_out.items()]
@@ -81,7 +81,7 @@ def expected_error(calibration: StereoCalibration, disparity_error: float, dista
 
 
 def _advice(
-    c: StereoCalibration, solution: Solution, error: float, covered: dict[str, Float]
+    c: StereoCalibration, solution: StereoSolution, error: float, covered: dict[str, Float]
 ) -> tuple[list[str], bool]:
     """What to do, and whether the calibration cannot be used without."""
     advice, bad = [], False
@@ -112,7 +112,7 @@ def _advice(
     return advice, bad
 
 
-def _covered(c: StereoCalibration, solution: Solution, side: str) -> Float:
+def _covered(c: StereoCalibration, solution: StereoSolution, side: str) -> Float:
     """(3, 4) 1 for each field of an image that corners lie in."""
     rows, columns = len(_ROWS), len(_COLUMNS)
     seen = np.zeros((rows, columns))

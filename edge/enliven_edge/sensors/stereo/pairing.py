@@ -18,7 +18,7 @@ _WAITING = 4
 
 
 @dataclass(frozen=True)
-class Picture:
+class CameraImage:
     """One image of one camera.
 
     Attributes:
@@ -48,7 +48,7 @@ class Pairing:
 
     def __init__(self, name: str, tolerance_ns: int) -> None:
         self._name, self._tolerance = name, tolerance_ns
-        self._waiting: tuple[deque[Picture], deque[Picture]] = (
+        self._waiting: tuple[deque[CameraImage], deque[CameraImage]] = (
             deque(maxlen=_WAITING),
             deque(maxlen=_WAITING),
         )
@@ -57,7 +57,7 @@ class Pairing:
         self.apart_ns: int | None = None
         self.odd = 0
 
-    def add(self, picture: Picture) -> tuple[Picture, Picture] | None:
+    def add(self, picture: CameraImage) -> tuple[CameraImage, CameraImage] | None:
         """The pair that a picture completes, left and right; None where it must wait.
 
         Raises:
@@ -78,7 +78,7 @@ class Pairing:
             self._leave_out((left if apart < 0 else right).popleft())
         return None
 
-    def _leave_out(self, picture: Picture) -> None:
+    def _leave_out(self, picture: CameraImage) -> None:
         """Counts a picture that has no partner."""
         self.odd += 1
         assert self._since_ns is not None

@@ -15,7 +15,7 @@ _NEAR_MM = 300
 
 
 @dataclass(frozen=True)
-class Survey:
+class DepthSurvey:
     """One image.
 
     Attributes:
@@ -31,13 +31,13 @@ class Survey:
     mark: int
 
 
-def survey(depth: UInt16) -> Survey:
+def survey(depth: UInt16) -> DepthSurvey:
     """The survey of an (H, W) uint16 depth image in millimetres; 0 and 65535 are not known."""
     height, width = depth.shape
     step = max(1, round((height * width / _SAMPLES) ** 0.5))
     known, usable, speckle, count, mark = _survey(np.ascontiguousarray(depth), step, _NEAR_MM)
     total = max(1, count)
-    return Survey(known / total, usable / total, speckle / total, int(mark))
+    return DepthSurvey(known / total, usable / total, speckle / total, int(mark))
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ _NEW_CLOCK = 3
 _LONGEST_STEP_NS = 2_000_000_000
 
 
-class Rhythm:
+class FrameTiming:
     """Judges frames by their times.
 
     Attributes:

@@ -9,7 +9,7 @@ from enliven_edge.tracking.frame.observation import WorkingCamera
 
 
 @dataclass(frozen=True)
-class View:
+class FrameView:
     """What one frame shows.
 
     Attributes:

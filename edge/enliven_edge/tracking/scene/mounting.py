@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.camera import unproject, world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven_edge.tracking.frame import View, WorkingCamera, world_points
+from enliven_edge.tracking.frame import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.scene.floor import corrected, world_from_floor
 from enliven_edge.tracking.scene.room import Agreement
 from enliven_edge.tracking.settings import SceneSettings
@@ -63,7 +63,7 @@ class Mounting:
         assert self._camera is not None
         return self._camera
 
-    def view(self, frame: DepthFrame, *, nobody: bool) -> View:
+    def view(self, frame: DepthFrame, *, nobody: bool) -> FrameView:
         """The frame, reduced and placed in the world.
 
         Args:
@@ -85,9 +85,9 @@ class Mounting:
             self._look_for_floor(z)
         assert self.world_from_camera is not None
         points = world_points(z, self._camera.ray, self.world_from_camera)
-        return View(frame.time_ns, z, points, self._camera, self.world_from_camera)
+        return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera)
 
-    def watch(self, view: View, agreement: Agreement, somebody: Bool) -> None:
+    def watch(self, view: FrameView, agreement: Agreement, somebody: Bool) -> None:
         """Notices that the sensor was moved, and keeps the floor where it is.
 
         Args:
@@ -117,7 +117,7 @@ class Mounting:
         """Whether so much differs from the room that the sensor may have been moved: believe nobody new."""
         return self._suspicious > 0
 
-    def _floor_is_elsewhere(self, view: View, somebody: Bool) -> bool:
+    def _floor_is_elsewhere(self, view: FrameView, somebody: Bool) -> bool:
         """Whether the floor lies otherwise than it did: who steps before the room moves no floor."""
         assert self.world_from_camera is not None
         if not self._floor_known:

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, UInt8
 from enliven.kernels import njit
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.scene.room_prior import guessed
 from enliven_edge.tracking.settings import RoomSettings
 
@@ -44,7 +44,7 @@ class Agreement:
     farther: float
 
 
-class Room:
+class RoomModel:
     """The room's depth, learnt from what is not a person.
 
     A pixel's depth follows small changes slowly. Farther depth that stays for ``clear_after`` seconds
@@ -66,7 +66,7 @@ class Room:
         self._filled_ns: int | None = None
         self._known = self._stale = 0
 
-    def classify(self, view: View, near: float, far: float, floor_band: float) -> UInt8:
+    def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:
         """(h, w) what every pixel is: ROOM, BEFORE, UNSEEN or UNLIKELY."""
         self._fill(view, floor_band)
         return np.asarray(_classify(view.z, view.points, self.z, self._guess, near, far, floor_band))
@@ -111,7 +111,7 @@ class Room:
         """Somebody is seen elsewhere, or gone for good: what is left where they were is not them."""
         self._guarded[self._guarded == identity] = -1
 
-    def _fill(self, view: View, floor_band: float) -> None:
+    def _fill(self, view: FrameView, floor_band: float) -> None:
         """Renews the guess of what was never seen, now and then."""
         time_ns = view.time_ns
         if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
@@ -125,7 +125,7 @@ class Room:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _classify(z, points, room, guess, near, far, floor_band):  # type: ignore[no-untyped-def]
-    """See :meth:`Room.classify`; without a branch, so that many pixels are compared at once."""
+    """See :meth:`RoomModel.classify`; without a branch, so that many pixels are compared at once."""
     height, width = z.shape
     out = np.empty((height, width), np.uint8)
     for v in range(height):
@@ -227,7 +227,7 @@ def _not_measured(room, waited, away, v, u, step, dark):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def _guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
-    """See :meth:`Room.guard`; who is followed guards nothing but where they are."""
+    """See :meth:`RoomModel.guard`; who is followed guards nothing but where they are."""
     height, width = owner.shape
     for v in range(height):
         for i in ids:

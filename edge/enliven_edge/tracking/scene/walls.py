@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 
 _TRIALS, _SAMPLES = 150, 1500
 _LARGEST_WALLS = 4
@@ -19,7 +19,7 @@ _APART = 0.3
 """Metres between two points that a wall is guessed from."""
 
 
-def without_walls(view: View, mask: Bool, seed: int = 0) -> Bool:
+def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
     """The (h, w) mask without what lies in large upright planes; itself where there are none."""
     pixels = pixels_of(mask)
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)

@@ -42,7 +42,7 @@ class Zone:
         return zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True)
 
 
-class Lock:
+class ZoneLock:
     """Which people may be performers: everybody, or those who were there when it was locked."""
 
     def __init__(self) -> None:

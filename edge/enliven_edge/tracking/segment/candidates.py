@@ -10,11 +10,11 @@ import numpy as np
 from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.scene import BEFORE, ROOM, UNLIKELY, widened, without_walls
 from enliven_edge.tracking.segment.columns import parted
-from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, SMALLEST_AREA, Shape, shape_of
-from enliven_edge.tracking.segment.segmentation import Loose, Segments, groups_of
+from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, SMALLEST_AREA, BlobShape, shape_of
+from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments, groups_of
 
 _SAME, _FORGET_NS = 0.45, 400_000_000
 _MOST, _MOST_AT_FIRST = 8, 16
@@ -45,7 +45,7 @@ Part = tuple[Bool, Bool | None]
 """(h, w) some pixels of a group, and those of the walls before which they are, where any are known."""
 
 
-class Newcomer:
+class Candidate:
     """A group of pixels of a person's size.
 
     Attributes:
@@ -67,10 +67,10 @@ class Newcomer:
         self.bystander = self.awaited = self.refused = self.recognised = False
         self.seen_ns = self.first_ns = time_ns
         self.before = self.plain = 0.0
-        self.group: Loose | None = None
+        self.group: LooseGroup | None = None
         self.parts: list[Bool] = []
         self.checked_ns = time_ns
-        self.shape: Shape
+        self.shape: BlobShape
         self.pixels: Bool
         self._next_ns, self._wait_ns = time_ns, _BACK_OFF_NS
         self._asked_ns: int | None = None
@@ -79,7 +79,7 @@ class Newcomer:
         self,
         pixels: Bool,
         centre: Float,
-        shape: Shape,
+        shape: BlobShape,
         area: float,
         shares: tuple[float, float],
         time_ns: int,
@@ -90,7 +90,7 @@ class Newcomer:
         self.frames, self.seen_ns, self.checked_ns = self.frames + 1, time_ns, time_ns
         self.crowns = [*self.crowns[-_LONG:], shape.crown]
 
-    def grow(self, view: View, pixels: Bool) -> None:
+    def grow(self, view: FrameView, pixels: Bool) -> None:
         """It turned out to be all of these (h, w) pixels."""
         self.pixels = pixels
         self.centre, self.area, _ = measured(view, pixels, np.zeros(pixels.shape, np.uint8))
@@ -115,7 +115,7 @@ class Newcomer:
         their own from above."""
         return _unions(self.pixels, self.parts)
 
-    def dull(self, group: Loose, time_ns: int) -> bool:
+    def dull(self, group: LooseGroup, time_ns: int) -> bool:
         """Whether a group is this one as it was looked at just now: a thing that stands there."""
         if self.group is None or self.frames < _LONG or not 0 <= time_ns - self.checked_ns < _CHECK_NS:
             return False
@@ -139,7 +139,7 @@ class Newcomer:
         """Whether it convinces where the network takes it for a person: a panel never does."""
         return self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
 
-    def puzzles(self, time_ns: int) -> bool:
+    def needs_recognition(self, time_ns: int) -> bool:
         """Whether its shape does not convince, so that the network is to be asked, now and then."""
         if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
             return False
@@ -183,7 +183,7 @@ class Newcomer:
             return False
         return not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
 
-    def settle(self, tried: Newcomer) -> None:
+    def settle(self, tried: Candidate) -> None:
         """Is looked for again when a copy of it that was tried is."""
         self._next_ns, self._wait_ns = max(self._next_ns, tried._next_ns), tried._wait_ns
 
@@ -192,11 +192,11 @@ class Newcomer:
         self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _LONGEST_NS)
 
 
-class Newcomers:
+class Candidates:
     """Everything that may be somebody new."""
 
     def __init__(self) -> None:
-        self._known: list[Newcomer] = []
+        self._known: list[Candidate] = []
         self._refused: list[tuple[Float, int]] = []
 
     def clear(self) -> None:
@@ -207,7 +207,7 @@ class Newcomers:
         """What is at a place was taken for somebody and is a thing."""
         self._refused.append((place.copy(), time_ns))
 
-    def drop(self, newcomer: Newcomer) -> None:
+    def drop(self, newcomer: Candidate) -> None:
         """It is somebody now."""
         self._known = [other for other in self._known if other is not newcomer]
 
@@ -218,14 +218,14 @@ class Newcomers:
 
     def update(
         self,
-        view: View,
+        view: FrameView,
         kind: UInt8,
         segments: Segments,
         admits: Callable[[Float], bool],
         awaits: Callable[[Float], bool],
         *,
         young: bool,
-    ) -> list[Newcomer]:
+    ) -> list[Candidate]:
         """Those that are in this frame, the likeliest first; ``young``: the room is new."""
         groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3]
         groups = groups[: _MOST_AT_FIRST if young else _MOST]
@@ -259,8 +259,8 @@ class Newcomers:
         return sorted(present, key=lambda n: -n.shape.likeness)
 
     def _one(
-        self, view: View, kind: UInt8, part: Bool, walls: Bool | None, shape: Shape | None
-    ) -> Newcomer | None:
+        self, view: FrameView, kind: UInt8, part: Bool, walls: Bool | None, shape: BlobShape | None
+    ) -> Candidate | None:
         """The newcomer that a group of pixels is, None where it has not a person's size.
 
         Args:
@@ -278,7 +278,7 @@ class Newcomers:
         known = [n for n in self._known if n.seen_ns != view.time_ns]
         near = min(known, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
         if near is None or np.linalg.norm(near.centre - centre) > _SAME:
-            near = Newcomer(centre, view.time_ns)
+            near = Candidate(centre, view.time_ns)
             self._known.append(near)
         near.refused = self._is_refused(centre, view.time_ns)
         near.update(part, centre, shape, area, shares, view.time_ns)
@@ -304,13 +304,13 @@ def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
     return [np.logical_or.reduce(parts), *sorted(pairs, key=lambda pair: -int(pair.sum()))]
 
 
-def measured(view: View, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
+def measured(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
     """Of the (h, w) pixels: (3,) metres, their middle; square metres towards the sensor; and two shares.
 
     The shares are of what stands before the known room, and before what is known or guessed.
 
     Args:
-        kind: (h, w) from :meth:`Room.classify`.
+        kind: (h, w) from :meth:`RoomModel.classify`.
     """
     centre, squares, before, plain = _measured(view.points, view.z, kind, pixels)
     camera = view.camera.intrinsics
@@ -331,7 +331,7 @@ def _measured(points, z, kind, part):  # type: ignore[no-untyped-def]
     return np.array([x, y, deep]) / count, squares, before / count, plain / count
 
 
-def _beside_walls(view: View, kind: UInt8, mask: Bool) -> list[Part]:
+def _beside_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
     """Parts of a group that may be people before a wall in it or beside one."""
     rest = without_walls(view, mask)
     walls = mask & ~rest
@@ -339,7 +339,7 @@ def _beside_walls(view: View, kind: UInt8, mask: Bool) -> list[Part]:
     return before + [(part, None) for part in _tight(view, kind, mask)]
 
 
-def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
+def _before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
     """What is left of a group without the walls that it has in it: people who stand before them, say."""
     if not walls.any():
         return []
@@ -347,12 +347,12 @@ def _before_walls(view: View, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool
     return [part for part in parts if quantile(np.sort(view.points[..., 1][part]), 0.99) > _STANDS]
 
 
-def _tight(view: View, kind: UInt8, mask: Bool) -> list[Bool]:
+def _tight(view: FrameView, kind: UInt8, mask: Bool) -> list[Bool]:
     """The parts of a group that hang together more closely: somebody who stands beside a wall, say."""
     return _pieces(view, kind, mask, _TIGHTNESS)
 
 
-def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
+def _pieces(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
     """The largest parts of a mask that hang together, by steps in depth that small."""
     places = pixels_of(mask & (kind != ROOM) & (kind != UNLIKELY))
     labels, count = groups_of(view.z, places, tightness)
@@ -360,7 +360,7 @@ def _pieces(view: View, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]
     return [labels == index for index in np.argsort(-size)[:_PIECES] if size[index] > 100]
 
 
-def _all_of(segments: Segments, main: Loose, view: View) -> tuple[Bool, Shape | None]:
+def _all_of(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool, BlobShape | None]:
     """The main group with the fragments that seem to be its own, unless it is more like a person without.
 
     And its shape, where that was measured to tell.
@@ -376,7 +376,7 @@ def _all_of(segments: Segments, main: Loose, view: View) -> tuple[Bool, Shape | 
     return (bare, without) if without.upright else (mask, shape)
 
 
-def _with_fragments(segments: Segments, main: Loose, bare: Bool, view: View) -> Bool:
+def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: FrameView) -> Bool:
     """The main group and smaller ones that touch it within reach, a forearm held forward say.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 
 SMALLEST_AREA, LARGEST_AREA = 0.06, 1.6
 _SHORTEST, _WIDEST, _DEEPEST = 0.3, 2.4, 1.6
@@ -33,7 +33,7 @@ _WALL_BEHIND = 1.0
 
 
 @dataclass(frozen=True)
-class Shape:
+class BlobShape:
     """What a group of pixels looks like.
 
     Attributes:
@@ -105,7 +105,7 @@ class Shape:
         return self.behind < _HIDDEN and self.border < _BORDER
 
 
-def shape_of(view: View, mask: Bool, area: float, walls: Bool | None = None) -> Shape:
+def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None) -> BlobShape:
     """The shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor.
 
     Args:
@@ -120,7 +120,7 @@ def shape_of(view: View, mask: Bool, area: float, walls: Bool | None = None) -> 
     wide, tall, deep, crown, head, head_width, fill = _built(points, along, ordered, np.sort(along), _BANDS)
     size = min(tall, _HIGH) if tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST else 0.0
     wide = max(wide, deep)
-    return Shape(area, size, crown, thickness, wide, head, head_width, fill, free, behind, border, cut)
+    return BlobShape(area, size, crown, thickness, wide, head, head_width, fill, free, behind, border, cut)
 
 
 @njit(cache=True, nogil=True)
@@ -174,7 +174,7 @@ def _least_eigenvalue(xx, yy, zz, xy, xz, yz):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _built(points, along, ordered, ordered_along, bands):  # type: ignore[no-untyped-def]
-    """Metres that (3, M) points are wide, tall, deep; crown, head, head_width, fill as of :class:`Shape`.
+    """Metres that (3, M) points are wide, tall, deep; crown, head, head_width, fill as of :class:`BlobShape`.
 
     Args:
         along: (M,) metres along the longest level way.

@@ -6,13 +6,13 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import njit
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.scene import ROOM, UNLIKELY
 
 _ON_SURFACE = 0.025
 
 
-def image_boxes(view: View, ends: Float, radii: Float, reach: float) -> Int:
+def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int:
     """(K, 4) top, left, bottom and right of what each person's (C, 2, 3) capsules and their reach cover."""
     return np.asarray(_boxes(ends, radii, reach, view.camera.camera, view.world_from_camera, view.z.shape))
 

@@ -16,7 +16,7 @@ from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven.union_find import root_of
 from enliven_edge.tracking.body_model import Posture
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.scene import ROOM, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import claim, image_boxes
 from enliven_edge.tracking.segment.surface_growing import given_back, grown
@@ -31,7 +31,7 @@ SPECKLE = 0.004
 
 
 @dataclass(frozen=True)
-class Loose:
+class LooseGroup:
     """A group of pixels that are nobody's.
 
     Attributes:
@@ -70,25 +70,25 @@ class Segments:
 
     owner: Int
     labels: Int
-    loose: list[Loose]
+    loose: list[LooseGroup]
     counts: Int
 
     def pixels(self, person: int) -> Bool:
         """(h, w) the pixels of a person, by index."""
         return np.asarray(self.owner == person)
 
-    def group(self, loose: Loose) -> Bool:
+    def group(self, loose: LooseGroup) -> Bool:
         """(h, w) the pixels of a loose group."""
         return np.asarray(self.labels == loose.label)
 
 
 def segmented(
-    view: View, kind: UInt8, postures: Sequence[Posture], handicap: Float | None = None
+    view: FrameView, kind: UInt8, postures: Sequence[Posture], handicap: Float | None = None
 ) -> Segments:
     """Whose the pixels of a frame are.
 
     Args:
-        kind: (h, w) from :meth:`Room.classify`.
+        kind: (h, w) from :meth:`RoomModel.classify`.
         postures: where each person is expected, world frame.
         handicap: (K,) metres by which a person's claim is weaker, one who is probably hidden say.
     """
@@ -116,7 +116,7 @@ def segmented(
     return Segments(owner, labels, loose, counts)
 
 
-def lying_on(view: View, postures: Sequence[Posture], above: float, reach: float) -> Bool:
+def lying_on(view: FrameView, postures: Sequence[Posture], above: float, reach: float) -> Bool:
     """(h, w) pixels within ``reach`` metres of somebody's surface and more than ``above`` metres high."""
     kind = np.where(view.points[..., 1] > above, UNSEEN, ROOM).astype(np.uint8)
     kind[view.z <= 0.0] = ROOM
@@ -183,7 +183,7 @@ def _grouped(z, pixels, tightness):  # type: ignore[no-untyped-def]
     return labels.reshape(shape), count
 
 
-def _table(view: View, pixels: Int, labels: Int, groups: int, owner: Int, people: int) -> Float:
+def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int, people: int) -> Float:
     """(groups + 1, 15 + K) area, low and high corner, sum of points, pixels, box, contacts."""
     camera = view.camera.intrinsics
     pixel = 1.0 / (camera.fx * camera.fy)
@@ -224,7 +224,7 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):  # type:
     return out
 
 
-def _judged(table: Float) -> tuple[list[Loose], Int]:
+def _judged(table: Float) -> tuple[list[LooseGroup], Int]:
     """The loose groups that stay, and (groups + 1,) whose the others are, -1 for nobody's."""
     area, joined = table[:, 0], _limbs(table)
     large = np.flatnonzero((area >= SPECKLE) & (joined < 0))
@@ -243,10 +243,10 @@ def _limbs(table):  # type: ignore[no-untyped-def]
     return joined
 
 
-def _loose(g: int, row: Float) -> Loose:
+def _loose(g: int, row: Float) -> LooseGroup:
     top, left, bottom, right = (int(x) for x in row[11:15])
     centre, contact = row[7:10] / row[10], row[15:].astype(np.int64)
-    return Loose(g, float(row[0]), row[1:4], row[4:7], centre, contact, (top, left, bottom, right))
+    return LooseGroup(g, float(row[0]), row[1:4], row[4:7], centre, contact, (top, left, bottom, right))
 
 
 @njit(cache=True, nogil=True)
