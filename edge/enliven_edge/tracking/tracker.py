@@ -105,7 +105,7 @@ class Tracker:
 
     def track(self, frame: DepthFrame) -> list[Body]:
         """The bodies in a frame, world frame; empty where nobody is seen."""
-        view = self._mounting.view(frame, nobody=not self._crowd.people)
+        view = self._mounting.view(frame, no_people=not self._crowd.people)
         room = self._room_of(view)
         if self._mounting.falling:
             self._view = None

@@ -19,7 +19,7 @@ from enliven_edge.tracking.scene.room import (
     _guard,
     widened,
 )
-from enliven_edge.tracking.scene.room_prior import filled, guessed
+from enliven_edge.tracking.scene.room_prior import background_fill, filled
 from enliven_edge.tracking.settings import RoomSettings
 
 FRAME = 1 / 30
@@ -332,7 +332,7 @@ def floor_of(mount):
 
 
 def guess(z, mount):
-    return guessed(z, HALL_CAMERA.ray, mount, FLOOR_BAND)
+    return background_fill(z, HALL_CAMERA.ray, mount, FLOOR_BAND)
 
 
 @given(st.integers(0, 1000), st.floats(0.0, 1.0))
@@ -408,7 +408,7 @@ def test_the_guess_is_that_of_the_slow_twin(seed, h, w, coarse):
     known = ndimage.gaussian_filter(random.standard_normal((h, w)), coarse) > random.uniform(-0.1, 0.1)
     z, ray = random.uniform(1, 4, (h, w)) * known, random.standard_normal((h, w, 2))
     mount = world_from_level_camera(random.uniform(0.5, 2.5), random.uniform(-0.5, 0.5))
-    np.testing.assert_allclose(guessed(z, ray, mount, 0.08), guessed_slowly(z, ray, mount, 0.08))
+    np.testing.assert_allclose(background_fill(z, ray, mount, 0.08), guessed_slowly(z, ray, mount, 0.08))
 
 
 @given(st.integers(0, 1000), st.integers(0, 3))
