@@ -10,7 +10,7 @@ from enliven_edge.tracking.body_model.kinematics import pivots_by_length
 from enliven_edge.tracking.body_model.posture import Posture, forward
 from enliven_edge.tracking.fit import terms
 from enliven_edge.tracking.fit.gauss_newton import stepped
-from enliven_edge.tracking.fit.normal_equations import gather, no_sums
+from enliven_edge.tracking.fit.normal_equations import empty_sums, gather
 
 TURNS = (model.DOF_FRAME, model.DOF_AXIS)
 NO_AFFINITY = np.zeros((0, 0), np.float32)
@@ -50,7 +50,7 @@ def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
 
 def gathered(term, posture: Posture, free: int = 12):
     """(what the term returns, gradient, matrix) of a term that adds to the sums it is given."""
-    sums, count = no_sums(13, free), model.DOFS + free
+    sums, count = empty_sums(13, free), model.DOFS + free
     returned = term(sums)
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
     gather(matrix, gradient, sums, body_of(posture, free))
