@@ -153,7 +153,7 @@ class LibcameraSensor(Sensor):
         return DepthFrame(depth, camera, left.time_ns, self.name, sequence=left.sequence)
 
     def _check_sizes(self, sizes: list[tuple[int, int]], wanted: tuple[int, int]) -> None:
-        """Refuses cameras whose images are not of the calibrated size."""
+        """Raises InputError for a camera with another image size than the calibrated one."""
         for size in sizes:
             if size != wanted:
                 raise InputError(

@@ -18,8 +18,10 @@ from enliven_edge.sensors.stereo import CameraImage
 
 _BUFFERS = 4
 """Images that a camera may have under way: one is filled, one is read, two are between."""
-_SERVER, _CLIENT = 1, 2
-"""Values of the Raspberry Pi's control SyncMode: the first camera sets the beat, the others follow."""
+_SERVER = 1
+"""Value of the Raspberry Pi's control SyncMode for the first camera, which sets the beat."""
+_CLIENT = 2
+"""Value of the control SyncMode for the other cameras, which follow."""
 
 
 class LibcameraImages:

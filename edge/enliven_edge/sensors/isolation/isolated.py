@@ -1,4 +1,4 @@
-"""A sensor in a helper process, as the edge sees it: frames come from shared memory, silence is a loss."""
+"""The edge's side of a sensor in a helper process: frames come from shared memory, silence is a loss."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class IsolatedOpener:
 
 
 class IsolatedSensor(Sensor):
-    """A :class:`~enliven_edge.sensors.base.Sensor` whose driver runs in a helper process.
+    """A :class:`~enliven_edge.sensors.base.Sensor` with its driver in a helper process.
 
     Its frames lie in shared memory, read-only, and stay as they are for as long as they are kept.
 

@@ -1,4 +1,4 @@
-"""Which of two live cameras' pairs are kept for a calibration."""
+"""Selects the image pairs of two live cameras that are kept for a calibration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _COMMON = 8
 
 
 class Keeper:
-    """Keeps pairs in which both cameras see the board, held still, where or as it was not yet.
+    """Keeps pairs in which both cameras see the board, held still in a new place or at a new angle.
 
     Attributes:
         kept: the sightings.
@@ -29,7 +29,7 @@ class Keeper:
         self.kept: list[BoardSighting] = []
 
     def offer(self, left: UInt8, right: UInt8) -> str:
-        """Looks at a pair; empty where it was kept, else what to do."""
+        """Tries a pair; returns an empty string where it was kept, else what to do."""
         seen = BoardSighting(str(len(self.kept) + 1), self._board.find(left), self._board.find(right))
         before, self._before = self._before, seen
         for side in ("left", "right"):
@@ -45,7 +45,7 @@ class Keeper:
 
 
 def _moved(one: BoardSighting, other: BoardSighting) -> float:
-    """Mean pixels between shared corners, of the camera where it is more; infinite where few are shared."""
+    """Mean pixels between shared corners, the larger of both cameras'; infinite where too few are shared."""
     moved = []
     for side in ("left", "right"):
         a, b = getattr(one, side), getattr(other, side)

@@ -1,4 +1,4 @@
-"""Two lenses, and how their cameras stand to each other, from sightings of a board."""
+"""Solves the calibration of two cameras, lenses and relative pose, from sightings of a board."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ class BoardSighting:
 
 @dataclass(frozen=True)
 class StereoSolution:
-    """What the sightings told.
+    """The calibration from a set of sightings.
 
     Attributes:
         calibration: None where there were too few.
         used: the sightings that it is from.
         left_out: names of pairs, and why they were not used.
-        disparity_error: pixels by which disparities of boards differ from what their distance makes them,
-            where one half of the pairs was judged by a calibration from the other.
-        tilt: degrees between the two boards that were turned against each other most.
+        disparity_error: root mean square pixels between measured and expected disparities of the boards, each
+            half of the pairs judged by a calibration from the other half.
+        tilt: the largest degrees between two boards' normals.
     """
 
     calibration: StereoCalibration | None
@@ -88,9 +88,9 @@ def disparity_offset(
     rectification: Rectification,
     calibration: StereoCalibration,
 ) -> float:
-    """Pixels by which a board's disparity differs from what its distance makes it.
+    """The mean difference, in pixels, of a board's disparities from those expected at its distance.
 
-    The distance is from the left image alone: the board's size in it.
+    The distance comes from the left image alone, by the board's size in it.
     """
     cv, lens = opencv(), calibration.left
     points, left, right = sighting.common(board)
@@ -158,7 +158,7 @@ def _lens(matrix: Float, distortion: Float) -> StereoLens:
 def _flat(
     rectification: Rectification, calibration: StereoCalibration, left: Float, right: Float
 ) -> tuple[Float, Float]:
-    """(N, 2) and (N, 2) where the rectified cameras see what the cameras see at these pixels."""
+    """(N, 2) and (N, 2) the pixels of both rectified images that correspond to these pixels."""
     camera = rectification.intrinsics
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
     sides = zip((left, right), (calibration.left, calibration.right), rectification.rotations, strict=True)
