@@ -45,7 +45,7 @@ def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
     radii = radii if taper else np.repeat(radii[:, :1], 2, axis=1)
     by_ends = np.empty((len(ends), 2, 3, free))
     terms.ends_by_length(by_ends, body_of(posture, free), model.CAPSULES.frame, model.CAPSULES.ends)
-    return ends, radii, model.CAPSULES.frame, by_ends, model.FRAME_LENGTHS
+    return ends, radii, model.CAPSULES.frame, by_ends, model.FRAME_LENGTHS, posture.lengths[model.GIRTH]
 
 
 def gathered(term, posture: Posture, free: int = 12):

@@ -187,8 +187,6 @@ PIVOTS = _pivots()
 """(13, 3, 12) see :func:`_pivots`."""
 CAPSULES = _capsules()
 """The 20 capsules of the body's surface."""
-FIRST_RADIUS = float(CAPSULES.radii[0, 0])
-"""Metres, the first capsule's first radius at girth 1: kernels recover the girth of a posed body by it."""
 JOINT_FRAMES, JOINT_OFFSETS = _joints()
 """(20,) and (20, 3, 12) see :func:`_joints`."""
 

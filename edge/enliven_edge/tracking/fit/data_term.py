@@ -17,7 +17,6 @@ import numpy as np
 from enliven.kernels import njit
 from enliven_edge.tracking.body_model import FAST, model, nearest_capsules
 from enliven_edge.tracking.fit.normal_equations import of_frame
-from enliven_edge.tracking.fit.terms import body_girth
 
 
 @njit(cache=True, nogil=True)
@@ -33,7 +32,7 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
         surface: as the other terms take it, see :mod:`terms`.
     """
     total, pull, cross, own, tug = sums
-    ends, radii, capsule_frame, by_ends, lengths_of = surface
+    ends, radii, capsule_frame, by_ends, lengths_of, girth = surface
     many = max(1, seen.shape[1])
     which = np.empty(seen.shape[1], np.int32)
     nearest_capsules(which, seen, affinity, ends, radii, np.float32(side))
@@ -54,7 +53,7 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
         start, way = ends[c, 0], ends[c, 1] - ends[c, 0]
         _add_pose_terms(total[f], pull[f], squares, firsts, start, way)
         if len(tug) > 0:
-            growth = radii[c] / body_girth(radii)
+            growth = radii[c] / girth
             along, moved = (start, way, by_ends[c], growth), of_frame(lengths_of, f, len(tug))
             _add_length_terms(cross[f], own, tug, squares, firsts, powers, along, moved)
     return weight / many * energy, explained / many

@@ -131,7 +131,7 @@ def _placed(position, rotations, lengths, shape, free):  # type: ignore[no-untyp
     ends, radii, by_ends = np.empty((count, 2, 3)), np.empty((count, 2)), np.empty((count, 2, 3, free))
     capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
     terms.ends_by_length(by_ends, body, frames, local)
-    return body, (ends, radii, frames, by_ends, lengths_of)
+    return body, (ends, radii, frames, by_ends, lengths_of, lengths[model.GIRTH])
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})

@@ -5,9 +5,10 @@ derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and
 Residuals of points that a frame carries are added through the sums of :mod:`normal_equations`, the others
 directly.
 
-*surface* stands for (ends (C, 2, 3), radii (C, 2), frames (C,), by_ends (C, 2, 3, L), lengths_of): the
-capsules, metres, world frame, the frames that carry them, the derivatives of their ends by the lengths, and
-``model.FRAME_LENGTHS``. L is 12, or 0 where the lengths are frozen.
+*surface* stands for (ends (C, 2, 3), radii (C, 2), frames (C,), by_ends (C, 2, 3, L), lengths_of, girth): the
+capsules, metres, world frame, the frames that carry them, the derivatives of their ends by the lengths,
+``model.FRAME_LENGTHS``, and the body's girth, a factor on all radii. L is 12, or 0 where the lengths are
+frozen.
 """
 
 from __future__ import annotations
@@ -79,12 +80,6 @@ def robust(residual, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def body_girth(radii):  # type: ignore[no-untyped-def]
-    """The girth of a body, by the (C, 2) radii of its capsules."""
-    return radii[0, 0] / model.FIRST_RADIUS
-
-
-@njit(cache=True, nogil=True)
 def ends_by_length(out, body, capsule_frame, capsule_local):  # type: ignore[no-untyped-def]
     """(C, 2, 3, L) the derivatives of the capsules' ends by the lengths, world frame, into ``out``."""
     for c in range(len(capsule_frame)):
@@ -126,7 +121,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):  # type: 
             person's pixels, (h, w) of :func:`observation.nearest_columns`, (4,) fx, fy, cx, cy, and (4, 4).
         violated: (C,) receives the share of each capsule's samples seen through.
     """
-    ends, radii, capsule_frame, by_ends, lengths_of = surface
+    ends, radii, capsule_frame, by_ends, lengths_of, girth = surface
     depth, mask, nearest, camera, pose = view
     normal, point, stretch = np.empty(3), np.empty(3), np.empty(len(sums[4]))
     first, last = np.empty(3), np.empty(3)
@@ -169,7 +164,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):  # type: 
                 point[a] = ends[c, 0, a] + t * (ends[c, 1, a] - ends[c, 0, a])
             _stretch(stretch, normal, by_ends[c], t, capsule_frame[c], lengths_of)
             if inside and len(stretch) > 0:
-                stretch[model.GIRTH] += radius / body_girth(radii)
+                stretch[model.GIRTH] += radius / girth
             cost, w = robust(residual, width)
             energy += per_sample * cost
             add_ray(sums, capsule_frame[c], normal, point, stretch, lengths_of, residual, per_sample * w)
@@ -188,7 +183,7 @@ def _in_camera(out, pose, point):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):  # type: ignore[no-untyped-def]
     """Adds the term that keeps samples on the first capsule of each pair out of the second."""
-    ends, radii, capsule_frame, by_ends, _ = surface
+    ends, radii, capsule_frame, by_ends, _, _ = surface
     filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
     normal, point, centre = np.empty(3), np.empty(3), np.empty(3)
     energy = 0.0
@@ -278,7 +273,7 @@ def _parting_row(filled, values, first, second, normal, body):  # type: ignore[n
 @njit(cache=True, nogil=True)
 def above_floor(sums, surface, weight, slack):  # type: ignore[no-untyped-def]
     """Adds the term that keeps the balls at both ends of every capsule above y = -``slack`` metres."""
-    ends, radii, capsule_frame, by_ends, lengths_of = surface
+    ends, radii, capsule_frame, by_ends, lengths_of, girth = surface
     down, stretch = np.array([0.0, -1.0, 0.0]), np.empty(len(sums[4]))
     energy = 0.0
     for c in range(len(ends)):
@@ -288,7 +283,7 @@ def above_floor(sums, surface, weight, slack):  # type: ignore[no-untyped-def]
                 continue
             _stretch(stretch, down, by_ends[c], float(e), capsule_frame[c], lengths_of)
             if len(stretch) > 0:
-                stretch[model.GIRTH] += radii[c, e] / body_girth(radii)
+                stretch[model.GIRTH] += radii[c, e] / girth
             energy += weight * residual * residual
             add_ray(sums, capsule_frame[c], down, ends[c, e], stretch, lengths_of, residual, weight)
     return energy
