@@ -246,9 +246,9 @@ class Candidates:
         """Believes no candidate at a (3,) place for a while: a thing there was taken for a person."""
         self._refused.append((place.copy(), time_ns))
 
-    def drop(self, newcomer: Candidate) -> None:
+    def drop(self, candidate: Candidate) -> None:
         """Removes a candidate that is now a followed person."""
-        self._known = [other for other in self._known if other is not newcomer]
+        self._known = [other for other in self._known if other is not candidate]
 
     @property
     def bystanders(self) -> int:
