@@ -8,7 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from stereo_scene import Lens
 
-from enliven_edge.sensors.stereo import Rectification, StereoCalibration, StereoLens
+from enliven_edge.sensors.stereo import Rectification
+from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
 
 FOCAL = 457.0
 """Pixels for a width of 640: 70 degrees from left to right."""
