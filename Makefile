@@ -52,16 +52,16 @@ bench: setup-dev ## measure: make bench, or make bench ONLY=road
 	@.venv/bin/python tests/benchmarks/run.py $(ONLY)
 
 films: setup-dev ## film what the tracker makes of the real recordings, into out/tracking: make films ONLY="uva four"
-	@.venv/bin/python tests/benchmarks/tracking_films.py $(ONLY)
+	@.venv/bin/python tests/benchmarks/tracking/tracking_films.py $(ONLY)
 
 possess-films: setup-dev ## film what real people possess, into out/possess: make possess-films ONLY="chair horse"
-	@.venv/bin/python tests/benchmarks/possess_films.py $(ONLY)
+	@.venv/bin/python tests/benchmarks/possession/possess_films.py $(ONLY)
 
 session-films: setup-dev ## film the paper's sessions in the studio, into out/sessions: make session-films ONLY="squid"
-	@.venv/bin/python tests/benchmarks/session_films.py $(ONLY)
+	@.venv/bin/python tests/benchmarks/examples/session_films.py $(ONLY)
 
 example-films: setup-dev ## film meshes that act by a few example poses, into out/examples: make example-films ONLY="cactus"
-	@.venv/bin/python tests/benchmarks/example_films.py $(ONLY)
+	@.venv/bin/python tests/benchmarks/examples/example_films.py $(ONLY)
 
 record-references: setup-dev ## record the stored poses and picture of tests/system again, on purpose
 	@.venv/bin/python -m pytest tests/system --record-references

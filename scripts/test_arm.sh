@@ -12,17 +12,17 @@ root=$roots/arm packages=$roots/arm-packages
 
 # The numeric core: codecs, rotations, deformation, surgery, and what of the tracker is arithmetic alone.
 # ONNX Runtime's module crashes while it is imported under qemu-user 7.2, so nothing is here that needs the estimator.
-core="shared/test_rotation shared/test_orientation shared/test_quaternions_wire shared/test_quantize
-shared/test_depth_codec shared/test_frames shared/test_messages shared/test_masks shared/test_camera
-shared/test_lanes shared/test_settings shared/test_shapes shared/test_mesh shared/test_recording
+core="shared/test_rotation shared/person/test_orientation shared/wire/test_quaternions_wire shared/wire/test_quantize
+shared/recording/test_depth_codec shared/test_frames shared/wire/test_messages shared/test_masks shared/test_camera
+shared/test_lanes shared/test_settings shared/samples/test_shapes shared/meshes/test_mesh shared/recording/test_recording
 shared/deformation/test_skinning shared/deformation/test_block_cholesky shared/deformation/test_weights
 shared/deformation/test_stiffness shared/deformation/test_sampling shared/deformation/test_graph
 shared/deformation/test_attachment shared/deformation/test_spheres shared/deformation/test_soft_terms
 shared/deformation/test_embedded shared/deformation/test_arap shared/matching/test_symmetry
-shared/mapping/test_assignment shared/modeling/test_mesh_cut shared/modeling/test_mesh_planar
+shared/mapping/test_assignment shared/modeling/mesh/test_mesh_cut shared/modeling/mesh/test_mesh_planar
 shared/formats/test_bvh shared/formats/test_expmap shared/formats/test_gltf_read edge/fusion/test_rigid
-edge/tracking/test_floor
-edge/tracking/test_kinematics edge/tracking/test_ranges edge/test_placing"
+edge/tracking/scene/test_floor
+edge/tracking/body_model/test_kinematics edge/tracking/body_model/test_ranges edge/stage/test_placing"
 
 make_root() {
     # Unpacked and never entered: qemu-user gives the emulated Python this root for the system's files.

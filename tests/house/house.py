@@ -109,7 +109,7 @@ class House:
     def _at(self, one: Import) -> str:
         return f"{self.modules[one.source].relative_to(self.root)}:{one.line}"
 
-    def _room(self, module: str) -> str:
+    def room_of(self, module: str) -> str:
         return module if module in self.doors else module.rpartition(".")[0]
 
     def _foreign(self) -> Iterator[str]:
@@ -124,7 +124,7 @@ class House:
     def _round_doors(self) -> Iterator[str]:
         """Imports that go round a room's door, and those by which a room uses its own door."""
         for one in self.imports:
-            room, name = self._room(one.target), one.name or one.target.rpartition(".")[2]
+            room, name = self.room_of(one.target), one.name or one.target.rpartition(".")[2]
             inside = one.source == room or one.source.startswith(f"{room}.")
             if one.target in self.doors:
                 if inside and not self._of_door(one):
@@ -207,7 +207,7 @@ class House:
     def _crowded(self) -> Iterator[str]:
         """Folders with too many modules."""
         for room in sorted(self.doors):
-            count = sum(self._room(module) == room for module in self.modules.keys() - self.doors)
+            count = sum(self.room_of(module) == room for module in self.modules.keys() - self.doors)
             if count > self.rules.most_modules:
                 yield (
                     f"{room} has {count} modules, {count - self.rules.most_modules} too many: "

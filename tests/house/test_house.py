@@ -1,5 +1,6 @@
 """The house keeps its rules, and each rule refuses what breaks it."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -122,3 +123,12 @@ def test_an_order_that_names_what_is_not_there_is_said(tmp_path):
     assert House(tmp_path, SMALL).broken() == [
         "rules.toml orders edge.loop, which is not there: take it out."
     ]
+
+
+def test_the_page_on_the_architecture_is_that_of_the_code():
+    sys.path.insert(0, str(ROOT / "scripts"))
+    import architecture
+
+    page = architecture.PAGE.read_text(encoding="utf-8")
+    assert page == architecture.written(page), "run .venv/bin/python scripts/architecture.py"
+    assert page.count("<!-- end -->") == 7

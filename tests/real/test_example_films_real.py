@@ -12,7 +12,7 @@ import pytest
 from enliven.examples.puppet_motion import examples_of, motion_of
 from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "examples"))
 acts = importlib.import_module("example_acts")
 cast = importlib.import_module("example_cast")
 measures = importlib.import_module("example_measures")

@@ -17,7 +17,7 @@ from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
-SESSIONS = Path(__file__).parents[1] / "benchmarks" / "example_sessions"
+SESSIONS = Path(__file__).parents[1] / "benchmarks" / "examples" / "example_sessions"
 pytestmark = [
     pytest.mark.real,
     pytest.mark.skipif(

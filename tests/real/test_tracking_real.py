@@ -22,7 +22,7 @@ from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.tracking.settings import SearchSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "tracking"))
 from tracking_real import js6450
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -27,7 +27,7 @@ def without_torch(monkeypatch):
     """As where PyTorch is not installed, whether it is or not."""
     monkeypatch.setitem(sys.modules, "torch", None)
     for name in ("network", "training"):
-        monkeypatch.delitem(sys.modules, f"enliven_synthesis.training.{name}", raising=False)
+        monkeypatch.delitem(sys.modules, f"enliven_synthesis.training.pose_network.{name}", raising=False)
 
 
 def test_an_existing_file_is_not_replaced_unasked(tmp_path):

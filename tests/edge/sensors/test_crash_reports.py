@@ -4,7 +4,8 @@ import importlib.util
 import re
 
 import pytest
-from test_isolation import next_frame, none_left, opener  # noqa: F401 (a fixture)
+from contract import next_frame
+from isolated_sensors import none_left, opener  # noqa: F401 (a fixture)
 
 from enliven_edge import doctor
 from enliven_edge.sensors import crash_reports

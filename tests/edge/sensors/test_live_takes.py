@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from contract import next_frame
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_isolation import next_frame, none_left, opener  # noqa: F401 (a fixture)
+from isolated_sensors import none_left, opener  # noqa: F401 (a fixture)
 from troubled import STEP, camera, picture
 
 from enliven import cli

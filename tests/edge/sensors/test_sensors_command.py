@@ -27,7 +27,7 @@ def test_all_are_listed(capsys):
 def test_what_is_plugged_in_is_listed_with_all_that_is_to_be_typed(capsys, monkeypatch):
     kind = next(kind for kind in attached_cameras.KINDS if kind.sensor == "oak")
     camera = attached_cameras.Attached(replace(kind, package="no-such-package"), "[OAK] 1", 5000.0, Path("/"))
-    monkeypatch.setattr(attached_cameras, "attached", lambda: [camera])
+    monkeypatch.setattr("enliven_edge.sensors.attached", lambda: [camera])
     _, out, _ = said(capsys)
     assert "[OAK] 1" in out and '"enliven-edge[oak]"' in " ".join(out.split())
 

@@ -20,7 +20,7 @@ from enliven_synthesis.motion.motion import Chained, Danced, Held, Leg, placed
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 from enliven_synthesis.sensor.scene import Box
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parent))
 from test_rendering import slow_field
 
 TOF = load_profile("tof")

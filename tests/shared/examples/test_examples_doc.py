@@ -54,6 +54,8 @@ def test_its_session_can_be_played(tmp_path):
 def test_every_module_that_it_names_is_there():
     table = PAGE.read_text(encoding="utf-8").split("| module of `enliven.examples` | |")[1].split("## ")[0]
     for name in re.findall(r"^\| (.*?) \|", table, re.MULTILINE)[1:]:
-        for module in re.findall(r"`(\w+)`", name):
+        for module in re.findall(r"`([\w.]+)`", name):
             if module[0].islower():
-                assert (PAGE.parents[1] / "shared" / "enliven" / "examples" / f"{module}.py").exists(), module
+                assert (
+                    PAGE.parents[1] / "shared" / "enliven" / "examples" / f"{module.replace('.', '/')}.py"
+                ).exists(), module

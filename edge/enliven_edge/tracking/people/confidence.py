@@ -1,7 +1,7 @@
 """How likely each joint is where it is said to be: the probability of an error below ten centimetres.
 
 A logistic regression on what the frame says for and against the joint (:mod:`evidence`). Its weights are
-fitted on synthetic sequences whose truth is known by ``tests/benchmarks/calibrate_confidence.py``, for the
+fitted on synthetic sequences whose truth is known by ``calibrate_confidence.py`` of the benchmarks, for the
 left and the right side alike, and checked on others.
 """
 

@@ -7,11 +7,12 @@ import signal
 import numpy as np
 import pytest
 import telling
+from contract import helpers, next_frame
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from isolated_sensors import none_left  # noqa: F401 (a fixture)
 from PIL import Image
 from telling import Telling
-from test_isolation import helpers, next_frame, none_left  # noqa: F401 (a fixture)
 
 pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
 from stereo_rig import calibration_of, rectified_left, rig

@@ -1,0 +1,95 @@
+"""Writes the rooms of docs/architecture.md anew from the code: .venv/bin/python scripts/architecture.py
+
+The text between a pair of marks is made from docstrings and imports; a test holds the page to it.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections import Counter
+from pathlib import Path
+
+HOUSE = Path(__file__).parents[1]
+PAGE = HOUSE / "docs" / "architecture.md"
+sys.path.insert(0, str(HOUSE / "tests" / "house"))
+
+from house import House, Rules  # noqa: E402
+
+NAMES = {
+    "enliven": "The library",
+    "enliven_edge": "The edge",
+    "enliven_viewer": "The viewer",
+    "enliven_synthesis": "Synthesis",
+}
+INDENT = "&nbsp;" * 4
+"""What moves the name of a room to the right of that of the room around it."""
+
+
+def purpose(house: House, room: str) -> str:
+    """The first sentence of a room's door, on one line."""
+    text = ast.get_docstring(ast.parse(house.modules[room].read_text(encoding="utf-8"))) or ""
+    return " ".join(text.split("\n\n")[0].split())
+
+
+def table(house: House, package: str) -> str:
+    """The rooms of a package in the order of their imports, what each is for, and how many modules it has."""
+    counts = Counter(house.room_of(module) for module in house.modules.keys() - house.doors)
+    rooms = sorted(
+        (room for room in house.doors if room.startswith(f"{package}.")),
+        key=lambda room: place(house.rules, room),
+    )
+    rows = [
+        f"| {INDENT * (room.count('.') - 1)}`{room.rpartition('.')[2]}` "
+        f"| {purpose(house, room)} | {counts[room] or ''} |"
+        for room in rooms
+    ]
+    return "\n".join(["| room | what it is for | modules |", "|---|---|---|", *rows])
+
+
+def place(rules: Rules, room: str) -> tuple[tuple[int, str], ...]:
+    """Where a room stands: by the order of each folder that it is in, else by name."""
+    parts = room.split(".")
+    found = []
+    for depth in range(1, len(parts)):
+        order = rules.order.get(".".join(parts[:depth]), [])
+        found.append((order.index(parts[depth]) if parts[depth] in order else 0, parts[depth]))
+    return tuple(found)
+
+
+def drawing(house: House, package: str) -> str:
+    """The rooms of a package as a Mermaid diagram: arrows of imports, but for those that others imply."""
+    inside = {room.split(".")[1] for room in house.doors if room.startswith(f"{package}.")}
+    after: dict[str, set[str]] = {room: set() for room in inside}
+    for one in house.imports:
+        source, target = one.source.split(".")[:2], one.target.split(".")[:2]
+        if source[0] == target[0] == package and source != target and {source[-1], target[-1]} <= inside:
+            after[source[-1]].add(target[-1])
+
+    def reach(room: str) -> set[str]:
+        return after[room].union(*(reach(other) for other in after[room]))
+
+    drawn = [
+        f"    {room} --> {other}"
+        for room in sorted(after)
+        for other in sorted(after[room])
+        if not any(other in reach(third) for third in after[room])
+    ]
+    return "\n".join(["```mermaid", "graph TD", *drawn, "```"])
+
+
+def written(page: str) -> str:
+    """The page with everything between its marks made anew."""
+    house = House(HOUSE, Rules.read(HOUSE / "tests" / "house" / "rules.toml"))
+    makers = {"rooms": table, "arrows": drawing}
+
+    def made(match: re.Match[str]) -> str:
+        kind, package = match[1], match[2]
+        return f"<!-- {kind} {package} -->\n\n{makers[kind](house, package)}\n\n<!-- end -->"
+
+    return re.sub(r"<!-- (rooms|arrows) (\w+) -->.*?<!-- end -->", made, page, flags=re.DOTALL)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

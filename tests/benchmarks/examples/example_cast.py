@@ -1,0 +1,182 @@
+"""A puppet's session as an animator states it: where the control points are, and what each key pose does.
+
+project = staged(ACTS["cactus"])                # a project with the puppet, its key poses and its take
+text = session_of(ACTS["cactus"], project)      # the same as a session file (TOML)
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from example_posing import Direction, Figure, Limb
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float
+from enliven.document.example_settings import ExampleSettings
+from enliven.document.locomotion import LocomotionSettings
+from enliven.document.project import Project
+from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
+from enliven.document.surface_settings import ArapSettings
+from enliven.example_sessions.session import Session, fitted, read_session
+from enliven.example_sessions.tables import MeshTable, TakeTable
+from enliven.example_sessions.text import session_text
+from enliven.meshes.files import load_mesh
+from enliven.meshes.mesh import Axis, Mesh, refine
+from enliven.takes.files import read_take
+
+DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))
+SESSIONS = Path(__file__).parent / "example_sessions"
+MIDDLE = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+"""Whose left is the mirror image of its right is mirrored here."""
+_MOST_VERTICES = 3_000_000
+_TENTH_MM = 4
+"""Decimals of metres that key poses are kept with: a session says the same on every machine."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A control point: on the vertex nearest to a place (3,), metres, paired with a joint."""
+
+    name: str
+    near: tuple[float, float, float]
+    joint: str
+    foot: bool = False
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key pose: what the performer does at a time of the take, and what the puppet is to do then."""
+
+    seconds: float
+    sees: str
+    does: tuple[Direction, ...]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A piece of the take as it is filmed: from where to where in seconds, how fast, and from which side.
+
+    Attributes:
+        azimuth: degrees from the puppet's front towards its left.
+    """
+
+    first: float
+    last: float
+    azimuth: float = 14.0
+    speed: float = 1.0
+
+
+@dataclass(frozen=True)
+class Act:
+    """Who plays what, and how it was directed.
+
+    Attributes:
+        title: of the film.
+        mesh, take: files of the data.
+        height: metres.
+        up, turned: the file's own axis that points up, and degrees about it then, so that it looks to +Z.
+        points: control points.
+        limbs: what directions call them.
+        keys: the key poses.
+        mirrored: whether each key pose is shown mirrored as well.
+        shown: the film.
+        colour: sRGB.
+        of: another act whose session this one plays; empty for its own.
+        finer: metres; the mesh is refined until no edge is longer, but for 0.
+    """
+
+    title: str
+    mesh: str
+    take: str
+    height: float
+    points: tuple[Point, ...]
+    limbs: Mapping[str, Limb]
+    keys: tuple[Key, ...]
+    shown: tuple[Shown, ...]
+    colour: tuple[int, int, int]
+    up: Axis = "y"
+    turned: float = 0.0
+    mirrored: bool = False
+    examples: ExampleSettings = field(default_factory=ExampleSettings)
+    surface: ArapSettings = field(default_factory=lambda: ArapSettings(hold=0.03))
+    level_feet: bool = True
+    locomotion: LocomotionSettings = field(default_factory=lambda: LocomotionSettings(plant=1.0))
+    of: str = ""
+    finer: float = 0.0
+
+    @property
+    def mesh_table(self) -> MeshTable:
+        """Where the session has its mesh from."""
+        return MeshTable(f"$ENLIVEN_DATA/{self.mesh}", self.height, self.up, self.turned)
+
+    @property
+    def missing(self) -> list[Path]:
+        """Files of the data that are not there."""
+        return [DATA / file for file in (self.mesh, self.take) if not (DATA / file).is_file()]
+
+
+def staged(act: Act, keys: int | None = None) -> Project:
+    """The project of an act, with its first key poses or all of them."""
+    mesh = fitted(load_mesh(DATA / act.mesh).mesh, act.mesh_table)
+    take = read_take(DATA / act.take)[0]
+    figure, points = figure_of(act, mesh)
+    poses = [
+        KeyPose(take.id, key.seconds, _rounded(figure.posed(*key.does)))
+        for key in act.keys[: keys or len(act.keys)]
+    ]
+    puppet = Puppet(
+        id=Path(act.mesh).stem,
+        mesh=mesh,
+        points=points,
+        poses=tuple(poses),
+        layers=(PuppetLayer(take.id, level_feet=act.level_feet),),
+        symmetry=MIDDLE if act.mirrored else None,
+        examples=act.examples,
+        surface=act.surface,
+        locomotion=act.locomotion,
+    )
+    return Project(takes={take.id: take}, puppets={puppet.id: puppet})
+
+
+def figure_of(act: Act, mesh: Mesh) -> tuple[Figure, tuple[ControlPoint, ...]]:
+    """Who is directed, and the control points."""
+    used = np.unique(mesh.faces)
+    held = used[cKDTree(mesh.vertices[used]).query([point.near for point in act.points])[1]]
+    points = [
+        ControlPoint(point.name, int(vertex), point.joint, point.foot)
+        for point, vertex in zip(act.points, held, strict=True)
+    ]
+    names = tuple(point.name for point in points)
+    feet = tuple(point.name for point in points if point.foot)
+    return Figure(names, mesh.vertices[held], act.limbs, feet, act.height), tuple(points)
+
+
+def session_of(act: Act, project: Project) -> str:
+    """The text of the session."""
+    puppet = next(iter(project.puppets.values()))
+    takes = {name: TakeTable(f"$ENLIVEN_DATA/{act.take}") for name in project.takes}
+    return session_text(puppet, act.mesh_table, takes)
+
+
+def stored(name: str) -> Session:
+    """The session that is kept in the repository, as whoever opens it has it."""
+    return read_session(SESSIONS / f"{name}.toml")
+
+
+def playing(name: str, act: Act) -> Project:
+    """The project that an act plays: its stored session, on a finer mesh where it says so."""
+    project = stored(act.of or name).project
+    if act.finer <= 0.0:
+        return project
+    puppet = next(iter(project.puppets.values()))
+    # Refining keeps the numbers of the vertices that were there.
+    mesh = refine(puppet.mesh, act.finer, _MOST_VERTICES)
+    return project.with_puppets(puppet.with_changes(mesh=mesh))
+
+
+def _rounded(places: Float) -> Float:
+    return np.round(places, _TENTH_MM) + 0.0

@@ -1,0 +1,64 @@
+"""A chair worn by a person who walks and jumps, captured by others: targets for the deformation solver."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.graph.graph import DeformationGraph
+from enliven.deformation.possession.attachment import Attachment, AttachmentSettings, attach
+from enliven.formats.motion.expmap import read_expmap
+from enliven.samples.chair import make_chair
+from enliven_synthesis.body.performer import Performer
+from enliven_synthesis.motion.mocap import Captured
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data")) / "cmu_expmap"
+MOTIONS = ("test_walking_1.txt", "train_jumping_1.txt")
+RATE = 30.0
+_REACH = 0.3
+"""Metres; then every sample and joint of the body holds, 324 constraints."""
+_EASE = 10
+"""Frames from standing to the first posture of a motion."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A graph, what holds it, and where the points go.
+
+    Attributes:
+        targets: (F, L, 3) metres, frames at 30 a second; in the first, the points are where they rest.
+    """
+
+    graph: DeformationGraph
+    attachment: Attachment
+    targets: Float
+
+
+@cache
+def joints_of(name: str) -> Float:
+    """(F, 20, 3) metres: the motion at 30 frames a second, begun over the origin."""
+    motion = Captured(Performer(), read_expmap(DATA / name))
+    # The first row of these files is a T-pose.
+    times = np.arange(1, int(motion.duration * RATE)) / RATE
+    joints = np.array([motion.figure(t).joints for t in times])
+    return joints - joints[0, 0] * [1.0, 0.0, 1.0]
+
+
+@cache
+def problem(nodes: int) -> list[Problem]:
+    """One for each motion; the performer takes hold as the jumper stands before the jump."""
+    graph = DeformationGraph.build(make_chair(), nodes=nodes)
+    standing = joints_of(MOTIONS[1])[0]
+    held = attach(graph, standing, np.ones(20), settings=AttachmentSettings(reach=_REACH))
+    out = []
+    for name in MOTIONS:
+        joints = joints_of(name)
+        share = np.linspace(0.0, 1.0, _EASE, endpoint=False)[:, None, None]
+        joints = np.concatenate([standing + share * (joints[0] - standing), joints])
+        out.append(Problem(graph, held, np.array([held.targets(j) for j in joints])))
+    return out

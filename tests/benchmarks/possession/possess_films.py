@@ -1,0 +1,170 @@
+"""Films of meshes that real people possess, into out/possess, with what is measured of each.
+
+    python tests/benchmarks/possession/possess_films.py                all of them
+    python tests/benchmarks/possession/possess_films.py horse lamp     those with one of the words in the name
+    python tests/benchmarks/possession/possess_films.py --sheets       contact sheets only: much quicker
+
+The skeleton that drives the mesh stands in it while it takes hold, and then steps out to its side. Where the
+recordings of ENLIVEN_DATA are missing, what the project's own performer does is filmed on the chair and the
+lamp.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from possess_cast import actor_of, as_if_by, cut, danced, held_still, scan_in_world, shared_by
+from possess_measures import measure
+from possess_studio import Studio
+from possess_take import Act, perform
+
+from enliven.deformation.constraints.floor_contact import FloorSettings
+from enliven.frames import BodyFrame
+from enliven.meshes.mesh import Mesh
+from enliven_edge.importing.mirror import mirrored
+from enliven_edge.importing.registry import find_files, find_reader
+from enliven_edge.stage.casting import cast
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
+OUT = Path(__file__).parents[3] / "out" / "possess"
+
+
+@dataclass(frozen=True)
+class Film:
+    """Who drives what, and how they take hold.
+
+    Attributes:
+        title: what stands in the picture.
+        made: the body frames and the actor.
+        acts: who takes hold when.
+    """
+
+    title: str
+    made: Callable[[], tuple[list[BodyFrame], EmbeddedActor]]
+    acts: tuple[Act, ...]
+
+
+def read(pattern: str) -> list[BodyFrame]:
+    """A recording of joints, by whichever reader knows it."""
+    paths = find_files([str(DATA / pattern)])
+    return [frame for frame in find_reader(paths).read(paths) if isinstance(frame, BodyFrame)]
+
+
+LIFT, TWO = "skeletons/js6450_kinect2_json/1person_lift*", "skeletons/kinect_multitrack/Study_24*"
+WING, WAVE = (f"skeletons/ms_labanotation_kinect2/Ges0{name}*" for name in ("6", "1"))
+RAISED = ActorSettings(floor=FloorSettings(use="raised"))
+"""Legs of wood do not bend where they would sink into the floor: the mesh is lifted."""
+STROLL = "bvh/bandai_namco/dataset-1_walk_musical_001.bvh"
+HORSE = "meshes/libigl/horse_quad.obj"
+CHAIR = "gltf/quaternius_static/house_interior_pack_Chair_1.glb"
+SCAN = "scans/bodyscanner_kinect2/20190823_020756"
+TRUNK = "legs + torso"
+
+
+def real_films() -> dict[str, Film]:
+    """By name, those that need the real recordings."""
+    wide = replace(RAISED, enough=0.7)
+    return {
+        "chair": Film("The chair, by a Kinect's skeleton", _of("chair", LIFT), (Act(0.45),)),
+        # From where the feet pass each other: in mid-stride the legs are not where a chair's are.
+        "chair-walk": Film(
+            "The chair walks, by motion capture", _of("chair", STROLL, (0.6, 9.0)), (Act(0.0, TRUNK),)
+        ),
+        # Its legs stand farther apart than a person's: more of each leg's bones must find them.
+        "real-chair": Film("A chair from a game", _of(CHAIR, LIFT, settings=wide), (Act(0.45, TRUNK),)),
+        "horse": Film("A horse, by one Kinect's skeleton", _of(HORSE, LIFT), (Act(0.45, TRUNK),)),
+        # The sensor saw the right arm of this person in their thigh; so it holds nothing.
+        "scan": Film(
+            "Half a scan of a person, by their own joints", _scan, (Act(0.6, f"{TRUNK} + left arm"),)
+        ),
+        "two-on-a-horse": Film(
+            "Two people, one horse", _two, (Act(0.4, TRUNK, 0), Act(0.8, TRUNK, 1, "join"))
+        ),
+        "lamp": Film("The lamp, by hip and right arm", _of("lamp", WAVE), (Act(1.3, LAMP_PARTS),)),
+        "lamp-wing": Film("The lamp, by hip and right arm", _of("lamp", WING), (Act(2.2, LAMP_PARTS),)),
+    }
+
+
+LAMP_PARTS = "hip and right arm"
+
+
+def films() -> dict[str, Film]:
+    """By name, those that can be made here."""
+    made = {
+        "made-chair": Film("The chair, by the project's own performer", _made("chair", "chair"), (Act(1.0),)),
+        "made-lamp": Film(
+            "The lamp, by the project's own performer", _made("lamp", "overhead"), (Act(1.65, LAMP_PARTS),)
+        ),
+    }
+    return {**(real_films() if DATA.is_dir() else {}), **made}
+
+
+def _of(
+    mesh: str,
+    recording: str,
+    piece: tuple[float, float] | None = None,
+    settings: ActorSettings = RAISED,
+) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
+    """A mesh by name or file, and a recording or a piece of it."""
+
+    def made() -> tuple[list[BodyFrame], EmbeddedActor]:
+        frames = read(recording)
+        spec = mesh if "/" not in mesh else str(DATA / mesh)
+        return cut(frames, piece or (0.0, 1e9)), cast(spec, settings=settings)
+
+    return made
+
+
+def _made(mesh: str, moves: str) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
+    """A mesh of the project's own, and its own performer."""
+    return lambda: (danced(moves), cast(mesh, settings=RAISED))
+
+
+def _scan() -> tuple[list[BodyFrame], EmbeddedActor]:
+    """The person's own joints for a moment; then what others did, done by this person."""
+    own = read(f"{SCAN}.csv")[0].bodies[0]
+    frames = held_still(own, 1.2)
+    for other in (
+        read(WING),
+        [frame for frame in mirrored(iter(read(WAVE))) if isinstance(frame, BodyFrame)],
+    ):
+        frames += as_if_by(own, other, frames[-1].time_ns + 33_333_333)
+    mesh = scan_in_world(DATA / f"{SCAN}.pcd", DATA / f"{SCAN}.csv", own)
+    return frames, actor_of(Mesh(mesh.vertices, mesh.faces, "scan"))
+
+
+def _two() -> tuple[list[BodyFrame], EmbeddedActor]:
+    """Two people beside each other, first the one walks, then the other; the horse under both."""
+    frames = cut(read(TWO), (1.2, 7.9), (17.2, 26.6))
+    bodies = sorted(frames[0].bodies, key=lambda body: body.id)
+    mesh = shared_by(DATA / HORSE, bodies)
+    return frames, actor_of(replace(mesh, name="horse"), settings=RAISED)
+
+
+def main(words: list[str]) -> int:
+    sheets = "--sheets" in words
+    words = [word for word in words if not word.startswith("--")]
+    studio = Studio()
+    for name, film in films().items():
+        if words and not any(word in name for word in words):
+            continue
+        frames, actor = film.made()
+        take = perform(frames, actor, film.acts)
+        print(f"{name}: {len(frames)} frames; {measure(take)}", flush=True)
+        path = OUT / name
+        if sheets:
+            studio.sheet(take, path, film.title)
+        else:
+            studio.film(take, path, film.title)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

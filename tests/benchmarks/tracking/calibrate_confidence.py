@@ -1,0 +1,119 @@
+"""Fits the tracker's confidence to the tuning set: python tests/benchmarks/tracking/calibrate_confidence.py
+
+Runs the tracker over them, with the network and without, pairs each joint's evidence with whether it was
+within ten centimetres of the truth, and writes the weights of a regularised logistic regression.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+from tracking_cache import Moment, delivered
+from tracking_set import TUNING, Sequence, sequences
+
+from enliven_edge.tracking.people.confidence import ALONE, GROUP_OF_JOINT, GROUPS, WITH_NETWORK
+from enliven_edge.tracking.people.evidence import NAMES
+from enliven_edge.tracking.people.person import Person
+from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.tracker import Tracker
+
+TARGET = Path(__file__).parents[3] / "edge" / "enliven_edge" / "assets" / "confidence.json"
+_RIDGE = 3.0
+_FOR = ("support", "visible", "support beside", "visible beside", "explained")
+_AGAINST = (
+    "seen through",
+    "outside",
+    "seen through beside",
+    "outside beside",
+    "uncertainty",
+    "violated",
+    "unsupported",
+    "spread",
+    "apart",
+)
+"""What can only speak for a joint, and what only against it."""
+_WITHIN = 0.1
+"""Metres: what the confidence is the probability of."""
+
+
+def logistic(features: np.ndarray, right: np.ndarray, ridge: float = _RIDGE) -> np.ndarray:
+    """(F,) weights by maximum likelihood; features are standardised inside, the constant is not shrunk.
+
+    What speaks for a joint never speaks against it, nor the other way round: of features that say nearly the
+    same, one would else be set against another, and be wrong wherever they differ for once.
+    """
+    centre, scale = features.mean(0), np.maximum(features.std(0), 1e-3)
+    centre[0], scale[0] = 0.0, 1.0
+    x, sign = (features - centre) / scale, 2.0 * right - 1.0
+    penalty = np.full(x.shape[1], ridge)
+    penalty[0] = 1e-6
+
+    def cost(w: np.ndarray) -> tuple[float, np.ndarray]:
+        margin = sign * (x @ w)
+        slope = -sign / (1.0 + np.exp(np.clip(margin, -30, 30)))
+        value = np.logaddexp(0.0, -margin).sum() + 0.5 * (penalty * w) @ w
+        return float(value), x.T @ slope + penalty * w
+
+    bounds = [(0.0 if n in _FOR else None, 0.0 if n in _AGAINST else None) for n in NAMES]
+    w = minimize(cost, np.zeros(x.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds).x
+    weights = w / scale
+    weights[0] = w[0] - (weights[1:] @ centre[1:])
+    return np.asarray(weights)
+
+
+def fitted(evidence: np.ndarray, right: np.ndarray) -> dict[str, dict[str, float]]:
+    """The weights of (N, 20, F) evidence and (N, 20) outcomes, by group and name."""
+    table = {}
+    for g, group in enumerate(GROUPS):
+        of = np.flatnonzero(g == GROUP_OF_JOINT)
+        weights = logistic(evidence[:, of].reshape(-1, len(NAMES)), right[:, of].ravel().astype(float))
+        table[group] = {name: round(float(w), 5) for name, w in zip(NAMES, weights, strict=True)}
+    return table
+
+
+def gathered(sequence: Sequence, estimator: bool) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """(20, F) evidence and (20,) outcome of every body in every frame of a sequence; far bodies are false."""
+    tracker, evidence, right = Tracker(TrackerSettings(estimator=estimator)), [], []
+    for frame, moment in delivered(sequence):
+        tracker.track(frame)
+        for person in tracker.performers:
+            if person.follower.evidence.any():
+                evidence.append(person.follower.evidence)
+                right.append(_outcome(person, moment))
+    return evidence, right
+
+
+def _outcome(person: Person, moment: Moment) -> np.ndarray:
+    """(20,) whether each joint is within ten centimetres of the person whose hips are nearest."""
+    joints = person.follower.posture.joints()
+    true = moment.joints[moment.present]
+    if len(true) == 0:
+        return np.zeros(20, bool)
+    nearest = np.argmin(np.linalg.norm(true[:, 0] - joints[0], axis=1))
+    return np.linalg.norm(true[nearest] - joints, axis=1) < _WITHIN
+
+
+def main() -> int:
+    """Runs the tuning sequences and writes the weights."""
+    chosen = [s for s in sequences(TUNING) if s.available]
+    out: dict[str, object] = {"fitted on": [s.name for s in chosen]}
+    for name, estimator in ((WITH_NETWORK, True), (ALONE, False)):
+        evidence: list[np.ndarray] = []
+        right: list[np.ndarray] = []
+        for sequence in chosen:
+            print(f"tracking {sequence.name} ({name})", file=sys.stderr, flush=True)
+            of, outcome = gathered(sequence, estimator)
+            evidence += of
+            right += outcome
+        out[f"frames of {name}"] = len(evidence)
+        out[name] = fitted(np.array(evidence), np.array(right))
+    TARGET.write_text(json.dumps(out, indent=1) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,127 @@
+"""The sequences' frames and truth, rendered once and kept in out/tracking/cache."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from tracking_set import Sequence
+
+import enliven_synthesis
+from enliven.frames import BodyFrame, DepthFrame
+from enliven.person.body import Body
+from enliven.recording import Recorder, Recording
+from enliven_synthesis.motion.dance import HOME_Z
+from enliven_synthesis.sensor import stream_faults
+from enliven_synthesis.sensor.ensemble import Appearance
+
+CACHE = Path(__file__).parents[3] / "out" / "tracking" / "cache"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What is true at one frame; P people, those away included.
+
+    Attributes:
+        present: (P,) in the room.
+        joints: (P, 20, 3) metres; NaN for those away.
+        visible: (P, 20) in the image, in range, hidden by nothing but their own flesh.
+        contacts: (P, 2) whether the left and the right foot stand.
+        turns: (P, 16, 3, 3) world_from_limb of each limb, or None where that is not known.
+    """
+
+    present: np.ndarray
+    joints: np.ndarray
+    visible: np.ndarray
+    contacts: np.ndarray
+    turns: np.ndarray | None = None
+
+
+def rendered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
+    """The frames of a sequence in their own order, before anything befalls them."""
+    path = CACHE / f"{sequence.scene.replace(' ', '-')}-{_key(sequence)}.mcap"
+    if not path.exists():
+        _render(sequence, path)
+    truth = np.load(path.with_suffix(".npz"))
+    moments = zip(*(truth[name] for name in ("present", "joints", "visible", "contacts")), strict=True)
+    frames = [frame for frame in Recording(path).frames() if isinstance(frame, DepthFrame)]
+    cast = [person.appearance() for person in sequence.people]
+    return [
+        (frame, Moment(*moment, _turns(cast, frame.time_ns)))
+        for frame, moment in zip(frames, moments, strict=True)
+    ]
+
+
+def _turns(cast: list[Appearance], time_ns: int) -> np.ndarray:
+    """(P, 16, 3, 3) how the limbs are turned at a time; the identity for those away."""
+    figures = [a.figure(time_ns * 1e-9) for a in cast]
+    still = np.broadcast_to(np.eye(3), (16, 3, 3))
+    return np.stack([still if f is None else f.frames[:, :, :3] for f in figures])
+
+
+def delivered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
+    """The frames as the tracker gets them, after the sequence's trouble and with the lens covered."""
+    frames = rendered(sequence)
+    match sequence.trouble:
+        case "dropped":
+            frames = stream_faults.dropped(frames)
+        case "slowed":
+            frames = stream_faults.slowed(frames, 5.0)
+        case "out_of_order":
+            frames = stream_faults.out_of_order(frames)
+        case "frozen":
+            frames = stream_faults.frozen(frames, 1.3, 2.4)
+        case "holed":
+            frames = stream_faults.holed(frames, 0.4)
+    return stream_faults.covered(frames, *sequence.covered) if sequence.covered else frames
+
+
+def _render(sequence: Sequence, path: Path) -> None:
+    CACHE.mkdir(parents=True, exist_ok=True)
+    _forget_old(path)
+    print(f"rendering {sequence.scene} ({sequence.frames} frames)", file=sys.stderr, flush=True)
+    scene = sequence.ensemble()
+    knocked = sequence.ensemble(knocked=True) if sequence.trouble == "knocked" else scene
+    kept: dict[str, list[np.ndarray]] = {name: [] for name in ("present", "joints", "visible", "contacts")}
+    unfinished = path.with_suffix(f".{os.getpid()}.part")
+    with Recorder(unfinished, overwrite=True) as recorder:
+        for n in range(sequence.frames):
+            frame, truth = (scene if n < sequence.frames // 2 else knocked).frame(n)
+            recorder.write_frame(frame)
+            bodies: list[Body] = truth.bodies()
+            recorder.write_truth(BodyFrame(bodies, frame.time_ns, frame.sensor))
+            for name, values in kept.items():
+                values.append(getattr(truth, name))
+    np.savez_compressed(path.with_suffix(".npz"), **{name: np.stack(v) for name, v in kept.items()})
+    unfinished.rename(path)
+
+
+def _forget_old(path: Path) -> None:
+    """Removes all but the newest of a scene's earlier renderings: two checkouts may be in use at a time."""
+    earlier = CACHE.glob(f"{path.name.rsplit('-', 1)[0]}-????????????.mcap")
+    for old in sorted(earlier, key=lambda p: p.stat().st_mtime)[:-1]:
+        old.unlink(missing_ok=True)
+        old.with_suffix(".npz").unlink(missing_ok=True)
+
+
+def _key(sequence: Sequence) -> str:
+    """Changes with the sequence and with whatever makes its pictures."""
+    scene = {
+        k: v for k, v in vars(sequence).items() if k not in ("name", "split", "covered", "kind", "trouble")
+    }
+    scene["knocked"] = sequence.trouble == "knocked"
+    return hashlib.sha256((repr(scene) + _source()).encode()).hexdigest()[:12]
+
+
+@cache
+def _source() -> str:
+    """The text of what makes the pictures; not of what only chooses motions, delays or loses them."""
+    folder = Path(enliven_synthesis.__file__).parent
+    others = ("studio.py", "trouble.py", "wander.py", "choreography.py")
+    texts = [p.read_text() for p in sorted(folder.glob("*.py")) if p.name not in others]
+    return repr(HOME_Z) + "".join(texts)

@@ -1,0 +1,102 @@
+"""Films of what the tracker makes of the real sequences and of some synthetic ones, into out/tracking.
+
+    python tests/benchmarks/tracking/tracking_films.py            all of them
+    python tests/benchmarks/tracking/tracking_films.py uva four   those whose name has one of the words in it
+
+Each film has a contact sheet of twelve of its frames beside it. Single shots are held for a second each.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import numpy as np
+import tracking_real
+from PIL import Image
+from tracking_cache import delivered
+from tracking_set import DATA, sequences
+
+from enliven.frames import DepthFrame
+from enliven_edge.importing.base import ImportOptions
+from enliven_edge.importing.registry import find_files, find_reader
+from enliven_edge.inspection.film import Film
+from enliven_edge.inspection.inspector import Inspector
+from enliven_edge.inspection.picture import contact_sheet
+from enliven_edge.tracking.tracker import Tracker
+
+OUT = Path(__file__).parents[3] / "out" / "tracking"
+SYNTHETIC = (
+    "h traffic", "h boxing", "h fall", "h kneel", "h turn", "h cross", "h four", "h leave", "h pillar",
+    "h recover overhead", "h knocked", "h holed",
+)  # fmt: skip
+_HELD = 30
+_STEP = 33_333_333
+
+
+def films() -> dict[str, Callable[[], list[list[DepthFrame]]]]:
+    """Name -> what is shown: one or more takes, each by a fresh tracker."""
+    made: dict[str, Callable[[], list[list[DepthFrame]]]] = {}
+    if (DATA / "depth" / "uva_cv2_person_turn").is_dir():
+        made["real-uva-turn"] = lambda: [_imported(DATA / "depth" / "uva_cv2_person_turn")]
+    if (DATA / "depth" / "skeltrack_kinect1").is_dir():
+        made["real-skeltrack"] = _skeltrack
+    if (DATA / "depth" / "vcl3d_realsense_d415").is_dir():
+        made["real-vcl3d"] = _shots_of_vcl3d
+    for real in tracking_real.with_joints():
+        made[f"real-{real.name.replace('_', '-')}"] = lambda real=real: [real.frames]
+    for sequence in sequences():
+        if sequence.name in SYNTHETIC:
+            name = f"synthetic-{sequence.name.removeprefix('h ').replace(' ', '-')}"
+            made[name] = lambda sequence=sequence: [[frame for frame, _ in delivered(sequence)]]
+    return made
+
+
+def _imported(folder: Path) -> list[DepthFrame]:
+    paths = find_files([folder])
+    return list(find_reader(paths).read(paths, ImportOptions()))
+
+
+def _held(frame: DepthFrame) -> list[DepthFrame]:
+    """One image for a second."""
+    return [replace(frame, time_ns=n * _STEP) for n in range(_HELD)]
+
+
+def _skeltrack() -> list[list[DepthFrame]]:
+    takes = []
+    for path in sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16")):
+        depth = np.fromfile(path, "<u2").reshape(480, 640)
+        takes.append(_held(DepthFrame(depth, tracking_real.KINECT1, 0, "kinect1")))
+    return takes
+
+
+def _shots_of_vcl3d() -> list[list[DepthFrame]]:
+    return [_held(frame) for frame in _imported(DATA / "depth" / "vcl3d_realsense_d415")]
+
+
+def make(name: str, takes: list[list[DepthFrame]]) -> None:
+    """One film and its contact sheet: frames evenly spread, or the last of each take where there are many."""
+    pictures = [p for frames in takes for p in Inspector(Tracker()).pictures(frames)]
+    with Film(OUT / f"{name}.mp4", 30.0) as film:
+        for picture in pictures:
+            film.add(picture)
+    chosen = np.linspace(len(pictures) / 24, len(pictures) - 1 - len(pictures) / 24, 12).round().astype(int)
+    if len(takes) > 1:
+        chosen = np.cumsum([len(frames) for frames in takes]) - 1
+    Image.fromarray(contact_sheet([pictures[n] for n in chosen], 4, 480)).save(OUT / f"{name}.png")
+    print(f"{OUT / name}.mp4: {len(pictures)} frames", flush=True)
+
+
+def main(words: list[str]) -> int:
+    for name, takes in films().items():
+        if not words or any(word in name for word in words):
+            make(name, takes())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

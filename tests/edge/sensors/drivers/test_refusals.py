@@ -1,0 +1,293 @@
+"""What a technician reads when a camera cannot be had: each trouble its sentence, with what to do."""
+
+import errno
+import importlib.util
+import json
+import mmap
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from asked import KINDS
+from contract import DRIVERS, usable
+from hypothesis import given
+from hypothesis import strategies as st
+from patience import until
+from troubled import camera, picture
+
+from enliven.errors import InputError, ResourceError
+from enliven.frames import DepthFrame
+from enliven.recording import Recorder
+from enliven_edge.sensors import extras
+from enliven_edge.sensors.drivers import refusals
+from enliven_edge.sensors.drivers.lens import known_or_typical
+from enliven_edge.sensors.drivers.refusals import SAID, SYSTEM, chosen, refused
+from enliven_edge.sensors.registry import open_sensor, sensor_opener
+from enliven_edge.sensors.reopening import kept_open
+
+LIBRARIES = {driver.name: driver for driver in DRIVERS if driver.needs[0]}
+MESSAGES = [
+    ("oak", "No available devices (1 connected, but in use)", "another program uses it. Close"),
+    ("oak", 'Cannot connect to device with name "1.1", it is used by another process. Error: X', "Close"),
+    ("oak", "Failed to connect to device, error message: X_LINK_DEVICE_ALREADY_IN_USE", "another program"),
+    (
+        "oak",
+        'Insufficient permissions to communicate with X_LINK_UNBOOTED device with name "1.1". Make sure udev '
+        "rules are set. Error: X_LINK_INSUFFICIENT_PERMISSIONS",
+        "your user may not open it. Type: sudo cp firmware_configs/udev",
+    ),
+    ("oak", "Failed to find device after booting, error message: X_LINK_DEVICE_NOT_FOUND", "come back after"),
+    ("oak", "Couldn't read data from stream: '__x_0' (X_LINK_ERROR)", "its link broke. Use another USB 3"),
+    ("oak", "Device 1844301041 (OAK-1) does not have stereo pair available", "no pair of cameras"),
+    ("realsense", "failed to open usb interface: 0, error: RS2_USB_STATUS_ACCESS", "your user may not open"),
+    ("realsense", "Unable to claim interface 0, error: RS2_USB_STATUS_BUSY", "another program uses it"),
+    ("realsense", "xioctl(VIDIOC_S_FMT) failed, errno=16 Last Error: Device or resource busy", "another"),
+    ("realsense", "Couldn't resolve requests", "no such images on this port. Use a USB 3 port"),
+    ("realsense", "Device disconnected. Failed to reconnect: ", "not there any more. Plug it in again"),
+    ("orbbec", "[usb] Access denied (insufficient permissions)", "your user may not open it"),
+    (
+        "orbbec",
+        "usbEnumerator openUsbDevice failed!",
+        "it cannot be opened. Close what else uses it",
+    ),
+    ("orbbec", "Device is deactivated/disconnected!\n code 2", "not there any more. Plug it in again"),
+    ("other", "[Errno 13] Permission denied: '/dev/video0'", "your user may not open it"),
+    ("other", "[Errno 19] No such device", "not there any more"),
+    ("other", "Frobnication failed", "it cannot be used (Frobnication failed). Unplug it once"),
+]
+"""(sensor, a message as its library says it, what is made of it)."""
+
+
+@pytest.mark.parametrize(("sensor", "message", "words"), MESSAGES)
+def test_what_a_library_says_becomes_a_sentence(sensor, message, words):
+    error = refused(sensor, RuntimeError(message), "left camera")
+    assert words in str(error) and str(error).startswith("left camera: ")
+    assert error.exit_code == 4 and error.mend
+
+
+def test_no_message_is_without_its_sentence():
+    told = {str(refused(sensor, RuntimeError(message))) for sensor, message, _ in MESSAGES}
+    assert len(told) >= 10
+    for pieces in SAID.values():
+        assert len(dict(pieces)) == len(pieces)
+
+
+def test_the_system_s_own_words():
+    if sys.platform.startswith("linux"):
+        codes = (errno.EACCES, errno.EPERM, errno.EBUSY, errno.ENODEV, errno.ENOENT)
+        assert [piece for piece, _ in SYSTEM] == [os.strerror(code) for code in codes]
+
+
+@pytest.mark.parametrize("driver", LIBRARIES.values(), ids=LIBRARIES)
+def test_the_libraries_still_say_it_so(driver):
+    """Every piece is in the library that is installed: an update that words it anew is noticed here."""
+    module = importlib.util.find_spec(usable(driver).needs[0])
+    near = Path(module.origin).parent
+    own = [near] if module.submodule_search_locations else [near / f"{module.name}.libs"]
+    files = [p for folder in own for p in folder.glob("*.so*") if "debug" not in p.name] + [module.origin]
+    left = {piece.encode() for piece, _ in SAID[driver.name]}
+    for path in files:
+        with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as held:
+            left = {piece for piece in left if held.find(piece) < 0}
+    assert not left
+
+
+names = st.text("0123456789ABCDEF", min_size=1, max_size=6)
+
+
+@given(found=st.dictionaries(names, st.integers(), max_size=4), wanted=names | st.just(""), before=names)
+def test_the_camera_that_is_meant_or_none(found, wanted, before):
+    """The one that was asked for; else the only one, or the one of before; never another."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(refusals, "attached", list)
+        may = wanted in found if wanted else len(found) == 1 or before in found
+        if may:
+            meant = wanted or (before if before in found else next(iter(found)))
+            assert chosen("oak", "an OAK", found, wanted, "device", before) == found[meant]
+            return
+        with pytest.raises(ResourceError) as raised:
+            chosen("oak", "an OAK", found, wanted, "device", before)
+    said = str(raised.value)
+    assert all(name in said for name in found) and ("--set " in said) == bool(found) and wanted in said
+
+
+def test_two_of_one_name_are_told_with_how_to_name_one():
+    with pytest.raises(ResourceError) as raised:
+        chosen("oak", "an OAK", {"A1": 0, "B2": 1}, "", "device")
+    said = str(raised.value)
+    assert "2 are connected: A1, B2" in said and "--set device=A1" in said
+    assert "--sensor left=oak --sensor right=oak --set left.device=A1 --set right.device=B2" in said
+
+
+@pytest.mark.parametrize(
+    ("sensor", "package", "version", "why"),
+    [
+        ("oak", "depthai", "3.8.0", "an OAK-D Lite delivers no depth"),
+        ("oak", "depthai", "2.29.0.0", "needs depthai 3"),
+        ("realsense", "pyrealsense2", "2.50.0.3785", "needs 2.56"),
+    ],
+)
+def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package, version, why):
+    """Said before the library is loaded."""
+    monkeypatch.setattr(extras, "version", {package: version}.__getitem__)
+    with pytest.raises(ResourceError) as raised:
+        extras.library(package, sensor)
+    said = str(raised.value)
+    assert f"{package} {version} is installed" in said and why in said
+    assert f'pip install "enliven-edge[{sensor}]"' in said
+
+
+def test_versions_that_work_are_let_be():
+    good = {
+        "depthai": ("3.6.1", "3.7.0", "3.11.0", "3.12.0"),
+        "pyrealsense2": ("2.56.5.9235", "2.59.1.11053"),
+    }
+    assert not any(extras.unsupported(package, v) for package, versions in good.items() for v in versions)
+
+
+@pytest.fixture(scope="module", params=LIBRARIES)
+def said(request, tmp_path_factory):
+    """The sensor, and what its driver says on its real library without a device, by what the system shows."""
+    driver = usable(LIBRARIES[request.param])
+    folder = tmp_path_factory.mktemp("asked")
+    plugged(folder / "nothing")
+    plugged(folder / "forbidden", allowed=False)
+    plugged(folder / "hidden", allowed=True)
+    size = {"oak": (320, 200), "realsense": (320, 240), "orbbec": (320, 288)}[driver.name]
+    with Recorder(folder / f"lensless-{driver.name}.mcap") as recorder:
+        for number in range(30):
+            recorder.write_frame(
+                DepthFrame(picture(0, *size), camera(*size, 1.0), number * 33_333_333, "test")
+            )
+    asked = [sys.executable, str(Path(__file__).parents[1] / "asked.py"), str(folder), driver.name]
+    around = {**os.environ, "DEPTHAI_SEARCH_TIMEOUT": "200"}
+    done = subprocess.run(asked, env=around, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return driver.name, json.loads(done.stdout.splitlines()[-1])
+
+
+def plugged(folder: Path, allowed: bool | None = None) -> None:
+    """A made-up USB tree with an OAK, a RealSense and an Orbbec camera, or nothing."""
+    titles = {"03e7": "Luxonis Device", "8086": "Intel RealSense D435", "2bc5": "Orbbec Gemini 335"}
+    for number, (vendor, title) in enumerate(titles.items()):
+        device = folder / "devices" / f"1-{number}"
+        device.mkdir(parents=True)
+        about = {"idVendor": vendor, "idProduct": "f63b", "product": title, "serial": "S7"} | {
+            "speed": "5000",
+            "busnum": "1",
+            "devnum": str(number),
+        }
+        for part, text in about.items() if allowed is not None else ():
+            (device / part).write_text(text)
+        if allowed:
+            (folder / "nodes" / "001").mkdir(parents=True, exist_ok=True)
+            (folder / "nodes" / "001" / f"{number:03}").touch()
+
+
+def test_without_a_camera_it_says_what_to_plug_in_and_what_to_type(said):
+    sensor, told = said
+    kind, words, code = told["nothing"]
+    assert (kind, code) == ("ResourceError", "4") and "is not connected" in words
+    assert "USB 3 port" in words and f"enliven run --sensor {sensor}" in words and "enliven doctor" in words
+
+
+def test_another_camera_than_was_asked_for(said):
+    sensor, told = said
+    kind, words, _ = told["another"]
+    assert kind == "ResourceError" and f"called {KINDS[sensor][2]} is not connected" in words
+
+
+def test_one_that_the_system_shows_and_the_library_does_not(said):
+    _, told = said
+    assert "S7: your user may not open it. Type: sudo cp" in told["forbidden"][1]
+    assert "S7 is plugged in, but its library does not find it. Close what else uses it" in told["hidden"][1]
+
+
+def test_a_camera_without_its_lens(said):
+    """It runs with the lens of its kind, and says so."""
+    _, told = said
+    width, focal, calibrated = json.loads(told["lensless"][1].lower())
+    assert width == 320 and 180 < focal < 260 and calibrated is False
+
+
+def test_what_only_librealsense_can_be_made_to_say(said):
+    sensor, told = said
+    if sensor != "realsense":
+        pytest.skip("depthai has no device of software")
+    said = (
+        "its library does not play the recording (open(...) failed. Software device is streaming!). Rehearse"
+    )
+    assert said in told["open already"][1]
+    assert told["USB 2"][1] == "['USB 2.1', True]"
+
+
+@pytest.mark.parametrize("sensor", LIBRARIES)
+@pytest.mark.parametrize("options", [{"rehearse": "nothing.mcap"}, {"widht": 640}])
+def test_what_cannot_be_used_is_said(sensor, options):
+    if "rehearse" in options:
+        usable(LIBRARIES[sensor])
+    with pytest.raises(InputError, match=r"nothing\.mcap|Did you mean width"):
+        kept_open(sensor_opener(sensor, **options))
+
+
+def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
+    told, known = known_or_typical(640, 400, (450.0, 451.0, 320.0, 200.0), "oak-d", "oak 1")
+    assert known and (told.fx, told.fy) == (450.0, 451.0)
+    typical, known = known_or_typical(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
+    assert not known and typical.width == 320 and 200 < typical.fx < 240
+    for rehearsed, mend in (
+        (False, "Ask for 640x400, or cal"),
+        (True, "Rehearse with .* or with one of 640x400"),
+    ):
+        with pytest.raises(InputError, match=rf"oak 1: it does not know its lens.* {mend}"):
+            known_or_typical(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1", rehearsed)
+
+
+@pytest.mark.parametrize("sensor", LIBRARIES)
+def test_a_rehearsal_without_a_lens_says_what_to_rehearse_with(tmp_path, sensor):
+    """A recording cannot be asked for another size, and no port or cable is at fault."""
+    usable(LIBRARIES[sensor])
+    with Recorder(tmp_path / "square.mcap") as recorder:
+        for number in range(3):
+            frame = DepthFrame(picture(0, 100, 100), camera(100, 100, 1.0), number * 33_333_333, "test")
+            recorder.write_frame(frame)
+    errors: list[Exception] = []
+    try:
+        with open_sensor(sensor, rehearse=str(tmp_path / "square.mcap")) as playing:
+            until(lambda: seen(playing, errors), "what is said of its lens")
+    except InputError as error:
+        errors.append(error)
+    said = str(errors[0])
+    assert "it does not know its lens" in said and "Rehearse with a recording that knows its lens" in said
+    assert not any(word in said for word in ("Ask for", "Unplug", "cable", "port"))
+
+
+def seen(sensor, errors: list[Exception]) -> bool:
+    """Whether an image came or an error, which is noted."""
+    try:
+        return sensor.read(0.1) is None
+    except TimeoutError:
+        return False
+    except InputError as error:
+        errors.append(error)
+        return True
+
+
+@pytest.mark.parametrize("sensor", LIBRARIES)
+@pytest.mark.parametrize("message", [message for _, message, _ in MESSAGES])
+def test_in_a_rehearsal_no_device_is_to_be_mended(sensor, message):
+    said = str(refused(sensor, RuntimeError(message), "a rehearsal", rehearsed=True))
+    assert " ".join(message.split()).rstrip(".") in said and "enliven inspect" in said
+    assert not any(word in said for word in ("Plug it", "Unplug it", "Close", "cable", "Type: sudo"))
+
+
+def test_a_recording_that_is_not_rectified_is_none_of_an_oak(tmp_path):
+    usable(LIBRARIES["oak"])
+    lens = replace(camera(96, 64), distortion=(0.1, 0.0, 0.0, 0.0, 0.0))
+    with Recorder(tmp_path / "bent.mcap") as recorder:
+        recorder.write_frame(DepthFrame(picture(0, 96, 64), lens, 0, "test"))
+    with pytest.raises(InputError, match="not rectified"):
+        kept_open(sensor_opener("oak", rehearse=str(tmp_path / "bent.mcap")))

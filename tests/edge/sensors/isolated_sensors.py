@@ -1,0 +1,24 @@
+"""A wild sensor in a helper process, and the fixture that none of them is left."""
+
+import time
+from pathlib import Path
+
+import pytest
+from contract import PATIENCE, helpers
+from wild import Wild
+
+from enliven_edge.sensors.isolation import IsolatedOpener
+
+
+def opener(folder: Path, every_frame: bool = False, **options) -> IsolatedOpener:
+    return IsolatedOpener("wild", Wild, {"folder": str(folder), **options}, every_frame)
+
+
+@pytest.fixture(autouse=True)
+def none_left():
+    """Every test ends without a helper process."""
+    yield
+    deadline = time.monotonic() + PATIENCE
+    while helpers():
+        assert time.monotonic() < deadline, "a helper process was left"
+        time.sleep(0.01)

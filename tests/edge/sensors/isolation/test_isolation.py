@@ -1,0 +1,144 @@
+"""Drivers in helper processes: whatever happens to one, the edge gets frames again and ends in time."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from contract import PATIENCE, next_frame
+from isolated_sensors import none_left, opener  # noqa: F401 (a fixture)
+
+from enliven.errors import ResourceError
+from enliven_edge.sensors.base import SensorFault
+from enliven_edge.sensors.isolation.slots import SLOTS, SPARE, FrameSlots
+from enliven_edge.sensors.reopening import kept_open
+
+
+def test_frames_come_whole_and_in_order(tmp_path, capfd):
+    with opener(tmp_path)() as sensor:
+        frames = [next_frame(sensor) for _ in range(40)]
+        condition = None
+        while condition is None:
+            next_frame(sensor)
+            condition = sensor.condition()
+    numbers = [int(frame.depth[0, 0]) for frame in frames]
+    assert numbers == sorted(set(numbers)) and numbers[0] == 1
+    for frame in frames:
+        number = int(frame.depth[0, 0])
+        assert frame.sequence == number and (frame.colour == number % 256).all()
+        assert frame.intrinsics.width == 64 and frame.sensor == "wild"
+    assert condition.link == "USB 2" and condition.slow_link and condition.gravity == (0.0, 9.8, 0.1)
+    assert "banner" not in capfd.readouterr().out
+
+
+def test_frames_that_are_kept_do_not_change(tmp_path):
+    """More of them than there are slots, while new ones go on coming."""
+    with opener(tmp_path, pace=0.001)() as sensor:
+        kept = [next_frame(sensor) for _ in range(3 * SLOTS)]
+        copies = [frame.depth.copy() for frame in kept]
+        for _ in range(3 * SLOTS):
+            next_frame(sensor)
+    for frame, copy in zip(kept, copies, strict=True):
+        np.testing.assert_array_equal(frame.depth, copy)
+        with pytest.raises(ValueError, match="read-only"):
+            frame.depth[0, 0] = 1
+
+
+def test_a_pause_does_not_become_a_lag(tmp_path):
+    """Three images that waited, and then those of now."""
+    with opener(tmp_path, pace=0.02)() as sensor:
+        next_frame(sensor)
+        time.sleep(0.8)
+        late = [int(next_frame(sensor).depth[0, 0]) for _ in range(4)]
+    assert late[3] - late[2] > 10 and late[2] - late[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("mishap", "said"),
+    [("crashes", "crashed"), ("exits", "ended"), ("hangs", "no image"), ("goes silent", "no image")],
+)
+def test_whatever_happens_to_the_library_another_process_goes_on(tmp_path, mishap, said):
+    with kept_open(opener(tmp_path, mishap=mishap)) as sensor:
+        errors: list[Exception] = []
+        frames = [next_frame(sensor, errors) for _ in range(20)]
+    assert len(errors) == 1 and said in str(errors[0]) and isinstance(errors[0], SensorFault)
+    assert len(list(tmp_path.glob("device-*"))) == 2
+    times = [frame.time_ns for frame in frames]
+    assert times == sorted(set(times)), "the clock goes on rising over processes"
+    assert (tmp_path / "asked-for-any").exists() and (tmp_path / "asked-for-wild").exists()
+
+
+def test_a_stream_that_ends_ends(tmp_path):
+    with opener(tmp_path, mishap="ends")() as sensor:
+        frames = []
+        while (frame := next_frame(sensor)) is not None:
+            frames.append(frame)
+        assert len(frames) == 4 and sensor.read(0.1) is None
+
+
+def test_a_driver_that_does_not_let_go_is_ended(tmp_path):
+    sensor = opener(tmp_path, mishap="does not close", after=1000)()
+    next_frame(sensor)
+    sensor.close()
+    sensor.close()
+    assert sensor.read(0.1) is None
+
+
+def test_a_library_that_crashes_while_it_opens_is_said(tmp_path):
+    with pytest.raises(ResourceError, match="crashed"):
+        kept_open(opener(tmp_path, mishap="crashes at open"))
+
+
+def test_none_is_there(tmp_path):
+    (tmp_path / "gone").touch()
+    with pytest.raises(ResourceError, match=r"no device\. Plug it in"):
+        kept_open(opener(tmp_path))
+
+
+def test_the_helper_ends_with_an_edge_that_was_killed(tmp_path):
+    """The pipe ends with the edge, and the memory has no name that could be left."""
+    import subprocess
+    import sys
+
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[2])\n"
+        "from wild import Wild\n"
+        "from enliven_edge.sensors.isolation import IsolatedOpener\n"
+        "if __name__ == '__main__':\n"
+        "    sensor = IsolatedOpener('wild', Wild, {'folder': sys.argv[1]})()\n"
+        "    sensor.read()\n"
+        "    print('up', flush=True)\n"
+        "    while True: sensor.read()\n"
+    )
+    script = tmp_path / "edge.py"
+    script.write_text(code)
+    before = set(Path("/dev/shm").glob("psm_*")) if Path("/dev/shm").is_dir() else set()
+    edge = subprocess.Popen(
+        [sys.executable, str(script), str(tmp_path), str(Path(__file__).parents[1])], stdout=subprocess.PIPE
+    )
+    assert edge.stdout.readline() == b"up\n"
+    (device,) = tmp_path.glob("device-*")
+    helper = int(device.name.split("-")[1])
+    edge.kill()
+    edge.wait()
+    deadline = time.monotonic() + PATIENCE
+    while Path(f"/proc/{helper}").exists():
+        assert time.monotonic() < deadline, "the helper outlives the edge"
+        time.sleep(0.01)
+    assert set(Path("/dev/shm").glob("psm_*")) <= before
+
+
+def test_the_reader_copies_where_slots_run_short():
+    slots = FrameSlots.make(2 * 6 * 4)
+    slots.forget()
+    depth = np.arange(24, dtype=np.uint16).reshape(4, 6)
+    views = []
+    for number in range(SLOTS + 3):
+        slot = slots.write(depth + np.uint16(number), None)
+        assert slot is not None, "the writer always finds one"
+        views.append(slots.read(slot, (4, 6), None)[0])
+    assert slots.free >= SPARE - 1
+    for number, view in enumerate(views):
+        np.testing.assert_array_equal(view, depth + number)
+    del view, views
+    assert slots.free == SLOTS

@@ -1,0 +1,86 @@
+"""Sensor profiles: every shipped file is valid and plausible, and what is wrong is refused with a reason."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from enliven.errors import InputError
+from enliven_edge.sensors.profile import load_profile, profile_names, profiles_folder
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_the_known_cameras_are_there() -> None:
+    expected = {"kinect1", "kinect2", "tof", "oak-d", "oak-d-lite", "realsense-d415", "pi-stereo"}
+    assert expected <= set(profile_names())
+
+
+@pytest.mark.parametrize("name", profile_names())
+def test_a_shipped_profile_is_plausible(name: str) -> None:
+    profile = load_profile(name)
+    camera, reach = profile.camera, profile.range
+    view = 2 * math.degrees(math.atan(camera.width / 2 / camera.fx))
+    assert 50 < view < 100
+    assert abs(camera.fx / camera.fy - 1) < 0.02
+    assert abs(camera.cx / camera.width - 0.5) < 0.05 and abs(camera.cy / camera.height - 0.5) < 0.05
+    assert len(profile.source) > 60
+    for z in (reach.near, 1.0, 2.0, min(reach.far, 4.0)):
+        assert 0.0003 < profile.sigma(z) < 0.12
+        assert profile.step(z) <= 0.065
+        # Published deviations include the steps, so that they cannot be below those of the steps alone.
+        assert profile.sigma(z) > 0.9 * profile.step(z) / math.sqrt(12)
+
+
+def test_kinect1_has_the_published_figures() -> None:
+    kinect = load_profile("kinect1")
+    assert kinect.sigma(2.0) == pytest.approx(0.0012 + 0.0019 * 1.6**2)  # Nguyen et al. 2012, eq. 2
+    assert kinect.step(2.6) == pytest.approx(2.6**2 / (580 * 0.075 * 8), rel=1e-9)
+
+
+def test_intrinsics_scale_with_the_width() -> None:
+    half = load_profile("kinect1").intrinsics(320)
+    assert (half.width, half.height, half.fx, half.cx, half.cy) == (320, 240, 290.0, 159.5, 119.5)
+
+
+def test_an_unknown_name_names_the_nearest() -> None:
+    with pytest.raises(InputError, match="Did you mean 'kinect1'"):
+        load_profile("kinekt1")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("near = 0.8", "near = 9.0", "not below range.far"),
+        ("baseline = -0.075", "baseline = 0.0", "baseline"),
+        ("cx = 319.5", "cx = 900.0", "principal point"),
+        ("constant =", "constnat =", "Did you mean noise.constant"),
+        ('kind = "structured light"', 'kind = "sonar"', "kind"),
+        ("fx = 580.0", 'fx = "580"', "camera.fx"),
+        ("fx = 580.0", "fx = -1.0", "outside"),
+    ],
+)
+def test_a_wrong_file_is_refused(tmp_path: Path, before: str, after: str, message: str) -> None:
+    text = (profiles_folder() / "kinect1.toml").read_text(encoding="utf-8")
+    assert before in text
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace(before, after), encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        load_profile(path)
+
+
+def test_a_profile_of_ones_own_is_found_by_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_bytes((profiles_folder() / "tof.toml").read_bytes())
+    assert load_profile(path) == load_profile(str(path)) == load_profile("tof")
+    with pytest.raises(InputError, match="no such file"):
+        load_profile(tmp_path / "other.toml")
+
+
+def test_the_wheel_takes_the_profiles_along() -> None:
+    project = tomllib.loads((ROOT / "edge" / "pyproject.toml").read_text(encoding="utf-8"))
+    taken = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+    assert taken == {"../firmware_configs": "enliven_edge/firmware_configs"}

@@ -1,0 +1,75 @@
+"""Real motions on real models: every model with motions of every convention, each file strictly right."""
+
+import os
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.exporters.gltf.write import glb_of, performance_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.applying import source_anatomy
+from enliven.mapping.automatic_mapping import retargeted
+from enliven.motion.layers.evaluate import Player
+from enliven.takes.files import read_take
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))
+from strict_gltf import checked_glb
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
+MODELS = sorted(p for p in DATA.glob("gltf/*/*") if p.suffix in (".glb", ".gltf"))
+TAKES = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
+OTHERS = 8
+"""Each model gets every so many of the takes, the next model others."""
+
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.skipif(not (MODELS and TAKES), reason=f"no real models in {DATA} (set ENLIVEN_DATA)"),
+]
+
+
+@cache
+def take(path):
+    """The first moments."""
+    return read_take(path, None, 0.0, 0.6)[0]
+
+
+@pytest.mark.parametrize("number", range(len(MODELS)), ids=lambda n: MODELS[n].stem)
+def test_a_real_model_moves_by_real_motions(number):
+    rig = read_gltf(MODELS[number])
+    size = float(np.ptp(rig.shape.mesh.vertices, axis=0).max())
+    for path in TAKES[number % OTHERS :: OTHERS]:
+        made = retargeted(rig.shape, take(path))
+        performance = performance_of(made.project, made.shape_id, 0.0, made.duration, 10.0)
+        checked_glb(glb_of([performance]))
+        joints = Player(made.project, made.shape_id).sample(performance.times)[1]
+        assert np.isfinite(joints).all()
+        # It moves, and stays about where it stands.
+        assert np.ptp(joints, axis=0).max() > 1e-4 * size, path.stem
+        assert np.abs(joints - rig.shape.skeleton.positions).max() < 1.5 * size, path.stem
+
+
+@pytest.mark.parametrize("path", TAKES, ids=lambda p: p.stem)
+def test_a_real_performer_has_two_arms_two_legs_and_a_head(path):
+    found = source_anatomy(take(path))
+    assert (len(found.arms), len(found.legs)) == (1, 1)
+    assert found.head is not None and found.tail is None
+
+
+@pytest.mark.parametrize(
+    ("stem", "legs", "arms", "tail"),
+    [
+        ("Horse", 2, 0, True), ("Fox", 2, 0, True), ("Spider", 4, 0, True), ("Trex", 1, 1, True),
+        ("CesiumMan", 1, 1, False), ("BrainStem", 1, 1, False), ("Manta_ray", 0, 1, True),
+        ("platformer_game_pack_Character", 1, 1, False), ("Wasp", 0, 4, True), ("Monster", 2, 0, True),
+    ],
+)  # fmt: skip
+def test_the_parts_of_real_models(stem, legs, arms, tail):
+    path = next((p for p in MODELS if p.stem == stem), None)
+    if path is None:
+        pytest.skip(f"no {stem}")
+    found = anatomy_of(read_gltf(path).shape.skeleton)
+    assert (len(found.legs), len(found.arms), found.tail is not None) == (legs, arms, tail)

@@ -1,0 +1,98 @@
+"""The window, where there is a display or Xvfb; and the command that opens it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from enliven.errors import InputError, ResourceError
+from enliven_viewer.commands.view import _address, _sized, view
+from enliven_viewer.doctor import checks
+from enliven_viewer.settings import ViewerSettings
+
+SESSION = Path(__file__).parents[1] / "window_session.py"
+
+
+def in_a_window(*arguments: str) -> dict[str, Any]:
+    """What ``window_session.py`` printed, on this display or on one of Xvfb's."""
+    command = [sys.executable, str(SESSION), *arguments]
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        if shutil.which("xvfb-run") is None:
+            pytest.skip("there is no display, and no xvfb-run to make one")
+        command = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *command]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_window_shows_the_scene_and_heeds_its_keys() -> None:
+    said = in_a_window()
+    assert said["frames"] >= 15 and said["spread"] > 5 and said["errors"] == []
+    assert said["asked"] == [
+        ["possess", "box", None, "all", "alone"],
+        ["possess", "box", None, "legs", "preview"],
+        ["possess", "box", 7, "legs", "preview"],
+        ["possess", "box", 7, "legs", "join"],
+        ["possess", "box", 7, "legs", "extend"],
+        ["release", "box", 7],
+    ]
+    assert said["help"] and said["look"] == {"body": 0.0, "reveal": 0.0, "cues": 0.0, "graph": 1.0}
+    assert not said["live"] and said["paused"] and said["speed"] == 2.0
+    assert said["sizes"] == [400, 260] and said["notice"] == ""
+
+
+def test_a_window_without_an_edge_says_where_it_waits() -> None:
+    said = in_a_window("empty")
+    assert said["notice"] == "waiting for an edge at tcp://127.0.0.1:5580"
+    assert said["spread"] > 3 and said["errors"] == []
+
+
+def command() -> typer.Typer:
+    app = typer.Typer()
+    app.command()(view)
+    return app
+
+
+def test_without_a_display_the_command_tells_of_films(monkeypatch) -> None:
+    monkeypatch.setattr("enliven_viewer.commands.view.has_display", lambda: False)
+    done = CliRunner().invoke(command(), [])
+    assert isinstance(done.exception, ResourceError) and "--film" in str(done.exception)
+
+
+def test_a_missing_take_is_said(tmp_path) -> None:
+    done = CliRunner().invoke(command(), [str(tmp_path / "none.mcap"), "--film", str(tmp_path / "f.mp4")])
+    assert isinstance(done.exception, InputError) and "none.mcap" in str(done.exception)
+
+
+def test_help_has_worked_examples() -> None:
+    done = CliRunner().invoke(command(), ["--help"])
+    assert done.exit_code == 0 and "enliven view --film out.mp4" in done.output
+
+
+@pytest.mark.parametrize("text", ["1280", "0x0", "axb", "99999x10", "-5x10"])
+def test_a_size_that_is_none_is_said(text: str) -> None:
+    with pytest.raises(InputError, match="no size"):
+        _sized(ViewerSettings(), text)
+
+
+def test_sizes_and_addresses() -> None:
+    assert (_sized(ViewerSettings(), "640 x 360").width, _sized(ViewerSettings(), None).width) == (640, 1280)
+    assert _address("10.0.0.2", None, None) == "10.0.0.2:5580:5581"
+    assert _address("10.0.0.2:7000", None, None) == "10.0.0.2:7000:7001"
+    assert _address("10.0.0.2:7000", 8000, 9000) == "10.0.0.2:8000:9000"
+    assert _address("10.0.0.2", 8000, None) == "10.0.0.2:8000:8001"
+
+
+def test_the_doctor_looks_at_what_the_viewer_needs() -> None:
+    found = {check.name: check for check in checks()}
+    assert set(found) == {"OpenGL off-screen", "window", "film encoder"}
+    assert all(check.ok or check.mend for check in found.values())

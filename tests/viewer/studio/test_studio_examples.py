@@ -1,0 +1,359 @@
+"""The example panel without a window: solving beside it, coverage, pairing, going to key poses."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+sys.path.append(str(Path(__file__).parents[1]))
+from made_studio_puppets import SIDES, TIPS, project_with, star, studio, vertex
+
+from enliven.document.constraints import Coupling, Position, Velocity
+from enliven.document.locomotion import Switch
+from enliven.document.project import Project, same
+from enliven.document.puppet import PuppetLayer
+from enliven.errors import InputError
+from enliven.examples.puppet_motion import state_of
+from enliven.modeling.puppet.edits import (
+    add_key_pose,
+    add_point,
+    change_layer,
+    make_puppet,
+    play_take,
+    set_symmetry,
+)
+from enliven_viewer.studio.examples.coverage import Coverages
+from enliven_viewer.studio.examples.edits import (
+    added_switch,
+    duplicated,
+    guessed,
+    held_of,
+    mirrored_copy,
+    moved_switch,
+    removed_switch,
+    renamed_puppet,
+    retimed,
+    spoken_joint,
+    stood,
+    switches_of_layer,
+    with_default_settings,
+    with_held,
+    with_setting,
+    without_held,
+)
+from enliven_viewer.studio.examples.solving import Solving
+from enliven_viewer.studio.examples.times import layer_end, layer_of, seconds_at, time_of
+from enliven_viewer.studio.toasts import Toasts
+from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
+
+NAMES = ("head", "left", "right", "foot")
+
+
+def posed(times: tuple[float, ...] = (0.0, 0.75, 2.25), take: str = "sway") -> Project:
+    """The star playing a take, with a key pose at each time."""
+    project = project_with(*NAMES, take=take)
+    rest = project.puppets["star"].rest
+    for k, time in enumerate(times):
+        places = rest + 0.1 * k * np.array([[1.0, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 0]])
+        project = add_key_pose(project, "star", take, time, places)
+    return project
+
+
+def solved(solving: Solving, project: Project):
+    return solving.settle(project, "star")
+
+
+def test_nothing_is_solved_that_lacks_something() -> None:
+    solving = Solving()
+    for project in (project_with(*NAMES), project_with(*NAMES, take="sway"), posed((0.0,))):
+        shown = solving.shown(project, "star")
+        assert shown[1].layers == () and solving.problem("star") is None and not solving.busy("star")
+
+
+def test_the_last_good_motion_stays_while_the_newest_is_refused_and_it_is_told_once() -> None:
+    toasts = Toasts(5.0)
+    solving, good = Solving(toasts), posed()
+    assert solved(solving, good)[1] is good.puppets["star"]
+    before = state_of(*solved(solving, good), 0.4).places
+    still = (Velocity("left", 1, (0.0, 0.0, 0.0)), Velocity("left", 1, (1.0, 0.0, 0.0)))
+    layer = good.puppets["star"].layers[0]
+    wrong = PuppetLayer(layer.take, velocities=still)
+    bad = good.with_puppets(good.puppets["star"].with_changes(layers=(wrong,)))
+    for _ in range(3):
+        assert solved(solving, bad)[1] is good.puppets["star"], "the last good one"
+    problem = solving.problem("star")
+    assert problem is not None and "left" in problem.what and "contradicts" in problem.what
+    assert [toast.bad for toast in toasts.shown] == [True]
+    np.testing.assert_array_equal(state_of(*solved(solving, bad), 0.4).places, before)
+    assert solved(solving, good)[1] is good.puppets["star"] and solving.problem("star") is None
+    solving.close()
+
+
+def test_what_only_moves_in_time_is_shown_at_once() -> None:
+    solving, project = Solving(patience=5.0), posed()
+    solved(solving, project)
+    moved = change_layer(project, "star", 0, offset=0.5, speed=2.0)
+    assert solving.shown(moved, "star")[1] is moved.puppets["star"]
+    solving.close()
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-3, 3), st.floats(0.1, 4) | st.floats(-4, -0.1), st.floats(0, 1), st.booleans())
+def test_a_layer_plays_a_second_when_it_says(offset: float, speed: float, share: float, loop: bool) -> None:
+    project = project_with("head")
+    layer = PuppetLayer("sway", offset=offset, speed=speed, loop=loop)
+    length = project.takes["sway"].duration
+    second = 0.001 + share * (length - 0.002)
+    assert seconds_at(project, layer, time_of(project, layer, second)) == pytest.approx(second, abs=1e-6)
+    assert layer_end(project, layer) == pytest.approx(offset + length / abs(speed))
+    if not loop:
+        assert seconds_at(project, layer, -1e3) == (0.0 if speed > 0 else length)
+
+
+def test_the_layer_that_is_meant_is_the_chosen_one_or_the_first_that_plays() -> None:
+    project = play_take(play_take(project_with("head", take="sway"), "star", "walk"), "star", "walk")
+    puppet = change_layer(project, "star", 0, muted=True).puppets["star"]
+    assert [layer_of(puppet, chosen) for chosen in (None, 0, 2, 7)] == [1, 0, 2, 1]
+    assert layer_of(puppet, 2, "sway") == 0 and layer_of(puppet, None, "curl") is None
+
+
+def test_coverage_is_nothing_at_examples_and_less_with_every_one() -> None:
+    coverages, take = Coverages(), "sway"
+    none = coverages.of(
+        project_with(*NAMES, take=take), project_with(*NAMES, take=take).puppets["star"], take
+    )
+    assert none is not None and none.needed >= 2 and not none.away.any()
+    lefts = []
+    for count in (1, 2, 3):
+        project = posed((0.0, 0.75, 2.25)[:count])
+        found = coverages.of(project, project.puppets["star"], take)
+        assert found is not None
+        frames = [round(pose.time / found.step) for pose in project.puppets["star"].poses]
+        assert np.abs(found.away[frames]).max() < 1e-9 and found.left == pytest.approx(found.away.max())
+        assert not set(found.frames[: found.needed]) & set(frames)
+        assert coverages.of(project, project.puppets["star"], take) is found, "kept"
+        lefts.append(found.left)
+    assert lefts == sorted(lefts, reverse=True)
+
+
+def test_who_never_moves_has_no_coverage() -> None:
+    project = posed()
+    clip = project.takes["sway"]
+    still = replace(clip, id="still", turns=clip.turns[:1].repeat(20, 0), root=clip.root[:1].repeat(20, 0))
+    project = project.with_takes(still)
+    assert Coverages().of(project, project.puppets["star"], "still") is None
+
+
+def test_points_that_nobody_named_are_called_after_their_joint() -> None:
+    project = project_with("head")
+
+    project = add_point(project, "star", vertex("foot"))
+    made = guessed(project, "star", "walk").puppets["star"].points
+    assert made[0].name == "head" and made[0].joint == "bone 3", "what is paired stays"
+    assert made[1].joint and made[1].name == spoken_joint(made[1].joint) and made[1].foot
+    with pytest.raises(InputError, match="no take"):
+        guessed(project, "star", "")
+
+
+@pytest.mark.parametrize(
+    ("joint", "said"),
+    [
+        ("LeftHandIndex1 end", "left hand"),
+        ("Head end", "head"),
+        ("hand left", "left hand"),
+        ("RightToeBase", "right toe"),
+        ("X1", "x"),
+    ],
+)
+def test_joints_as_people_call_them(joint: str, said: str) -> None:
+    assert spoken_joint(joint) == said
+
+
+def test_settings_and_names_change_alone_and_come_back() -> None:
+    project = posed()
+    changed = with_setting(project, "star", "examples", "acceleration", 0.9)
+    changed = with_setting(changed, "star", "surface", "hold", 0.1)
+    puppet = changed.puppets["star"]
+    assert (puppet.examples.acceleration, puppet.surface.hold) == (0.9, 0.1)
+    assert same(with_default_settings(changed, "star"), project)
+    named = renamed_puppet(project, "star", "sun")
+    assert list(named.puppets) == ["sun"] and same(renamed_puppet(named, "sun", "star"), project)
+    with pytest.raises(InputError, match="already"):
+        renamed_puppet(project.with_puppets(named.puppets["sun"]), "star", "sun")
+
+
+def test_a_mesh_is_stood_up_before_it_has_points() -> None:
+    project = make_puppet(Project(), star(), "star")
+    lying = stood(project, "star", "x")
+    assert np.ptp(lying.puppets["star"].mesh.vertices, 0)[1] == pytest.approx(np.ptp(star().vertices, 0)[2])
+    for axis in ("x", "y"):
+        turned = project
+        for _ in range(4):
+            turned = stood(turned, "star", axis)
+            assert turned.puppets["star"].mesh.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-9)
+        shape = turned.puppets["star"].mesh.vertices
+        np.testing.assert_allclose(
+            shape - shape.mean(0), star().vertices - star().vertices.mean(0), atol=1e-9
+        )
+    with pytest.raises(InputError, match="points already"):
+        stood(project_with("head"), "star", "x")
+
+
+def test_key_poses_are_copied_mirrored_and_moved_to_frames() -> None:
+    project = posed()
+    copied = duplicated(project, "star", 1, "sway", 0.2).puppets["star"].poses
+    assert len(copied) == 4 and np.array_equal(copied[3].places, copied[1].places)
+    both = set_symmetry(project_with(*TIPS), "star", SIDES)
+    places = both.puppets["star"].rest + 0.1 * np.arange(15).reshape(5, 3)
+    both = mirrored_copy(add_key_pose(both, "star", "sway", 0.0, places), "star", 0, "sway", 0.2)
+    image = both.puppets["star"].poses[1].places
+    rest = both.puppets["star"].rest
+    np.testing.assert_allclose((image - rest)[[0, 4, 3, 2, 1]], (places - rest) * [-1, 1, 1], atol=1e-9)
+    moved = retimed(project, "star", 1, 0.913).puppets["star"].poses[1].time
+    assert moved == pytest.approx(27 / 30)
+    assert retimed(project, "star", 0, -5.0).puppets["star"].poses[0].time == 0.0
+    with pytest.raises(InputError, match="already"):
+        retimed(project, "star", 1, 2.25)
+
+
+switch_lists = st.lists(st.integers(1, 119), min_size=0, max_size=8, unique=True).map(
+    lambda frames: tuple(
+        Switch(frame, "contact" if k % 2 == 0 else "flight") for k, frame in enumerate([0, *sorted(frames)])
+    )
+)
+
+
+def taking_turns(switches: tuple[Switch, ...]) -> bool:
+    frames, kinds = [one.frame for one in switches], [one.kind for one in switches]
+    ascending = all(a < b for a, b in itertools.pairwise(frames))
+    return frames[0] == 0 and ascending and all(a != b for a, b in itertools.pairwise(kinds))
+
+
+@given(switch_lists, st.integers(0, 130), st.data())
+def test_switches_go_on_taking_turns_whatever_is_done_to_them(switches, frame, data) -> None:
+    added = added_switch(switches, frame, 120)
+    assert taking_turns(added) and added[-1].frame < 120
+    if 0 < frame < 120 and frame not in {one.frame for one in switches}:
+        assert frame in {one.frame for one in added}
+    number = data.draw(st.integers(0, len(switches) - 1))
+    assert taking_turns(removed_switch(switches, number))
+    moved = moved_switch(switches, number, frame, 120)
+    assert taking_turns(moved) and [one.kind for one in moved] == [one.kind for one in switches]
+    assert moved[-1].frame < 120
+
+
+def test_what_is_held_is_held_once_for_a_frame_and_can_be_let_go() -> None:
+    project = posed()
+    first, second = Position("left", 10, (0.0, 0.5, 0.0)), Position("left", 10, (0.1, 0.5, 0.0))
+    level = Coupling("left", "right", 5)
+    for held in (first, second, level):
+        project = with_held(project, "star", 0, held)
+    assert held_of(project, "star", 0) == (level, second)
+    places = state_of(project, project.puppets["star"], 10 / 30).places
+    np.testing.assert_allclose(places[1], second.place, atol=1e-8)
+    assert held_of(without_held(project, "star", 0, second), "star", 0) == (level,)
+
+
+def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
+    desk, _ = studio(tmp_path, *NAMES, take="sway")
+    view = desk.performer
+    view.follow()
+    figure = view.figure()
+    assert figure is not None
+    pixel = view.lens.project(figure.joints)[0][figure.skeleton.index("bone 1")]
+    desk.puppets.choose("star", 0)
+    view.press((float(pixel[0]), float(pixel[1])))
+    assert desk.editor.project.puppets["star"].points[0].joint == "bone 1"
+    assert figure.skeleton.index("bone 1") in view.paired()
+    desk.editor.undo()
+    assert desk.editor.project.puppets["star"].points[0].joint == "bone 3"
+    desk.puppets.choose("star", None)
+    view.pair("bone 2")
+    assert desk.puppets.point == 2, "without a chosen point the one that follows the joint is chosen"
+
+
+def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
+    desk, _ = studio(tmp_path, *NAMES, take="sway")
+    view, editor = desk.performer, desk.editor
+    for linked in (True, False):
+        view.linked = linked
+        editor.camera.face(0.3, 0.2)
+        editor.advance(10.0)
+        view.follow()
+        before = view.lens.forward
+        view.press((1.0, 200.0))
+        view.move((61.0, 200.0))
+        view.release()
+        editor.advance(10.0)
+        view.follow()
+        angle = math.acos(np.clip(before @ view.lens.forward, -1, 1))
+        assert angle == pytest.approx(0.48 * math.cos(0.2), abs=0.03)
+        assert (np.linalg.norm(view.lens.forward - editor.lens.forward) < 1e-6) == linked
+
+
+def test_the_performer_looks_where_the_mesh_looks_whatever_its_yaw(tmp_path) -> None:
+    desk, _ = studio(tmp_path, *NAMES, take="quarter turn")
+    view = desk.performer
+    assert view.moment == ("quarter turn", 0.0)
+    one, other = view.figure(("sway", 0.0)), view.figure(("sway", 1.0))
+    assert one is not None and other is not None
+    np.testing.assert_allclose(one.joints[0] * [1, 0, 1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(other.joints[0] * [1, 0, 1], 0.0, atol=1e-9)
+
+
+def test_the_first_take_that_is_shown_is_played_and_others_are_only_shown(tmp_path) -> None:
+    desk, _ = studio(tmp_path, *NAMES)
+    view = desk.performer
+    assert view.take is None and view.figure() is None and desk.puppets.moment is None
+    view.show("sway")
+    view.show("walk")
+    puppet = desk.editor.project.puppets["star"]
+    assert [layer.take for layer in puppet.layers] == ["sway"] and view.take == "walk"
+    view.play()
+    assert [layer.take for layer in desk.editor.project.puppets["star"].layers] == ["sway", "walk"]
+    assert desk.editor.selection.puppet_layer == 1
+
+
+def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
+    desk, _ = studio(tmp_path, *NAMES, take="sway")
+    desk.hand.take("choose")
+    desk.editor.edit("later", lambda project: change_layer(project, "star", 0, offset=0.4))
+    begin_pose(desk, "sway", 0.61)
+    begin_pose(desk, "sway", 1.5)
+    times = [pose.time for pose in desk.editor.project.puppets["star"].poses]
+    assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and desk.puppets.number == 1
+    assert desk.hand.tool.name == "puppet" and desk.editor.time == pytest.approx(1.9)
+    edit_pose(desk, 0)
+    assert desk.puppets.number == 0 and desk.editor.time == pytest.approx(1.0)
+    assert desk.performer.moment == ("sway", pytest.approx(18 / 30))
+    begin_pose(desk, "sway", 1.5)
+    assert desk.puppets.number == 1 and len(desk.editor.project.puppets["star"].poses) == 2
+
+
+def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path) -> None:
+    desk, _ = studio(tmp_path, *NAMES, take="sway")
+    editor = desk.editor
+    editor.frame_all(at_once=True)
+    before = editor.lens.view.eye
+    begin_pose(desk, "sway", 0.5)
+    editor.advance(10.0)
+    np.testing.assert_allclose(editor.lens.view.eye, before, err_msg="all of it is seen")
+    editor.camera.pan(5.0, 0.0)
+    editor.advance(10.0)
+    edit_pose(desk, 0)
+    editor.advance(10.0)
+    pixels = editor.lens.project(desk.puppets.stage.standing_of("star").vertices)[0]  # type: ignore[union-attr]
+    assert ((pixels >= 0) & (pixels <= editor.size)).all()
+
+
+def test_contacts_are_those_of_the_motion() -> None:
+    project = change_layer(posed(), "star", 0, switches=(Switch(0, "contact"), Switch(30, "flight")))
+    assert switches_of_layer(project, "star", 0)[0] == Switch(0, "contact")

@@ -1,0 +1,137 @@
+"""Meshes without a rig, takes and sessions are opened; puppets go out as GLB with their error said."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+import pytest
+
+sys.path.append(str(Path(__file__).parents[1]))
+from made_studio_puppets import project_with, star, studio
+
+from enliven.document.project import Project, same
+from enliven.errors import InputError
+from enliven.examples.puppet_motion import state_of
+from enliven.formats.motion.expmap import COLUMNS
+from enliven.meshes.files import save_mesh
+from enliven.meshes.mesh import Mesh
+from enliven.modeling.puppet.edits import add_key_pose
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.workspace.files import export
+from enliven_viewer.studio.workspace.workspace import Desk
+
+NAMES = ("head", "left", "right", "foot")
+
+
+@pytest.fixture
+def desk(tmp_path) -> Desk:
+    return Desk.new(Editor(), tmp_path / "recovery")
+
+
+def acting() -> Project:
+    project = project_with(*NAMES, take="sway")
+    rest = project.puppets["star"].rest
+    for k, time in enumerate((0.0, 0.75, 2.25)):
+        moved = rest + 0.06 * k * np.array([[1.0, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 0]])
+        project = add_key_pose(project, "star", "sway", time, moved)
+    return project
+
+
+def said(desk: Desk) -> str:
+    return " | ".join(f"{toast.text} {toast.mend}" for toast in desk.editor.toasts.shown)
+
+
+@pytest.mark.parametrize("ending", [".obj", ".ply", ".stl", ".off", ".glb"])
+def test_a_mesh_without_a_rig_opens_as_a_puppet_that_stands(desk: Desk, tmp_path, ending: str) -> None:
+    raised = Mesh(np.add(star().vertices, [0.3, 2.0, 0.1]), star().faces, "star")
+    save_mesh(raised, tmp_path / f"star{ending}")
+    desk.open(tmp_path / f"star{ending}")
+    puppet = desk.puppets.puppet
+    assert puppet is not None and puppet.id == "star" and not desk.editor.project.shapes
+    assert puppet.mesh.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-6)
+    assert np.ptp(puppet.mesh.vertices[:, 1]) == pytest.approx(np.ptp(star().vertices[:, 1]), rel=1e-4)
+    desk.open(tmp_path / f"star{ending}")
+    other = desk.editor.project.puppets["star 2"]
+    assert other.place[0] > puppet.mesh.vertices[:, 0].max(), "beside the first"
+
+
+def test_a_mesh_in_millimetres_becomes_as_tall_as_a_person_and_that_is_said(desk: Desk, tmp_path) -> None:
+    save_mesh(Mesh(1000.0 * star().vertices, star().faces, "star"), tmp_path / "star.ply")
+    desk.open(tmp_path / "star.ply")
+    assert np.ptp(desk.puppets.puppet.mesh.vertices[:, 1]) == pytest.approx(1.7)  # type: ignore[union-attr]
+    assert "made 1.7 m tall" in said(desk)
+
+
+def test_a_mesh_that_cannot_be_read_changes_nothing(desk: Desk, tmp_path) -> None:
+    (tmp_path / "bad.ply").write_bytes(b"ply\nnothing more")
+    before = desk.editor.project
+    with pytest.raises(InputError):
+        desk.open(tmp_path / "bad.ply")
+    assert desk.editor.project is before
+
+
+def test_a_table_of_exponential_maps_opens_as_a_take(desk: Desk, tmp_path) -> None:
+    rows = np.zeros((20, COLUMNS))
+    rows[:, 1] = np.linspace(17.0, 18.0, 20)
+    np.savetxt(tmp_path / "hop.txt", rows, delimiter=",")
+    desk.open(tmp_path / "hop.txt")
+    clip = desk.editor.project.takes["hop"]
+    assert len(clip.turns) == 20 and "LeftHand" in clip.skeleton.names
+
+
+def test_a_session_is_saved_and_opens_beside_what_is_there(tmp_path) -> None:
+    desk, _ = studio(tmp_path / "recovery", *NAMES)
+    desk.cabinet.new(acting())
+    desk.puppets.choose("star")
+    desk.ask("session")
+    assert desk.asking == "session" and desk.browser is not None and desk.browser.name == "star.toml"
+    desk.chosen(tmp_path / "star.toml")
+    assert (tmp_path / "star.toml").is_file()
+    desk.open(tmp_path / "star.toml")
+    project = desk.editor.project
+    assert list(project.puppets) == ["star", "star 2"] and desk.puppets.puppet is project.puppets["star 2"]
+    one, other = (state_of(project, project.puppets[name], 1.1) for name in ("star", "star 2"))
+    np.testing.assert_allclose(other.places, one.places, atol=1e-6)
+    assert [name for name in project.takes if name.startswith("sway")] == ["sway"], "the take is the same one"
+
+
+def test_a_session_needs_a_puppet(desk: Desk) -> None:
+    desk.ask("session")
+    assert desk.asking == "" and "No puppet is chosen" in said(desk)
+
+
+def test_puppets_go_out_as_glb_and_their_error_is_said(tmp_path) -> None:
+    desk, _ = studio(tmp_path / "recovery", *NAMES)
+    desk.cabinet.new(acting())
+    before = desk.editor.project
+    desk.ask("export")
+    desk.chosen(tmp_path / "star.glb")
+    assert desk.exporting.busy
+    desk.exporting.finish()
+    assert not desk.exporting.busy and same(desk.editor.project, before)
+    assert "Wrote 1 shape to star.glb" in said(desk) and "mm" in said(desk)
+    written = pygltflib.GLTF2().load(tmp_path / "star.glb")
+    samplers = written.animations[0].samplers
+    assert max(written.accessors[one.input].max[0] for one in samplers) == pytest.approx(3.0, abs=0.05)
+    assert len(written.skins) == 1 and len(samplers) > 10
+
+
+def test_an_export_that_fails_is_told_and_another_waits_for_the_one_before(tmp_path) -> None:
+    desk, _ = studio(tmp_path / "recovery", *NAMES)
+    desk.cabinet.new(acting())
+    (tmp_path / "file").write_text("in the way")
+    desk.ask("export")
+    desk.chosen(tmp_path / "file" / "star.glb")
+    desk.exporting.begin("second", lambda: "never")
+    assert "still being written" in said(desk)
+    desk.exporting.finish()
+    assert any(toast.bad for toast in desk.editor.toasts.shown) and "never" not in said(desk)
+
+
+def test_a_puppet_that_cannot_move_yet_says_what_it_lacks(tmp_path) -> None:
+    with pytest.raises(InputError, match="Pose two examples"):
+        export(project_with(*NAMES, take="sway"), tmp_path / "no.glb")
+    assert not (tmp_path / "no.glb").exists()

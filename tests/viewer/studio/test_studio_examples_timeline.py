@@ -1,0 +1,206 @@
+"""The lanes of puppets: what is drawn at a pixel is found there, and dragging it is one edit."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+sys.path.append(str(Path(__file__).parents[1]))
+from made_studio_puppets import project_with, studio
+
+from enliven.document.constraints import Position
+from enliven.document.locomotion import Switch
+from enliven.document.project import Project
+from enliven.modeling.puppet.edits import add_key_pose, change_layer, play_take
+from enliven_viewer.studio.timeline.layout import LABELS, TimelineLayout
+from enliven_viewer.studio.timeline.puppet_lanes import PuppetLanes, Row
+from enliven_viewer.studio.workspace.workspace import Desk
+
+NAMES = ("head", "left", "right", "foot")
+SWITCHES = (Switch(0, "contact"), Switch(30, "flight"), Switch(60, "contact"))
+
+
+def posed(times: tuple[float, ...], **changes) -> Project:  # type: ignore[no-untyped-def]
+    """The star with key poses at seconds of "sway", played by a layer."""
+    project = project_with(*NAMES, take="sway")
+    rest = project.puppets["star"].rest
+    for k, time in enumerate(times):
+        project = add_key_pose(project, "star", "sway", time, rest + 0.05 * k)
+    return change_layer(project, "star", 0, **changes)
+
+
+def desk_with(tmp_path: Path, project: Project) -> Desk:
+    desk, _ = studio(tmp_path, *NAMES)
+    desk.cabinet.new(project)
+    desk.puppets.choose("star")
+    return desk
+
+
+def row_of(lanes: PuppetLanes, kind: str) -> Row:
+    return next(row for row in lanes.rows() if row.kind == kind)
+
+
+def middle(row: Row) -> float:
+    return row.top + row.height / 2
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.floats(-0.5, 2),
+    st.floats(0.4, 3) | st.floats(-3, -0.4),
+    st.lists(st.integers(8, 22), min_size=1, max_size=5, unique=True),  # half a sway: no pose is there twice
+    st.floats(500, 2000),
+    st.floats(0, 60),
+)
+def test_what_is_drawn_at_a_pixel_is_found_there(offset, speed, frames, width, scrolled) -> None:
+    times = tuple(3 * frame / 30 for frame in frames)
+    held = (Position("left", 45, (0.0, 0.5, 0.0)),)
+    project = posed(times, offset=offset, speed=speed, switches=SWITCHES, positions=held)
+    layout = TimelineLayout(project, 10.0, width, scrolled)
+    lanes = PuppetLanes(layout, "star", lambda take: None, lambda layer: SWITCHES)
+    assert [row.kind for row in lanes.rows()] == ["bar", "poses", "band", "held"]
+    tops = [(row.top, row.top + row.height) for row in lanes.rows()]
+    assert all(one[1] <= other[0] for one, other in itertools.pairwise(tops))
+    poses = row_of(lanes, "poses")
+    for number, x in lanes.poses(poses):
+        if x < LABELS:
+            continue
+        grip = lanes.grip(x, middle(poses))
+        assert grip is not None and grip.kind == "pose"
+        assert dict(lanes.poses(poses))[grip.item] == pytest.approx(x, abs=7.0)
+        assert lanes.seconds(poses, x) == pytest.approx(times[number], abs=1e-6)
+    band = row_of(lanes, "band")
+    for _, left, right in lanes.bands(band)[1:]:
+        if left >= LABELS and abs(right - left) > 12:
+            grip = lanes.grip(left, middle(band))
+            assert grip is not None and grip.kind == "switch"
+    mark = lanes.held(row_of(lanes, "held"))[0][2]
+    if mark >= LABELS:
+        assert lanes.grip(mark, middle(row_of(lanes, "held"))).kind == "held"  # type: ignore[union-attr]
+    bar = row_of(lanes, "bar")
+    assert lanes.grip(5.0, middle(bar)).kind == "mute"  # type: ignore[union-attr]
+    if lanes.span(bar)[1] > LABELS:
+        assert lanes.grip(lanes.span(bar)[1], middle(bar)).kind == "edge"  # type: ignore[union-attr]
+
+
+def test_only_the_chosen_puppet_shows_more_than_its_layers() -> None:
+    project = play_take(posed((0.0, 0.75)), "star", "walk")
+    layout = TimelineLayout(project, 4.0, 900.0)
+    lanes = PuppetLanes(layout, None, lambda take: None, lambda layer: ())
+    assert [(row.kind, row.layer) for row in lanes.rows()] == [("bar", 0), ("bar", 1)]
+    chosen = PuppetLanes(layout, "star", lambda take: None, lambda layer: ())
+    assert [row.kind for row in chosen.rows()] == ["bar", "poses", "band"] * 2
+    assert lanes.height < chosen.height
+
+
+def drag(desk: Desk, start: tuple[float, float], x: float) -> None:
+    hand = desk.timeline
+    hand.press(*start)
+    for share in (0.3, 0.7, 1.0):
+        hand.drag(start[0] + share * (x - start[0]))
+    hand.release(x)
+
+
+def test_dragging_a_diamond_retimes_its_key_pose_as_one_edit_and_a_click_opens_it(tmp_path) -> None:
+    desk = desk_with(tmp_path, posed((0.0, 0.75, 2.25), offset=0.5))
+    hand = desk.timeline
+    lanes = hand.puppets.lanes(hand.layout)
+    row = row_of(lanes, "poses")
+    x = lanes.x(row, 0.75)
+    drag(desk, (x, middle(row)), lanes.x(row, 1.2))
+    assert desk.editor.project.puppets["star"].poses[1].time == pytest.approx(1.2, abs=0.02)
+    assert desk.editor.history.names[-1] == "retime a key pose" and not desk.puppets.posing
+    desk.editor.undo()
+    assert desk.editor.project.puppets["star"].poses[1].time == 0.75
+    hand.press(x, middle(row))
+    hand.release(x)
+    assert desk.puppets.number == 1 and desk.editor.time == pytest.approx(1.25)
+
+
+def test_bars_are_moved_stretched_and_muted(tmp_path) -> None:
+    desk = desk_with(tmp_path, posed((0.0, 0.75)))
+    hand = desk.timeline
+    lanes = hand.puppets.lanes(hand.layout)
+    row = row_of(lanes, "bar")
+    y, (left, right) = middle(row), lanes.span(row)
+    drag(desk, (left + 20, y), left + 20 + hand.layout.x(0.6) - hand.layout.x(0.0))
+    assert desk.editor.project.puppets["star"].layers[0].offset == pytest.approx(0.6)
+    desk.editor.undo()
+    drag(desk, (right, y), (left + right) / 2)
+    assert desk.editor.project.puppets["star"].layers[0].speed == pytest.approx(2.0, rel=0.01)
+    hand.press(5.0, y)
+    hand.release(5.0)
+    assert desk.editor.project.puppets["star"].layers[0].muted
+    assert desk.editor.history.names[-2:] == ("change speed", "mute")
+
+
+def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
+    desk = desk_with(tmp_path, posed((0.0, 0.75, 2.25), switches=SWITCHES))
+    hand = desk.timeline
+
+    def switches() -> list[tuple[int, str]] | None:
+        found = desk.editor.project.puppets["star"].layers[0].switches
+        return None if found is None else [(one.frame, one.kind) for one in found]
+
+    def at(second: float) -> tuple[float, float]:
+        lanes = hand.puppets.lanes(hand.layout)
+        row = row_of(lanes, "band")
+        return lanes.x(row, second), middle(row)
+
+    drag(desk, at(1.0), at(1.5)[0])
+    assert switches() == [(0, "contact"), (45, "flight"), (60, "contact")]
+    drag(desk, at(1.5), at(2.9)[0])
+    assert switches() == [(0, "contact"), (59, "flight"), (60, "contact")], "it stops at the next one"
+    desk.editor.undo()
+    assert hand.double(*at(0.5))
+    assert switches() is not None and (15, "flight") in switches() and len(switches()) == 5  # type: ignore[operator, arg-type]
+    hand.press(*at(0.5))
+    hand.release(at(0.5)[0])
+    assert desk.hand.key("delete") and switches() == [(0, "contact"), (45, "flight"), (60, "contact")]
+    row = row_of(hand.puppets.lanes(hand.layout), "band")
+    hand.press(60.0, middle(row))
+    hand.release(60.0)
+    assert switches() is None and "star" in desk.editor.project.puppets
+
+
+def test_delete_lets_go_of_what_is_held_and_then_means_the_puppet_again(tmp_path) -> None:
+    held = (Position("left", 45, (-0.4, 0.5, 0.0)),)
+    desk = desk_with(tmp_path, posed((0.0, 0.75, 2.25), positions=held))
+    hand = desk.timeline
+    lanes = hand.puppets.lanes(hand.layout)
+    row = row_of(lanes, "held")
+    x = lanes.held(row)[0][2]
+    hand.press(x, middle(row))
+    hand.release(x)
+    assert desk.editor.time == pytest.approx(1.5)
+    desk.hand.key("delete")
+    assert desk.editor.project.puppets["star"].layers[0].positions == ()
+    assert not hand.type("delete")
+
+
+def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
+    desk = desk_with(tmp_path, posed((0.0,)))
+    hand = desk.timeline
+    lanes = hand.puppets.lanes(hand.layout)
+    row = row_of(lanes, "poses")
+    second, x = lanes.suggested(row)[0]
+    hand.press(x, middle(row))
+    hand.release(x)
+    poses = desk.editor.project.puppets["star"].poses
+    assert len(poses) == 2 and poses[1].time == pytest.approx(second) and desk.puppets.number == 1
+
+
+def test_the_found_contacts_are_shown_as_soon_as_it_moves(tmp_path) -> None:
+    desk = desk_with(tmp_path, posed((0.0, 0.75, 2.25)))
+    desk.editor.solving.settle(desk.editor.project, "star")
+    lanes = desk.timeline.puppets.lanes(desk.timeline.layout)
+    bands = lanes.bands(row_of(lanes, "band"))
+    assert bands and bands[0][0].frame == 0
+    starts, ends = np.array([b[1] for b in bands]), np.array([b[2] for b in bands])
+    np.testing.assert_allclose(ends[:-1], starts[1:])

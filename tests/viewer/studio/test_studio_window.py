@@ -1,0 +1,46 @@
+"""The studio's real window, where there is a display or Xvfb: ImGui's test engine works in it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from enliven.errors import ResourceError
+from enliven_viewer.commands.studio import studio
+
+SESSION = Path(__file__).parents[1] / "studio_session.py"
+
+
+def test_an_artist_works_in_the_window(tmp_path) -> None:
+    command = [sys.executable, str(SESSION), str(tmp_path)]
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        if shutil.which("xvfb-run") is None:
+            pytest.skip("there is no display, and no xvfb-run to make one")
+        command = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24", *command]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=180)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout.splitlines()[-1])
+    assert said["done"] and said["spread"] > 5, said
+    assert said["tool"] == "carry" and said["merged"] == ["two"] and said["undone"] == ["one", "two"], said
+    assert said["chosen"] == "two" and said["renamed"] == ["mantle", "one"]
+    assert said["copied"] == ["mantle", "mantle 2", "one"] and said["after ctrl z"] == ["mantle", "one"]
+    assert said["source"] == ["map", "wave"] and said["playing"] and said["help"] == "help"
+    assert said["asks"] == "unsaved" and said["stays"] and said["over"]
+    assert said["left"] == [], "nothing is left to recover"
+
+
+def test_without_a_display_the_command_says_where_to_start_it(monkeypatch) -> None:
+    monkeypatch.setattr("enliven_viewer.commands.studio.has_display", lambda: False)
+    app = typer.Typer()
+    app.command()(studio)
+    done = CliRunner().invoke(app, [])
+    assert isinstance(done.exception, ResourceError) and "xvfb-run" in str(done.exception)
+    assert "enliven studio SQUID.enliven" in CliRunner().invoke(app, ["--help"]).output
