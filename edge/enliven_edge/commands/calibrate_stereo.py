@@ -15,7 +15,7 @@ from rich.table import Table
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
-    from enliven_edge.sensors.stereo import Board, Judgement, Sighting
+    from enliven_edge.sensors.stereo import BoardSighting, CalibrationBoard, Judgement
 
 _LOOK = 0.3
 """Seconds between two looks at live cameras: a hand needs longer to move a board."""
@@ -56,9 +56,9 @@ def calibrate_stereo(
       enliven calibrate-stereo --live PAIRS --square 37.9 -o stereo.toml
       enliven run --sensor libcamera --set calibration=stereo.toml
     """
-    from enliven_edge.sensors.stereo import Board
+    from enliven_edge.sensors.stereo import CalibrationBoard
 
-    board = Board(*_size(squares, "--squares"), 1e-3 * square)
+    board = CalibrationBoard(*_size(squares, "--squares"), 1e-3 * square)
     if print_to is not None:
         _print(board, print_to)
         return
@@ -73,7 +73,7 @@ def calibrate_stereo(
     _calibrate(board, folder, output, accept_doubt)
 
 
-def _print(board: Board, path: Path) -> None:
+def _print(board: CalibrationBoard, path: Path) -> None:
     """Writes the sheet."""
     if path.suffix.lower() != ".pdf":
         raise InputError(f"it ends in {path.suffix!r}", where=str(path), mend="Give a name with .pdf.")
@@ -86,7 +86,7 @@ def _print(board: Board, path: Path) -> None:
     )
 
 
-def _calibrate(board: Board, folder: Path, output: Path, accept_doubt: bool) -> None:
+def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt: bool) -> None:
     """Solves, prints the result, and writes it where it is good enough."""
     from enliven_edge.sensors.stereo import judge, save_calibration, solve
 
@@ -110,9 +110,9 @@ def _calibrate(board: Board, folder: Path, output: Path, accept_doubt: bool) -> 
     typer.echo(f"{output} is written: enliven run --sensor libcamera --set calibration={output}")
 
 
-def _seen(board: Board, folder: Path) -> tuple[list[Sighting], tuple[int, int]]:
+def _seen(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], tuple[int, int]]:
     """Finds the board in a folder's pairs; returns the sightings and the (width, height) of the images."""
-    from enliven_edge.sensors.stereo import Sighting, image_pairs, read_grey
+    from enliven_edge.sensors.stereo import BoardSighting, image_pairs, read_grey
 
     sightings, size = [], (0, 0)
     for files in image_pairs(folder):
@@ -123,11 +123,13 @@ def _seen(board: Board, folder: Path) -> tuple[list[Sighting], tuple[int, int]]:
                 of, first = (f"{each[0]} x {each[1]}" for each in (image.shape[::-1], size))
                 what = f"it has {of} pixels, the first image {first}"
                 raise InputError(what, where=str(file), mend="Take all in one size.")
-        sightings.append(Sighting(files[0].name, *map(board.find, images)))
+        sightings.append(BoardSighting(files[0].name, *map(board.find, images)))
     return sightings, size
 
 
-def _take(board: Board, folder: Path, names: tuple[str, str], size: tuple[int, int], pairs: int) -> None:
+def _take(
+    board: CalibrationBoard, folder: Path, names: tuple[str, str], size: tuple[int, int], pairs: int
+) -> None:
     """Saves pairs of live images in a folder."""
     from PIL import Image
 

@@ -46,12 +46,12 @@ def inspect(
     """
     from enliven.recording import DEPTH_TOPIC, Recording
     from enliven_edge.inspection import SensorLog
-    from enliven_edge.sensors import Moments
+    from enliven_edge.sensors import DiaryEntries
 
     source, log = Recording(recording), SensorLog()
     count = source.info.topics[DEPTH_TOPIC].count if DEPTH_TOPIC in source.info.topics else 0
     if output is None:
-        for moment in Moments(source):
+        for moment in DiaryEntries(source):
             log.add(moment)
     elif count == 0:
         raise InputError(
@@ -101,9 +101,9 @@ def _film(
 def _pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:
     """Yields a picture for every depth frame."""
     from enliven.frames import DepthFrame
-    from enliven_edge.sensors import Moments
+    from enliven_edge.sensors import DiaryEntries
 
-    for moment in Moments(source):
+    for moment in DiaryEntries(source):
         log.add(moment)
         if isinstance(moment.said, Exception):
             inspector.failed(moment.said)

@@ -6,7 +6,7 @@ from collections import Counter
 
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors import Moment, SensorFault
+from enliven_edge.sensors import DiaryEntry, SensorFault
 
 _MOST_TOLD = 5
 """Losses that are described one by one; further ones are counted."""
@@ -28,7 +28,7 @@ class SensorLog:
         self._away, self._lost = 0.0, False
         self._bad = 0
 
-    def add(self, moment: Moment) -> None:
+    def add(self, moment: DiaryEntry) -> None:
         """Takes in the next event."""
         match moment.said:
             case SensorFault() as error:
@@ -87,7 +87,7 @@ class SensorLog:
             self._gaps.append((self._seconds(time_ns), sequence - before - 1))
         self._counts[sensor] = sequence
 
-    def _fares(self, moment: Moment) -> None:
+    def _fares(self, moment: DiaryEntry) -> None:
         condition = moment.condition
         if condition is None:
             return

@@ -1,7 +1,7 @@
 from . import crash_reports
 from .attached_cameras import attached
 from .base import CHECK_IT, Condition, Sensor, SensorFault, condition_of
-from .diary import Diary, Moment, Moments
+from .diary import Diary, DiaryEntries, DiaryEntry
 from .options import sensor_options
 from .profile import SensorProfile, load_profile, profile_names
 from .registry import open_sensor, sensor_names, sensor_opener
@@ -11,8 +11,8 @@ __all__ = [
     "CHECK_IT",
     "Condition",
     "Diary",
-    "Moment",
-    "Moments",
+    "DiaryEntries",
+    "DiaryEntry",
     "Sensor",
     "SensorFault",
     "SensorProfile",

@@ -1,4 +1,4 @@
-"""What a sensor is to the rest of the edge."""
+"""The protocol of a sensor, its faults and its device's condition."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from enliven.errors import ResourceError
 from enliven.frames import Frame
 
 CHECK_IT = "Check its cable and power; it is opened again and again by itself."
-"""What to do about a sensor of which nothing better is known."""
+"""The advice for a sensor without a better one."""
 
 
 class SensorFault(ResourceError):
-    """A sensor failed; the reads that follow open it anew, and its stream goes on once that works."""
+    """A sensor failed; later reads reopen it, and its stream goes on once that works."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """How a device fares, as far as it can say.
+    """The condition of a device, as far as it reports one.
 
     Attributes:
         link: how it is connected, such as "USB 3" or "PoE"; empty where that is not known.
-        slow_link: whether that is too slow for what is asked of the device.
+        slow_link: whether the link is too slow for the requested images.
         temperature: degrees Celsius of its hottest part.
-        hot: degrees Celsius above which its maker says that it stops.
+        hot: degrees Celsius above which it stops, by its data sheet.
         gravity: the direction downwards in the camera's frame, of any length.
-        calibrated: whether it knows its own lens; else that of its kind is used.
+        calibrated: whether it reports its own lens; otherwise the typical lens of its model is used.
     """
 
     link: str = ""
@@ -41,10 +41,10 @@ class Condition:
 class Sensor(Protocol):
     """A stream of frames, from hardware, from a file or made up; a context manager that closes itself.
 
-    ``name`` is the sensor's identity, as its frames carry it. A sensor that promises a frame rate has it as
-    ``fps``, frames a second; one that knows how its device fares has ``condition()``, which returns a
-    :class:`Condition`. A class whose library may crash or hang says ``isolated = True``: it is run in a
-    process of its own (:mod:`enliven_edge.sensors.isolation`).
+    ``name`` is the sensor's identity, as its frames carry it. A sensor with a fixed frame rate has it as
+    ``fps``, frames a second. A sensor that reports its device's condition has ``condition()``, which returns
+    a :class:`Condition`. A class with a library that may crash or hang sets ``isolated = True``: it runs in
+    a process of its own (:mod:`enliven_edge.sensors.isolation`).
     """
 
     name: str
@@ -56,15 +56,15 @@ class Sensor(Protocol):
             timeout: seconds to wait at most; None waits for as long as it takes.
 
         Raises:
-            TimeoutError: when no frame was due in time; the stream goes on with the next call.
+            TimeoutError: when no frame came in time; the stream goes on with the next call.
             InputError: for a frame that cannot be used; the stream goes on with the next call.
-            SensorFault: when the sensor was lost, and is being opened anew.
+            SensorFault: when the sensor was lost and is being reopened.
             Exception: any other, when the sensor was lost for good.
         """
         ...
 
     def close(self) -> None:
-        """Let the device or file go; a second call does nothing."""
+        """Closes the device or file; a second call does nothing."""
         ...
 
     def __enter__(self) -> Self:
@@ -77,6 +77,6 @@ class Sensor(Protocol):
 
 
 def condition_of(sensor: Sensor) -> Condition | None:
-    """How a sensor's device fares; None where it does not say."""
+    """The condition of a sensor's device; None where it reports none."""
     ask = getattr(sensor, "condition", None)
     return None if ask is None else ask()

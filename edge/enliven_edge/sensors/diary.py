@@ -1,7 +1,7 @@
-"""What a live sensor went through, beside its frames in a recording: how it fared, when it was lost.
+"""The diary of a live sensor in a recording: its conditions and losses, beside its frames.
 
-Two topics hold it, as JSON: :data:`CONDITION_TOPIC`, before the first frame to which it applies, and
-:data:`EVENTS_TOPIC`, after the frame that came before; both at the time of that frame.
+Two topics hold it as JSON: :data:`CONDITION_TOPIC`, before the first frame to which a condition applies, and
+:data:`EVENTS_TOPIC`, after the last frame before an event; both at the time of that frame.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 CONDITION_TOPIC = "/sensor/condition"
+"""Topic of the messages :class:`~enliven_edge.sensors.base.Condition`."""
 EVENTS_TOPIC = "/sensor/events"
+"""Topic of the messages :class:`SensorEvent`."""
 _MOST_HELD = 100
 """Events before the first frame that are kept, the newest: a camera that sends nothing fills no memory."""
 
@@ -37,7 +39,7 @@ class SensorEvent:
     Attributes:
         kind: the sensor was lost, is back with the frame of this time, or sent a frame that cannot be used.
         after: seconds since the frame before, by the wall clock.
-        what, where, mend: as the error said them; empty for one that is back.
+        what, where, mend: of the error; empty where the sensor is back.
     """
 
     kind: Literal["lost", "back", "bad frame"]
@@ -48,7 +50,7 @@ class SensorEvent:
 
     @property
     def error(self) -> SensorFault | InputError | None:
-        """What the sensor raised; None where it did not."""
+        """The error that the sensor raised; None where it raised none."""
         if self.kind == "back":
             return None
         made = SensorFault if self.kind == "lost" else InputError
@@ -56,7 +58,7 @@ class SensorEvent:
 
 
 class Diary:
-    """Writes a live sensor's frames into a recording, and what becomes of it between them."""
+    """Writes a live sensor's frames into a recording, with its conditions and events."""
 
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
@@ -67,7 +69,7 @@ class Diary:
         self._lost = False
 
     def frame(self, frame: Frame, condition: Condition | None) -> None:
-        """One frame, and how the device fares where that is new.
+        """Writes one frame, and the device's condition where it has changed.
 
         Raises:
             InputError: for a frame that a recording cannot hold; nothing is written of it.
@@ -86,7 +88,7 @@ class Diary:
         self._last, self._heard, self._lost = frame, time.monotonic(), False
 
     def failed(self, error: EnlivenError) -> None:
-        """The sensor raised this in place of a frame.
+        """Writes an error that the sensor raised in place of a frame.
 
         Raises:
             ResourceError: where it cannot be written.
@@ -107,13 +109,13 @@ class Diary:
 
 
 @dataclass(frozen=True)
-class Moment:
-    """What a sensor delivered, or raised, at one moment.
+class DiaryEntry:
+    """One entry of a sensor's diary: a frame or an error, with the device's condition.
 
     Attributes:
-        time_ns: the sensor's clock; where it raised something, what the clock would have been.
+        time_ns: the sensor's clock; for an error, the last frame's time plus the elapsed wall-clock time.
         said: the frame, or the error.
-        condition: how the device fared; None where it never said.
+        condition: the device's; None where it has reported none.
     """
 
     time_ns: int
@@ -121,8 +123,8 @@ class Moment:
     condition: Condition | None
 
 
-class Moments:
-    """The moments of a recording, in their order; of an older one, its frames.
+class DiaryEntries:
+    """Iterates over the diary entries of a recording, in their order; an older recording has only frames.
 
     ``next`` raises InputError for a message that is no frame, and goes on with the one after it.
 
@@ -135,24 +137,24 @@ class Moments:
         self._messages = recording.in_order(topics, file)
         self._condition: Condition | None = None
 
-    def __iter__(self) -> Iterator[Moment]:
+    def __iter__(self) -> Iterator[DiaryEntry]:
         return self
 
-    def __next__(self) -> Moment:
+    def __next__(self) -> DiaryEntry:
         for topic, time_ns, data in self._messages:
             if topic == CONDITION_TOPIC:
                 self._condition = _understood(Condition, data) or self._condition
             elif topic == EVENTS_TOPIC:
                 event = _understood(SensorEvent, data)
                 if event is not None and (error := event.error) is not None:
-                    return Moment(time_ns + round(1e9 * max(event.after, 0.0)), error, self._condition)
+                    return DiaryEntry(time_ns + round(1e9 * max(event.after, 0.0)), error, self._condition)
             else:
-                return Moment(time_ns, frame_of(topic, data), self._condition)
+                return DiaryEntry(time_ns, frame_of(topic, data), self._condition)
         raise StopIteration
 
 
 def _understood(kind: type[T], data: bytes) -> T | None:
-    """The message, or None where it is damaged: what is said beside the frames never costs a frame."""
+    """The message, or None where it is damaged: a damaged diary never costs a frame."""
     try:
         return msgspec.json.decode(data, type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""Calls that may block, done one at a time on a thread of their own; the caller waits as long as it likes."""
+"""A worker thread for calls that may block: one call at a time, with a timeout for the caller."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ log = logging.getLogger(__name__)
 
 
 class Errands:
-    """Does one call at a time on a daemon thread; the caller waits for the answer as long as it likes.
+    """Runs one call at a time on a daemon thread; the caller waits for the answer with a timeout.
 
-    Nothing is done ahead: the thread begins with a call when it is asked, so that no answer is older than it
-    would be without the thread.
+    The thread begins a call only when it is asked, so that no answer is older than it would be without the
+    thread.
     """
 
     def __init__(self, name: str) -> None:
@@ -28,32 +28,32 @@ class Errands:
 
     @property
     def busy(self) -> bool:
-        """Whether an answer is still owed."""
+        """Whether a call has been asked and its answer not been taken."""
         return self._since is not None
 
     @property
     def alive(self) -> bool:
-        """Whether the thread still lives."""
+        """Whether the thread runs."""
         return self._thread.is_alive()
 
     @property
     def waited(self) -> float:
-        """Seconds since the call that is owed an answer was asked; 0 where none is."""
+        """Seconds since the open call was asked; 0 without one."""
         return 0.0 if self._since is None else time.monotonic() - self._since
 
     def ask(self, call: Callable[[], Any]) -> None:
-        """Begins with a call; the answer to the one before must have been taken."""
+        """Starts a call; the answer to the one before must have been taken."""
         self._since = time.monotonic()
         self._calls.put(call)
 
     def answer(self, timeout: float | None) -> Any:
-        """What the call returned.
+        """The result of the call.
 
         Returns:
             None where the thread was ended before.
 
         Raises:
-            TimeoutError: where it has not ended within ``timeout`` seconds; it is still owed then.
+            TimeoutError: where it has not ended within ``timeout`` seconds; the answer may come later.
             Exception: what the call raised.
         """
         try:
@@ -66,7 +66,7 @@ class Errands:
         return result
 
     def finish(self, last: Callable[[list[Any]], None], timeout: float = 0.0) -> bool:
-        """Ends the thread once it is done with the call in hand.
+        """Ends the thread after the current call.
 
         Args:
             last: called on the thread at its end, with the answers that were not taken.

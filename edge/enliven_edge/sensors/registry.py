@@ -1,4 +1,4 @@
-"""Sensors by name: the one door through which every stream comes in."""
+"""The registry of sensors: opens any of them by name."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def open_sensor(name: str, **options: Any) -> Sensor:
 
 
 def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Callable[[], Sensor]:
-    """What opens the sensor called ``name``, again and again; in a helper process where its class says so.
+    """A function that opens the sensor ``name``, also again; in a helper process where it is isolated.
 
     Args:
         every_frame: frames wait for a slow reader, for a recording, in place of the newest alone, for a live
@@ -86,7 +86,7 @@ def _checked(name: str, options: dict[str, Any]) -> Any:
 
 
 def _kind(name: str) -> Any:
-    """The class of a sensor; imported only now, so that a missing camera stack hurts nobody else."""
+    """The class of a sensor; imported only now, so that a missing camera library stops no other sensor."""
     if name in _BUILT_IN:
         module, _, kind = _BUILT_IN[name].partition(":")
         return getattr(import_module(module), kind)

@@ -1,7 +1,7 @@
-"""A live sensor for ever: read on a thread of its own, and opened anew, with back-off, when it fails.
+"""A live sensor that never ends: it is read on its own thread and reopened with back-off when it fails.
 
-A driver is one small class that opens, reads and closes; that it is lost, hangs, comes back and has another
-clock then is dealt with here, once for all of them.
+A driver is one small class that opens, reads and closes. The loss, the hanging, the return and the changed
+clock of a device are dealt with here, for all drivers.
 """
 
 from __future__ import annotations
@@ -33,30 +33,31 @@ GOOD_FRAMES = 30
 BAD_FRAMES = 30
 """Frames in a row that cannot be used after which the device is opened anew."""
 _LONGEST: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
-"""Seconds after which a call of a driver is taken to hang and left to itself; opening may load firmware."""
+"""Seconds after which a call of a driver counts as hanging and is abandoned; opening may load firmware."""
 _TURN = 0.25
-"""Seconds that a device may wait for a frame at once, so that it can be closed meanwhile."""
+"""Seconds that one call may wait for a frame: between two calls the device can be closed."""
 _LEFT_TO_THEMSELVES = 4
 """Threads that may hang in a driver at once; then the sensor is waited for."""
 _CLOSING = 0.25
-"""Seconds that closing waits for the device to be let go."""
+"""Seconds that closing waits for the device: after that it closes in the background."""
 _CLOCK_JUMP_NS = 1_000_000_000
 """Nanoseconds by which a clock may be ahead after its device was opened anew, and still be the same clock."""
 _CLOCK_FRAMES = 5
-"""Frames whose median tells how the stream's clock stands to this machine's: one wrong time does no harm."""
+"""Frames of which the median gives the offset of the stream's clock from this machine's: one wrong time does
+no harm."""
 
 
 class ReopeningSensor(Sensor):
     """A :class:`~enliven_edge.sensors.base.Sensor` over devices that are opened one after the other.
 
-    ``read`` raises what the device said once, as a :class:`SensorFault`, and then goes on opening it anew. A
-    frame that cannot be used (an InputError) costs itself only. Times rise from one device to the next: where
-    a device counts from elsewhere, what passed by the wall clock is put between.
+    ``read`` raises a device's error once, as a :class:`SensorFault`, and then keeps reopening the device. A
+    frame that cannot be used (an InputError) does not end the stream. Times rise from one device to the next:
+    where a device's clock starts elsewhere, the elapsed wall-clock time is added.
 
     Args:
         open_device: opens the device; called here the first time, on a thread later.
         first: the device, where it is open already.
-        awaited: what to call it until it is there, where it is opened by the first read only; empty: now.
+        awaited: the sensor's name until the first read has opened it; empty: it is opened now.
 
     Raises:
         Exception: what the first opening raises.
@@ -113,12 +114,12 @@ class ReopeningSensor(Sensor):
         return None
 
     def condition(self) -> Condition | None:
-        """How the device fares, as far as it can say; None where there is none now."""
+        """The condition of the device, as far as it reports one; None without an open device."""
         device = self._device
         return None if device is None else condition_of(device)
 
     def close(self) -> None:
-        """Lets the device go, in the background where it hangs; a second call does nothing.
+        """Closes the device, in the background where it hangs; a second call does nothing.
 
         It may be called while another thread reads, which then returns None.
         """
@@ -129,10 +130,10 @@ class ReopeningSensor(Sensor):
                 log.warning("%s does not let its device go", self.name)
 
     def _begin(self, timeout: float | None) -> None:
-        """Asks for a frame, or for the device where there is none and its time has come.
+        """Asks the thread for a frame, or to open the device when its next attempt is due.
 
         Raises:
-            TimeoutError: where it has not come within ``timeout`` seconds.
+            TimeoutError: where it is not due within ``timeout`` seconds.
         """
         if self._device is not None:
             turn = _TURN if timeout is None else min(timeout, _TURN)
@@ -146,7 +147,7 @@ class ReopeningSensor(Sensor):
         self._ask("open", self._open)
 
     def _use(self, device: Sensor) -> None:
-        """A device that was opened; the first gives the stream its name."""
+        """Takes an opened device; the first gives the stream its name."""
         self._device, self.fps = device, getattr(device, "fps", None)
         if not self._known:
             self.name, self._known = device.name, True
@@ -173,7 +174,7 @@ class ReopeningSensor(Sensor):
         return dataclasses.replace(frame, time_ns=time_ns + self._shift_ns) if self._shift_ns else frame
 
     def _shift(self, time_ns: int, now_ns: int) -> int:
-        """What to add to a fresh device's times: what was added before, or nothing, where that goes on."""
+        """Nanoseconds to add to a fresh device's times: as before, or none, where times then go on rising."""
         ahead_ns = statistics.median_low(self._ahead_ns)
         # On a busy machine the last frame may have come sooner after its time than frames usually do.
         after_ns = max(self._last_ns + ahead_ns, self._told_ns)
@@ -183,7 +184,7 @@ class ReopeningSensor(Sensor):
         return max(now_ns + ahead_ns, after_ns + 1) - time_ns
 
     def _failed(self, error: Exception) -> Exception:
-        """What to raise where the device raised ``error``."""
+        """The error to raise where the device raised ``error``."""
         if self._doing == "read" and isinstance(error, InputError) and self._bad < BAD_FRAMES:
             self._bad += 1
             return error
@@ -196,10 +197,10 @@ class ReopeningSensor(Sensor):
         return SensorFault(why, where=self.name, mend=mend)
 
     def _give_up_what_hangs(self) -> None:
-        """Leaves a call that does not return to itself; the device it belongs to is let go when it does.
+        """Abandons a call that hangs; its device is closed when the call returns.
 
         Raises:
-            SensorFault: where that was so.
+            SensorFault: where a call was abandoned.
         """
         limit = _LONGEST[self._doing]
         self._left = [errands for errands in self._left if errands.alive]
@@ -214,7 +215,7 @@ class ReopeningSensor(Sensor):
         )
 
     def _schedule(self) -> None:
-        """When the device is to be opened the next time."""
+        """Sets the time of the next attempt to open the device."""
         self._due = time.monotonic() + self._wait
         self._wait = min(2 * self._wait, LONGEST_WAIT)
         self._good = self._bad = 0
@@ -224,10 +225,10 @@ class ReopeningSensor(Sensor):
 
 
 def kept_open(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:
-    """The sensor, opened; a live one for ever, a recording until its end.
+    """An opened sensor; a live one is reopened for ever, a recording ends.
 
     Args:
-        awaited: what to call a live one that is not there yet, and is waited for; empty: it must be there.
+        awaited: the name of a live sensor that may be missing at first; empty: it must be there.
     """
     if awaited:
         return ReopeningSensor(open_sensor, awaited=awaited)
@@ -236,7 +237,7 @@ def kept_open(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:
 
 
 def _let_go(device: Sensor | None, answers: list[Any]) -> None:
-    """Closes a device, and one that was opened and is not wanted any more."""
+    """Closes a device, and the devices among the answers that were not taken."""
     for each in (device, *answers):
         if hasattr(each, "close"):
             with contextlib.suppress(Exception):

@@ -1,4 +1,4 @@
-"""A recording in place of a sensor."""
+"""A recording, played back in place of a sensor."""
 
 from __future__ import annotations
 
@@ -17,34 +17,35 @@ from enliven.files import open_file
 from enliven.frames import TIME_LIMIT_NS, Frame
 from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, RecordingInfo
 from enliven_edge.sensors.base import Condition, Sensor
-from enliven_edge.sensors.diary import Moment, Moments
+from enliven_edge.sensors.diary import DiaryEntries, DiaryEntry
 
 log = logging.getLogger(__name__)
 
 _USUAL_STEP_NS = 33_333_333
+"""Nanoseconds between two loops of a recording with a single frame: a step at 30 frames a second."""
 
 
 class ReplaySensor(Sensor):
     """Delivers every frame of a recording, none dropped, at the recorded pace or another.
 
-    A recording of a live sensor is that sensor again: with its sequence numbers, the conditions of its
-    device, and its losses, each raised where it was.
+    A recording of a live sensor repeats its sequence numbers, its device's conditions and its losses, each
+    raised where it happened.
 
-    The pace is kept against a monotonic clock from the first frame on: who reads late gets the next frames
-    at once until the pace is caught up. When looping, times go on where they ended, one usual step later.
+    The pace is kept against a monotonic clock from the first frame on: a late reader gets the next frames at
+    once until it has caught up. When looping, times go on from the last one, one usual step later.
 
     Args:
         path: a recording of enliven.
         speed: 1 as recorded, 2 twice as fast, 0 as fast as it goes.
         loop: begin again at the end.
-        longest_pause: seconds of silence at most; longer ones are cut, and the frames' times stay.
+        longest_pause: seconds of a pause at most; longer ones are shortened, but the frames keep their times.
 
     Raises:
         InputError: where the file is no recording, holds no frames, or the speed is not possible.
     """
 
     recorded = True
-    """Its frames may wait for those of another recording."""
+    """Whether its frames may wait for those of another recording."""
 
     def __init__(
         self, path: str | Path, speed: float = 1.0, loop: bool = False, longest_pause: float = math.inf
@@ -62,9 +63,9 @@ class ReplaySensor(Sensor):
         self._speed = speed
         # Held open, so that a lack of descriptors later on cannot end a loop.
         self._file = open_file(self.recording.path)
-        moments = functools.partial(Moments, self.recording, self._file)
-        self._moments: Iterator[Moment] = _Endless(moments) if loop else moments()
-        self._ahead = _up_to_first_frame(self._moments)
+        entries = functools.partial(DiaryEntries, self.recording, self._file)
+        self._entries: Iterator[DiaryEntry] = _Endless(entries) if loop else entries()
+        self._ahead = _up_to_first_frame(self._entries)
         if not self._ahead:
             self._file.close()
             raise InputError(
@@ -85,44 +86,44 @@ class ReplaySensor(Sensor):
             SensorFault: where the sensor was lost when it was recorded.
         """
         if not self._ahead:
-            self._ahead.extend(itertools.islice(self._moments, 1))
+            self._ahead.extend(itertools.islice(self._entries, 1))
         if not self._ahead:
             return None
-        moment = self._ahead[0]
-        wait = self._due(moment) - time.monotonic() if self._speed else 0.0
+        entry = self._ahead[0]
+        wait = self._due(entry) - time.monotonic() if self._speed else 0.0
         if timeout is not None and wait > timeout:
             time.sleep(max(timeout, 0.0))
             raise TimeoutError(f"the next frame of {self.name} is due in {wait - timeout:.3f} s")
         if wait > 0:
             time.sleep(wait)
         self._ahead.popleft()
-        self._cut_ns += self._too_long(moment)
-        self._now_ns = max(self._now_ns, moment.time_ns)
-        self._condition = moment.condition
-        if isinstance(moment.said, Exception):
-            raise moment.said
-        return moment.said
+        self._cut_ns += self._too_long(entry)
+        self._now_ns = max(self._now_ns, entry.time_ns)
+        self._condition = entry.condition
+        if isinstance(entry.said, Exception):
+            raise entry.said
+        return entry.said
 
     def condition(self) -> Condition | None:
-        """How the device fared at the frame that was read last; None where that was not recorded."""
+        """The device's condition at the last frame that was read; None where it was not recorded."""
         return self._condition
 
     def close(self) -> None:
-        """End the stream."""
+        """Ends the stream."""
         self._ahead.clear()
-        self._moments = iter(())
+        self._entries = iter(())
         self._file.close()
 
-    def _due(self, moment: Moment) -> float:
-        """The monotonic second at which a moment has come."""
+    def _due(self, entry: DiaryEntry) -> float:
+        """The monotonic second at which a entry has come."""
         if self._started is None:
             self._started = time.monotonic()
-        passed_ns = moment.time_ns - self._first_ns - self._cut_ns - self._too_long(moment)
+        passed_ns = entry.time_ns - self._first_ns - self._cut_ns - self._too_long(entry)
         return self._started + passed_ns * 1e-9 / self._speed
 
-    def _too_long(self, moment: Moment) -> int:
-        """Nanoseconds by which the silence before a moment is longer than it may be."""
-        return max(0, moment.time_ns - self._now_ns - self._longest_ns)
+    def _too_long(self, entry: DiaryEntry) -> int:
+        """Nanoseconds by which the silence before a entry is longer than it may be."""
+        return max(0, entry.time_ns - self._now_ns - self._longest_ns)
 
 
 def _rate(info: RecordingInfo) -> float | None:
@@ -132,27 +133,27 @@ def _rate(info: RecordingInfo) -> float | None:
     return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
-def _up_to_first_frame(moments: Iterator[Moment]) -> deque[Moment]:
-    """The moments up to the first frame that can be used; empty where there is none."""
-    ahead: deque[Moment] = deque()
+def _up_to_first_frame(entries: Iterator[DiaryEntry]) -> deque[DiaryEntry]:
+    """The entries up to the first frame that can be used; empty where there is none."""
+    ahead: deque[DiaryEntry] = deque()
     while True:
         try:
-            moment = next(moments, None)
+            entry = next(entries, None)
         except InputError as error:
             log.warning("%s", error)
             continue
-        if moment is None:
+        if entry is None:
             return deque()
-        ahead.append(moment)
-        if not isinstance(moment.said, Exception):
+        ahead.append(entry)
+        if not isinstance(entry.said, Exception):
             return ahead
 
 
 class _Endless:
-    """The moments again and again, with times that go on rising; a frame that cannot be used costs itself."""
+    """The entries again and again, with times that go on rising; a frame that cannot be used costs itself."""
 
-    def __init__(self, moments: Callable[[], Iterator[Moment]]) -> None:
-        self._again, self._moments = moments, moments()
+    def __init__(self, entries: Callable[[], Iterator[DiaryEntry]]) -> None:
+        self._again, self._entries = entries, entries()
         self._shift, self._step = 0, _USUAL_STEP_NS
         self._first: int | None = None
         self._last: int | None = None
@@ -160,24 +161,24 @@ class _Endless:
     def __iter__(self) -> _Endless:
         return self
 
-    def __next__(self) -> Moment:
-        moment = next(self._moments, None)
-        if moment is None:
+    def __next__(self) -> DiaryEntry:
+        entry = next(self._entries, None)
+        if entry is None:
             if self._first is None or self._last is None:
                 raise StopIteration
             self._shift += self._last - self._first + self._step
             self._first = self._last = None
-            self._moments = self._again()
+            self._entries = self._again()
             return next(self)
-        if self._last is not None and moment.time_ns > self._last:
-            self._step = moment.time_ns - self._last
-        self._first = moment.time_ns if self._first is None else self._first
-        self._last = moment.time_ns
-        return _later(moment, self._shift) if self._shift else moment
+        if self._last is not None and entry.time_ns > self._last:
+            self._step = entry.time_ns - self._last
+        self._first = entry.time_ns if self._first is None else self._first
+        self._last = entry.time_ns
+        return _later(entry, self._shift) if self._shift else entry
 
 
-def _later(moment: Moment, shift_ns: int) -> Moment:
-    """The same moment, so much later."""
-    said, time_ns = moment.said, moment.time_ns + shift_ns
+def _later(entry: DiaryEntry, shift_ns: int) -> DiaryEntry:
+    """The same entry, so much later."""
+    said, time_ns = entry.said, entry.time_ns + shift_ns
     frame = said if isinstance(said, Exception) else dataclasses.replace(said, time_ns=time_ns)
-    return Moment(time_ns, frame, moment.condition)
+    return DiaryEntry(time_ns, frame, entry.condition)

@@ -11,26 +11,29 @@ from enliven.person import Body
 from enliven_edge.landmarks import ColourPoseEstimator
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
 from enliven_edge.tracking.people import Crowd, Person
-from enliven_edge.tracking.scene import Mounting, Room
+from enliven_edge.tracking.scene import Mounting, RoomModel
 from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 
-_YOUNG, _SURFACE = 1.0, 0.05
-"""Seconds for which the room may have people in it, and metres from their surface within which it does."""
+_YOUNG = 1.0
+"""Seconds of a room's age up to which people may have been learnt as a part of it."""
+_SURFACE = 0.05
+"""Metres from a person's surface within which such a part of the room is the person: about the fit's
+error."""
 
 
 class Tracker:
-    """People from depth alone.
+    """Tracks people by depth alone.
 
-    A frame goes: reduce, place in the world, take the room away, share the rest among the people, fit them,
-    look for new ones, smooth.
+    For each frame it reduces the depth, places it in the world, takes the room away, shares the rest among
+    the people, fits them, looks for new ones and smooths the result.
 
     Args:
-        colour: looks at the colour image too, where there is one; None: depth alone.
+        colour: improves the joints by the colour image, where there is one; None: depth alone.
     """
 
     def __init__(
@@ -39,47 +42,47 @@ class Tracker:
         self.settings = settings or TrackerSettings()
         self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
         self._crowd = Crowd(self.settings, Fitter(self.settings.fit))
-        self._room: Room | None = None
+        self._room: RoomModel | None = None
         self._owner: Int | None = None
-        self._view: View | None = None
+        self._view: FrameView | None = None
         self.output = Output(self.settings)
         self.colour = colour
 
     @property
     def world_from_camera(self) -> Float | None:
-        """(4, 4) where the sensor was found to stand; None before the first frame."""
+        """(4, 4) the sensor's pose; None before the first frame."""
         return self._mounting.world_from_camera
 
     @property
     def performers(self) -> list[Person]:
-        """Who is followed and may perform, those who were found first come first."""
+        """The followed people who may perform, in the order in which they were found."""
         return self._crowd.performers
 
     @property
     def bystanders(self) -> int:
-        """How many people are in view who are no performers: out of the zone, or locked out."""
+        """The number of people in view that are no performers: out of the zone, or locked out."""
         return self._crowd.bystanders
 
     @property
     def state(self) -> TrackerState:
-        """What the tracker knows of the last frame, for the monitor of its health."""
+        """The state after the last frame, for the monitor of the tracker's health."""
         age = self._room.age if self._room is not None else 0.0
         moved = self._mounting.falling or (self._mounting.new_place and not self._mounting.new_camera)
         return TrackerState(self._mounting.floor_known, age, moved)
 
     @property
     def owner(self) -> Int | None:
-        """(h, w) whose each pixel of the reduced image was in the last frame: 0, 1, ...; -1 nobody's."""
+        """(h, w) the person at each pixel of the last reduced image: 0, 1, ...; -1 without a person."""
         return self._owner
 
     @property
     def posture(self) -> Posture | None:
-        """The first performer's posture in the last frame, before smoothing; None while nobody is tracked."""
+        """The first performer's posture in the last frame, before smoothing; None without a performer."""
         performers = self.performers
         return performers[0].follower.posture if performers else None
 
     def surfaces(self) -> dict[int, ObservedPoints]:
-        """What the last frame shows of each performer's surface, by id; mirrored as the bodies are."""
+        """The surface points of each performer in the last frame, by id; mirrored as the bodies are."""
         if self._view is None or self._owner is None:
             return {}
         found = seen_surfaces(self._view, self._owner, self._crowd.indexed())
@@ -88,26 +91,26 @@ class Tracker:
         return found
 
     def lock(self, ids: Iterable[int] | None = None) -> None:
-        """Only these people, or all who are followed now, are performers; newcomers are bystanders."""
+        """Makes these people, or all that are followed now, the only performers; others are bystanders."""
         self._crowd.lock_to(ids)
 
     @property
     def locked(self) -> bool:
-        """Whether newcomers are bystanders."""
+        """Whether new people are bystanders."""
         return self._crowd.lock.ids is not None
 
     def unlock(self) -> None:
-        """Newcomers may be performers again."""
+        """Lets new people be performers again."""
         self._crowd.unlock()
 
     def forget(self) -> None:
-        """Drops everybody who is followed or remembered; the room and the sensor's place stay."""
+        """Drops all followed and remembered people; the room and the sensor's pose stay."""
         self._crowd.forget()
         self.output.forget()
 
     def track(self, frame: DepthFrame) -> list[Body]:
-        """The bodies in a frame, world frame; empty where nobody is seen."""
-        view = self._mounting.view(frame, nobody=not self._crowd.people)
+        """The bodies in a frame, world frame; empty without people."""
+        view = self._mounting.view(frame, no_people=not self._crowd.people)
         room = self._room_of(view)
         if self._mounting.falling:
             self._view = None
@@ -118,29 +121,29 @@ class Tracker:
         hold = self._crowd.look(view, kind, segments, room, believe=not self._mounting.suspected)
         self._owner, self._view = segments.owner, view
         room.guard(segments.owner, self._crowd.owners(), view.z)
-        somebody = (segments.owner >= 0) | self._crowd.sought(view)
-        agreement = room.learn(view.z, somebody, view.time_ns, hold)
+        people = (segments.owner >= 0) | self._crowd.sought(view)
+        agreement = room.learn(view.z, people, view.time_ns, hold)
         self._take_back(room, view)
-        self._mounting.watch(view, agreement, somebody)
+        self._mounting.watch(view, agreement, people)
         return self._bodies(frame)
 
-    def _take_back(self, room: Room, view: View) -> None:
-        """Who was there when the room was first seen may be taken for it in part: a leg below a hole."""
+    def _take_back(self, room: RoomModel, view: FrameView) -> None:
+        """Forgets the parts of the first frames' people that were learnt as the room: a leg below a hole."""
         people = [p.follower.posture for p in self._crowd.people if not p.travelled]
         if people and room.age < _YOUNG:
             room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
 
-    def _room_of(self, view: View) -> Room:
-        """The room, a new one where the sensor was moved or exchanged."""
+    def _room_of(self, view: FrameView) -> RoomModel:
+        """The room model, a new one where the sensor was moved or exchanged."""
         mounting = self._mounting
         if mounting.new_camera or (mounting.new_place and mounting.far_away):
             self._crowd.misplaced(view.time_ns)
         if self._room is None or mounting.new_camera or mounting.new_place:
-            self._room = Room(view.z.shape, self.settings.room)
+            self._room = RoomModel(view.z.shape, self.settings.room)
         return self._room
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:
-        """What leaves the tracker: every performer's fit, smoothed and more as the settings say."""
+        """The bodies that leave the tracker: each performer's fit, processed as the settings say."""
         fits = []
         for person in self.performers:
             posture, sure = person.follower.posture, person.follower.confidence

@@ -1,6 +1,6 @@
-"""Work that is spread over several frames, so much in each.
+"""A budget of work for each frame, and tasks that are spread over several frames.
 
-It is counted in coarse fits, never by a clock: the same frames give the same people on every machine.
+Work is counted in coarse fits, never by a clock: the same frames give the same people on every machine.
 """
 
 from __future__ import annotations
@@ -9,20 +9,21 @@ from collections.abc import Generator
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
+"""The type of a task's result."""
 Steps = Generator[int, Any, T]
-"""Work in parts: yields what each part has cost, in coarse fits, and returns what was made."""
+"""A task in parts: it yields the cost of each part, in coarse fits, and returns its result."""
 
 LOOK = 2
-"""What a look of the network at a group of pixels costs, in coarse fits."""
+"""Coarse fits that the network costs for one group of pixels."""
 _RATE = 30.0
-"""Frames a second for which the budget of a frame is meant."""
+"""Frames a second at which the budget of a frame is the setting."""
 
 
 class Budget:
-    """What a frame may still cost.
+    """The work that is left for a frame.
 
     Attributes:
-        left: coarse fits; infinite where nothing is spread.
+        left: coarse fits; infinite without a limit.
     """
 
     def __init__(self, fits: float) -> None:
@@ -41,8 +42,8 @@ def frame_budget(fits: int, elapsed: float | None) -> Budget:
     return Budget(fits * max(1.0, (elapsed or 0.0) * _RATE))
 
 
-class Spread(Generic[T]):
-    """Work that is under way.
+class BudgetedTask(Generic[T]):
+    """A task that runs in parts, as far as the budget of each frame goes.
 
     Attributes:
         done: whether it is finished.
@@ -55,12 +56,12 @@ class Spread(Generic[T]):
 
     @property
     def result(self) -> T:
-        """What was made, once it is done."""
+        """The task's result, once it is done."""
         assert self.done
         return self._result  # type: ignore[return-value]
 
     def go_on(self, budget: Budget) -> bool:
-        """Works on until the budget is spent, or over by less than one part; whether it is done."""
+        """Works until the budget is spent, overdrawn by less than one part; returns whether it is done."""
         while not self.done and budget.left > 0.0:
             try:
                 budget.left -= next(self._steps)
@@ -70,7 +71,7 @@ class Spread(Generic[T]):
 
 
 def whole(steps: Steps[T]) -> T:
-    """All of the work at once."""
-    spread = Spread(steps)
-    spread.go_on(Budget(float("inf")))
-    return spread.result
+    """Runs a task to its end at once; returns its result."""
+    task = BudgetedTask(steps)
+    task.go_on(Budget(float("inf")))
+    return task.result

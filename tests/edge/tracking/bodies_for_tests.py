@@ -10,7 +10,7 @@ from enliven_edge.tracking.body_model.kinematics import pivots_by_length
 from enliven_edge.tracking.body_model.posture import Posture, forward
 from enliven_edge.tracking.fit import terms
 from enliven_edge.tracking.fit.gauss_newton import stepped
-from enliven_edge.tracking.fit.normal_equations import gather, no_sums
+from enliven_edge.tracking.fit.normal_equations import empty_sums, gather
 
 TURNS = (model.DOF_FRAME, model.DOF_AXIS)
 NO_AFFINITY = np.zeros((0, 0), np.float32)
@@ -45,12 +45,12 @@ def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
     radii = radii if taper else np.repeat(radii[:, :1], 2, axis=1)
     by_ends = np.empty((len(ends), 2, 3, free))
     terms.ends_by_length(by_ends, body_of(posture, free), model.CAPSULES.frame, model.CAPSULES.ends)
-    return ends, radii, model.CAPSULES.frame, by_ends, model.FRAME_LENGTHS
+    return ends, radii, model.CAPSULES.frame, by_ends, model.FRAME_LENGTHS, posture.lengths[model.GIRTH]
 
 
 def gathered(term, posture: Posture, free: int = 12):
     """(what the term returns, gradient, matrix) of a term that adds to the sums it is given."""
-    sums, count = no_sums(13, free), model.DOFS + free
+    sums, count = empty_sums(13, free), model.DOFS + free
     returned = term(sums)
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
     gather(matrix, gradient, sums, body_of(posture, free))

@@ -181,7 +181,7 @@ def test_a_chair_put_beside_somebody_is_absorbed_and_they_are_not(stagecraft):
     assert seen(log[1:], 0) == 1.0
     assert most(log) == 1
     empty = s.Playground(boxes=boxes).frame(66.0)
-    view = tracker._mounting.view(dataclasses.replace(empty), nobody=False)
+    view = tracker._mounting.view(dataclasses.replace(empty), no_people=False)
     x, z = view.points[..., 0], view.points[..., 2]
     on_chair = (np.abs(x - 0.7) < 0.3) & (np.abs(z + 2.4) < 0.3) & (view.points[..., 1] > 0.1)
     on_person = (np.abs(x + 0.3) < 0.15) & (z < -3.5) & (view.points[..., 1] > 0.5)

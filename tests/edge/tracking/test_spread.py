@@ -13,7 +13,7 @@ from enliven_edge.doctor import shipped_recording
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.settings import SearchSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
-from enliven_edge.tracking.work_budget import Budget, Spread, frame_budget, whole
+from enliven_edge.tracking.work_budget import Budget, BudgetedTask, frame_budget, whole
 
 FITS = 12
 """Less than a frame may cost by default, so that a search takes more frames."""
@@ -33,7 +33,7 @@ def parts(costs):
 @given(st.lists(st.integers(1, 6), max_size=30), st.floats(0.5, 20.0))
 @settings(max_examples=60, deadline=None)
 def test_no_frame_costs_more_than_its_budget_and_one_part(costs, fits):
-    spread, spent = Spread(parts(costs)), 0.0
+    spread, spent = BudgetedTask(parts(costs)), 0.0
     for _ in range(200):
         budget = Budget(fits)
         done = spread.go_on(budget)

@@ -1,4 +1,4 @@
-"""What a camera does not say of itself: its kind's lens and reach, from ``firmware_configs/sensors``."""
+"""The typical lens and range of a camera model that does not report them: ``firmware_configs/sensors``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven_edge.sensors.profile import load_profile
 
 _SHORTEST = 10.0
-"""Pixels of focal length below which a camera has told nothing: those of depth cameras are 150 to 1,000."""
+"""Pixels of focal length below which a camera has reported none: depth cameras have 150 to 1,000."""
 _FARTHEST = 65535
 """Millimetres, the greatest depth of an image."""
 
@@ -37,7 +37,7 @@ def known_or_typical(
     name: str,
     rehearsed: bool = False,
 ) -> tuple[Intrinsics, bool]:
-    """The camera that a device tells of, or that of its kind's profile where it tells nothing.
+    """The intrinsics that a device reports, or those of its model's profile where it reports none.
 
     Args:
         lens: (fx, fy, cx, cy) pixels, as the device says them.
@@ -65,7 +65,7 @@ def known_or_typical(
 
 
 def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callable[[UInt16], UInt16]:
-    """What leaves out depths that a camera cannot have measured; arguments and errors as of :func:`limits`.
+    """A function that removes depths out of a camera's range; arguments and errors as of :func:`limits`.
 
     Returns:
         takes (H, W) uint16 millimetres, and returns them with 0 outside the reach.

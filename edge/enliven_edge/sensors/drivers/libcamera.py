@@ -11,8 +11,8 @@ from enliven_edge.landmarks import LandmarkSource, MonocularPoseEstimator, check
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
 from enliven_edge.sensors.stereo import (
+    CameraImage,
     Pairing,
-    Picture,
     RecordedPairs,
     Rectification,
     StereoMatcher,
@@ -145,7 +145,7 @@ class LibcameraSensor(Sensor):
         self._matcher = StereoMatcher(self._rectification, near, far)
         return known.width, known.height
 
-    def _depth(self, left: Picture, right: Picture) -> DepthFrame:
+    def _depth(self, left: CameraImage, right: CameraImage) -> DepthFrame:
         """The depth of a pair, in the rectified left camera."""
         assert self._matcher is not None
         depth = self._matcher.depth(left.image, right.image)
@@ -153,7 +153,7 @@ class LibcameraSensor(Sensor):
         return DepthFrame(depth, camera, left.time_ns, self.name, sequence=left.sequence)
 
     def _check_sizes(self, sizes: list[tuple[int, int]], wanted: tuple[int, int]) -> None:
-        """Refuses cameras whose images are not of the calibrated size."""
+        """Raises InputError for a camera with another image size than the calibrated one."""
         for size in sizes:
             if size != wanted:
                 raise InputError(

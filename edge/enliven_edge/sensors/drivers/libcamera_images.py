@@ -14,12 +14,14 @@ from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
 from enliven_edge.sensors.drivers.libcamera_formats import COLOUR, GREY, Layout, image_of
 from enliven_edge.sensors.drivers.libcamera_library import libcamera_library
-from enliven_edge.sensors.stereo import Picture
+from enliven_edge.sensors.stereo import CameraImage
 
 _BUFFERS = 4
 """Images that a camera may have under way: one is filled, one is read, two are between."""
-_SERVER, _CLIENT = 1, 2
-"""Values of the Raspberry Pi's control SyncMode: the first camera sets the beat, the others follow."""
+_SERVER = 1
+"""Value of the Raspberry Pi's control SyncMode for the first camera, which sets the beat."""
+_CLIENT = 2
+"""Value of the control SyncMode for the other cameras, which follow."""
 
 
 class LibcameraImages:
@@ -74,7 +76,7 @@ class LibcameraImages:
             raise
         self.sizes = [eye.size for eye in self._eyes]
 
-    def read(self, timeout: float | None = None) -> Picture | None:
+    def read(self, timeout: float | None = None) -> CameraImage | None:
         """The next picture of any of the cameras, copied out of the camera's memory.
 
         Raises:
@@ -167,7 +169,7 @@ class _Eye:
         for request in self._requests:
             self._camera.queue_request(request)
 
-    def picture(self, request: Any) -> Picture:
+    def picture(self, request: Any) -> CameraImage:
         """What a request that is done brought; the request goes to the camera again."""
         if request.status != self._lib.Request.Status.Complete:
             raise ResourceError("the camera was lost", where=self._camera.id, mend="Check its cable.")
@@ -183,7 +185,7 @@ class _Eye:
         self._camera.queue_request(request)
         if image is None:
             raise InputError("the camera calls an image damaged", where=self._camera.id)
-        return Picture(self.number, image, time_ns, sequence)
+        return CameraImage(self.number, image, time_ns, sequence)
 
     def close(self) -> None:
         """Lets the camera go."""

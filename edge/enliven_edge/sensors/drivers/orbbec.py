@@ -21,7 +21,7 @@ from enliven_edge.sensors.drivers.orbbec_rehearsal import playbacks
 from enliven_edge.sensors.drivers.refusals import refused
 
 _STILL = 100
-"""Readings of the accelerometer, a second at 100 Hz, whose mean is gravity."""
+"""Readings of the accelerometer, a second at 100 Hz: their mean is gravity."""
 _SYNC = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
 """How several cameras keep time: the modes of OBMultiDeviceSyncMode that need no more than a cable."""
 _KINDS = {

@@ -24,7 +24,7 @@ from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
 _STILL = 100
-"""Readings of the accelerometer, half a second at 200 Hz, whose mean is gravity."""
+"""Readings of the accelerometer, half a second at 200 Hz: their mean is gravity."""
 _HOT = 90.0
 """Degrees Celsius of the vision processor at which the makers' data sheet ends (D400 family)."""
 _KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d405"}

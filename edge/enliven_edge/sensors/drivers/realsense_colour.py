@@ -126,7 +126,7 @@ class RehearsedColour:
 
 
 def lens_of(rs: Any, camera: Intrinsics, width: int, height: int) -> Any:
-    """The library's description of a camera whose image has this size."""
+    """The library's description of a camera, scaled to images of this size."""
     x, y = width / camera.width, height / camera.height
     lens = rs.intrinsics()
     lens.width, lens.height, lens.fx, lens.fy = width, height, camera.fx * x, camera.fy * y

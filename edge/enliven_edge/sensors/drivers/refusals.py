@@ -1,4 +1,4 @@
-"""What camera libraries say when a camera cannot be had, as sentences with what to do: one table for all.
+"""Errors of camera libraries that cannot open a camera, as sentences with advice: one table for all.
 
 The pieces of messages are the libraries' own; a test looks for them in the installed libraries, so that an
 update that words them anew is noticed.
@@ -38,7 +38,7 @@ NO_MODE: Sentence = (
     "Use a USB 3 port and cable; else ask for a smaller image or fewer images a second.",
 )
 REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven inspect says what is in one."
-"""What to do where no device is there to be asked for anything else."""
+"""The advice where no device is found."""
 
 SAID: dict[str, tuple[tuple[str, Sentence], ...]] = {
     "oak": (
@@ -75,7 +75,7 @@ SAID: dict[str, tuple[tuple[str, Sentence], ...]] = {
         ("usbEnumerator openUsbDevice failed!", NOT_OPENED),
     ),
 }
-"""By sensor: a piece of a library's message, and what it means; the first that is found counts."""
+"""By sensor: a part of a library's message, and its meaning; the first match counts."""
 
 SYSTEM: tuple[tuple[str, Sentence], ...] = (
     ("Permission denied", NOT_ALLOWED),
@@ -84,11 +84,11 @@ SYSTEM: tuple[tuple[str, Sentence], ...] = (
     ("No such device", UNPLUGGED),
     ("No such file or directory", UNPLUGGED),
 )
-"""Pieces of what the system says, which libraries hand on; they count for every sensor, after its own."""
+"""Parts of the system's messages, which libraries pass on; for every sensor, after its own."""
 
 
 def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = False) -> ResourceError:
-    """A library's error as one of enliven's, with what the library said where that is not known.
+    """A library's error as one of enliven's, with the library's own message where that is not known.
 
     Args:
         sensor: the driver's name, such as "oak".
@@ -107,14 +107,14 @@ def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = Fa
 
 
 def in_a_line(error: Exception) -> str:
-    """What an error says, in one line without a full stop."""
+    """The message of an error, in one line without a full stop."""
     return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
 def chosen(
     sensor: str, make: str, found: Mapping[str, Device], wanted: str, option: str, before: str = ""
 ) -> Device:
-    """The device that was asked for, or the only one there is.
+    """The wanted device, or the only one.
 
     Args:
         make: what people call a device of this kind, with its article.
@@ -145,7 +145,7 @@ def chosen(
 
 
 def _absent(sensor: str, which: str) -> ResourceError:
-    """The library finds no device; the system may know more."""
+    """The error of a library that finds no device; the system may know more."""
     where = f"sensor {sensor}"
     for camera in attached():
         if camera.kind.sensor == sensor:

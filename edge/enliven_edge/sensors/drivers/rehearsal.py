@@ -1,4 +1,4 @@
-"""The images of a recording in place of a device: a driver takes them in through its own library."""
+"""Rehearsal: a recording's images in place of a device, which a driver reads through its own library."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Rehearsal:
         return self._over.is_set() and (not self._sent or time.monotonic() > self._ended + _GRACE)
 
     def taken(self, time_ns: int) -> int:
-        """The driver has taken an image of this time out of its library, and those before it.
+        """Notes that the driver has taken the images up to this time out of its library.
 
         Returns:
             the time of the image as it was recorded: a library may count in microseconds.
@@ -83,11 +83,11 @@ class Rehearsal:
         return time_ns
 
     def condition(self) -> Condition | None:
-        """How the recorded device fared; None where the recording does not say."""
+        """The condition of the recorded device; None where it was not recorded."""
         return self._sensor.condition()
 
     def stop(self) -> None:
-        """Ends it."""
+        """Stops the rehearsal."""
         self._stopped.set()
         if self._thread.is_alive():
             self._thread.join(2 * _TURN)

@@ -1,4 +1,4 @@
-"""Sensors whose library may crash or hang: each runs in a helper process, its images in shared memory."""
+"""Isolation of sensors with libraries that may crash or hang: a helper process, images in shared memory."""
 
 import lazy_loader
 

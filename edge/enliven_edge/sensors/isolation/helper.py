@@ -1,6 +1,6 @@
 """The helper process: runs one driver and hands its frames to the edge.
 
-It does what the edge says over a pipe, and ends when the pipe does, so that none is left when an edge dies.
+It handles the edge's requests from a pipe, and ends with the pipe, so that no process outlives its edge.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from enliven_edge.sensors.isolation.last_words import speak_into
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
 _TURN = 0.1
-"""Seconds that the driver may wait for an image before the edge is listened to again."""
+"""Seconds that the driver may wait for an image before the next request is looked for."""
 _FULL = 0.005
-"""Seconds between two looks for a free place where each image is wanted: half a fast camera's step. What the
-edge says in the meantime comes first."""
+"""Seconds between two looks for a free slot where each image is wanted: half a fast camera's step. A request
+that comes in the meantime goes first."""
 _CONDITION_EVERY = 1.0
 """Seconds between two reports of temperature, link and gravity."""
 
@@ -40,14 +40,14 @@ def serve(
     every_frame: bool = False,
     words: Connection | None = None,
 ) -> None:
-    """Runs a sensor of the class ``kind`` until the edge lets the pipe go; the entry of the process.
+    """Runs a sensor of the class ``kind`` until the edge closes the pipe; the entry point of the process.
 
-    What Python says of a crash goes into ``words``.
+    Python's report of a crash goes into ``words``.
     """
     speak_into(words)
     # Ctrl-C reaches all processes of a terminal; the edge lets the device go and then ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # What a library prints is no answer to what the user asked.
+    # The prints of a library must not mix with the program's own output.
     sys.stdout.flush()
     os.dup2(2, 1)
     told = _Pipe(pipe)
@@ -57,7 +57,7 @@ def serve(
 
 
 class _Helper:
-    """What the process does between two words of the edge."""
+    """The state of the process, with a method for each request of the edge."""
 
     def __init__(
         self, pipe: _Pipe, kind: Callable[..., Sensor], options: dict[str, Any], every_frame: bool
@@ -69,7 +69,7 @@ class _Helper:
         self._told, self._reading = 0.0, False
 
     def run(self) -> None:
-        """Does what the edge says; reads a frame where it says nothing.
+        """Handles requests, and reads frames between them.
 
         Raises:
             EOFError: when the edge is gone.
@@ -82,7 +82,7 @@ class _Helper:
                 self._read(self._device)
 
     def _open(self) -> None:
-        """Opens the device."""
+        """Request: opens the device."""
         try:
             self._device = self._make()
         except Exception as error:
@@ -93,23 +93,23 @@ class _Helper:
         self._pipe.send(("opened", self._device.name, fps, again))
 
     def _go(self) -> None:
-        """The edge is ready for frames; before that they would be old when it is."""
+        """Request: starts to read frames; earlier ones would be old when the edge takes them."""
         self._reading = True
 
     def _close(self) -> None:
-        """Lets the device go."""
+        """Request: closes the device."""
         device, self._device = self._device, None
         if device is not None:
             device.close()
         self._pipe.send(("closed",))
 
     def _memory(self, name: str, size: int, count: int) -> None:
-        """The edge has made room for so many images of so many bytes."""
+        """Request: takes shared memory for ``count`` images of ``size`` bytes."""
         self._slots = FrameSlots.attach(name, size, count)
         self._pipe.send(("attached",))
 
     def _read(self, device: Sensor) -> None:
-        """Hands on the next frame, or what happened in its place."""
+        """Sends the next frame, or the event in its place, to the edge."""
         try:
             frame = device.read(_TURN)
         except TimeoutError:
@@ -132,7 +132,7 @@ class _Helper:
             self._pipe.send(("condition", getattr(device, "condition", lambda: None)()))
 
     def _hand_on(self, frame: DepthFrame) -> None:
-        """Copies a frame into shared memory, and says where it is."""
+        """Copies a frame into shared memory, and sends its slot."""
         size = frame.depth.nbytes + (0 if frame.colour is None else frame.colour.nbytes)
         if self._slots is None or self._slots.size < size:
             self._slots = None
@@ -145,7 +145,7 @@ class _Helper:
         while (slot := self._slots.write(frame.depth, frame.colour)) is None:
             if not self._every or self._pipe.poll(_FULL):
                 return
-        # A camera that stays the same is said once.
+        # Intrinsics that stay the same are sent once.
         camera = None if frame.intrinsics == self._camera else frame.intrinsics
         self._camera = frame.intrinsics
         colour = None if frame.colour is None else frame.colour.shape
@@ -154,27 +154,27 @@ class _Helper:
 
 
 class _Pipe:
-    """The edge's pipe, which the threads of a library may log into while a frame is handed on."""
+    """The pipe to the edge, with a lock: the threads of a library may log into it while a frame is sent."""
 
     def __init__(self, pipe: Connection) -> None:
         self.poll, self.recv = pipe.poll, pipe.recv
         self._pipe, self._lock = pipe, threading.Lock()
 
     def send(self, message: tuple[Any, ...]) -> None:
-        """One message."""
+        """Sends one message."""
         with self._lock:
             self._pipe.send(message)
 
 
 class _Teller(logging.Handler):
-    """Hands log lines to the edge, which has the user's settings for them."""
+    """Sends log lines to the edge, which has the user's log settings."""
 
     def __init__(self, pipe: _Pipe) -> None:
         super().__init__()
         self._pipe = pipe
 
     def emit(self, record: logging.LogRecord) -> None:
-        """One line; none where the edge is gone."""
+        """Sends one line, unless the edge is gone."""
         try:
             self._pipe.send(("log", record.name, record.levelno, record.getMessage()))
         except OSError:
@@ -182,7 +182,7 @@ class _Teller(logging.Handler):
 
 
 def _said(error: Exception) -> tuple[str, str, str, str]:
-    """(class, what, where, mend) of an error, as far as it says them."""
+    """(class, what, where, mend) of an error; empty strings where it has none."""
     if isinstance(error, EnlivenError):
         return type(error).__name__, error.what, error.where, error.mend
     return type(error).__name__, str(error) or type(error).__name__, "", ""

@@ -1,4 +1,4 @@
-"""The edge's end of a helper process: what is said to it, and the frames that it says are there."""
+"""The edge's side of a helper process: sends it requests and receives its frames."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SILENT = 1.0
 OPENING = 45.0
 """Seconds that opening may take; a library that searches a network needs some twenty."""
 _CLOSING = 0.4
-"""Seconds that a driver has to let its device go, before its process is ended."""
+"""Seconds that a driver has to close its device, before its process is ended."""
 _MOST_WAITING = 3
-"""Images that may wait for the edge; of more the oldest are left out: a pause becomes no lag."""
+"""Images that may wait for the edge; the oldest of more are dropped, so that a pause causes no lag."""
 
 
 class HelperProcess:
-    """The process and what is said to it.
+    """A running helper process.
 
     Raises:
         ResourceError: where it cannot be started.
@@ -62,10 +62,10 @@ class HelperProcess:
         return self._process.is_alive()
 
     def open(self) -> tuple[str, float | None, dict[str, Any]]:
-        """Opens the device; returns the sensor's name and frame rate, and with what it is opened again.
+        """Opens the device; returns the sensor's name, its frame rate, and the options that open it again.
 
         Raises:
-            InputError, ResourceError: what the driver said, or that its process ended.
+            InputError, ResourceError: the driver's error, or the end of its process.
         """
         self._say("open")
         message = self._answer(OPENING, "opened", "failed")
@@ -80,7 +80,7 @@ class HelperProcess:
         return name, fps, again
 
     def go(self) -> None:
-        """Lets the frames come.
+        """Starts the frames.
 
         Raises:
             SensorFault: where the process has ended.
@@ -88,7 +88,7 @@ class HelperProcess:
         self._say("go")
 
     def receive(self, timeout: float) -> tuple[Any, ...] | None:
-        """The next message for the sensor within so many seconds; None where there is none.
+        """The next message for the sensor within ``timeout`` seconds; None without one.
 
         Raises:
             SensorFault: where the process has ended.
@@ -114,7 +114,7 @@ class HelperProcess:
         camera: Intrinsics | None,
         about: tuple[int, int | None, str, Any],
     ) -> DepthFrame:
-        """The frame that a message tells of."""
+        """The frame of a message, its images in shared memory."""
         self._camera = camera or self._camera
         assert self._camera is not None
         depth, seen = slots.read(slot, shape, colour)
@@ -122,7 +122,7 @@ class HelperProcess:
         return DepthFrame(depth, self._camera, time_ns, name, seen, stand, sequence)
 
     def end(self) -> None:
-        """Lets the device go and ends the process, by force where it does not do so itself."""
+        """Closes the device and ends the process, by force where it does not end itself."""
         with contextlib.suppress(SensorFault):
             self._say("close")
             self._answer(_CLOSING, "closed")
@@ -137,7 +137,7 @@ class HelperProcess:
     def _skip(
         self, slots: FrameSlots, slot: int, _shape: Any, _colour: Any, camera: Intrinsics | None, _about: Any
     ) -> None:
-        """A frame that came too long ago is not used; its camera may be new."""
+        """Drops a frame that is too old; its intrinsics may be new and are kept."""
         self._camera = camera or self._camera
         slots.release(slot)
 
@@ -148,7 +148,7 @@ class HelperProcess:
             raise self._lost() from None
 
     def _answer(self, seconds: float, *words: str) -> tuple[Any, ...] | None:
-        """The message that begins with one of some words; None where it does not come in time."""
+        """The next message that begins with one of ``words``; None where none comes in time."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0:
             message = self.receive(left)
@@ -157,7 +157,7 @@ class HelperProcess:
         return None
 
     def _fetch(self, timeout: float) -> None:
-        """Takes what has come; waits for the first message for so long."""
+        """Takes all messages that have come; waits up to ``timeout`` seconds for the first."""
         while self._pipe.poll(0 if self._waiting else timeout):
             try:
                 message = self._pipe.recv()
@@ -173,13 +173,13 @@ class HelperProcess:
                 case ("attached",):
                     pass
                 case ("frame", *about):
-                    # Where its image lies: there may be other memory by the time that it is wanted.
+                    # It keeps the memory of its image: there may be other memory when it is read.
                     self._waiting.append(("frame", self._slots, *about))
                 case _:
                     self._waiting.append(message)
 
     def _make_room(self, size: int) -> None:
-        """Shared memory for images of so many bytes; those of before stay until they are not used."""
+        """Makes shared memory for images of ``size`` bytes; earlier memory stays until it is not used."""
         count = slots_for_all(size) if self._every else SLOTS
         self._slots = FrameSlots.make(size, count)
         self._say("memory", self._slots.name, size, count)
@@ -194,7 +194,7 @@ class HelperProcess:
         self._slots.forget()
 
     def _lost(self) -> SensorFault:
-        """The process has ended."""
+        """The fault of a process that has ended; keeps a report where it crashed."""
         self._process.join(_CLOSING)
         code = self._process.exitcode
         why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
@@ -206,7 +206,7 @@ class HelperProcess:
 def told_error(
     said: tuple[str, str, str, str], name: str, kind: type[InputError] | type[ResourceError]
 ) -> InputError | ResourceError:
-    """What a driver's error is to the edge: of its own kind where it was one of the two."""
+    """A driver's error as the edge raises it: of its own class where that is one of the two."""
     of, what, where, mend = said
     made = {"InputError": InputError, "ResourceError": kind}.get(of, kind)
     if kind is InputError:

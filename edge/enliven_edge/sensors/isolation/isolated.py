@@ -1,4 +1,4 @@
-"""A sensor in a helper process, as the edge sees it: frames come from shared memory, silence is a loss."""
+"""The edge's side of a sensor in a helper process: frames come from shared memory, silence is a loss."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ FIRST_IMAGE = 10.0
 class IsolatedOpener:
     """Opens a sensor in a helper process, a fresh one for each device.
 
-    A library's own state does not outlive its device in this way. Of several devices that could be meant it
-    is the one of before: a driver says by its ``again`` with which options.
+    In this way a library's state does not outlive its device. Where several devices fit the options, the same
+    one is opened again: a driver gives the options for that by its ``again``.
 
     Args:
-        name: of the sensor, for what is said of it before it is open.
+        name: of the sensor, for errors before it is open.
         kind: the sensor's class, at the top of a module that the helper process can import.
         options: what the class takes.
         every_frame: images wait for a slow reader, as many as fit into memory; else the oldest are left out.
@@ -39,11 +39,11 @@ class IsolatedOpener:
         self._patient = False
 
     def patient(self) -> None:
-        """From now on attempts that fail share one process, which :meth:`close` ends."""
+        """Makes later attempts that fail share one process, which :meth:`close` ends."""
         self._patient = True
 
     def __call__(self) -> IsolatedSensor:
-        """The sensor, opened.
+        """Opens the sensor.
 
         Raises:
             InputError: for options that cannot be used.
@@ -69,7 +69,7 @@ class IsolatedOpener:
 
 
 class IsolatedSensor(Sensor):
-    """A :class:`~enliven_edge.sensors.base.Sensor` whose driver runs in a helper process.
+    """A :class:`~enliven_edge.sensors.base.Sensor` with its driver in a helper process.
 
     Its frames lie in shared memory, read-only, and stay as they are for as long as they are kept.
 

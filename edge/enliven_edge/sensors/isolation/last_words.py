@@ -1,4 +1,4 @@
-"""What Python says of a process that crashes, through a pipe: one that ends well leaves no file."""
+"""Python's report of a crashed process, through a pipe: a process that ends well leaves no file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MOST_BYTES = 1 << 16
 
 
 class LastWords:
-    """The end of the pipe that the edge reads; on systems without such pipes nothing is ever said."""
+    """The edge's end of the pipe; on systems without such pipes there is never a report."""
 
     def __init__(self, context: SpawnContext) -> None:
         self._near: Connection | None = None
@@ -23,12 +23,12 @@ class LastWords:
             os.set_blocking(self._near.fileno(), False)
 
     def started(self) -> None:
-        """The process has its own end now."""
+        """Closes the process's end in the edge: the process has its own now."""
         if self.far is not None:
             self.far.close()
 
     def read(self) -> str:
-        """What was said; empty where nothing was. To be called once, after the process has ended."""
+        """The report, empty without a crash. To be called once, after the process has ended."""
         if self._near is None:
             return ""
         said = b""
@@ -38,13 +38,13 @@ class LastWords:
         return said.decode(errors="replace")
 
     def close(self) -> None:
-        """Lets the pipe go; a second call does nothing."""
+        """Closes the pipe; a second call does nothing."""
         if self._near is not None:
             self._near.close()
 
 
 def speak_into(far: Connection | None) -> None:
-    """From now on a crash of this process is told through the pipe, which must be kept."""
+    """Sends the report of a crash of this process through the pipe, which must be kept."""
     if far is not None:
         # A dying process never waits for a reader.
         os.set_blocking(far.fileno(), False)

@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import UInt8, UInt16
 
 SLOTS = 8
-"""Images in memory at once: one that is written, two that wait, the others for who keeps some a while."""
+"""Images in memory at once: one that is written, two that wait, the others for readers that keep some."""
 MOST_SLOTS = 64
 """Images in memory at once where each is wanted: two seconds' worth, in which a disk catches up."""
 _MOST_BYTES = 32 << 20
@@ -26,7 +26,7 @@ _HEAD = 64
 
 
 def slots_for_all(size: int) -> int:
-    """How many images of so many bytes are in memory at once where each is wanted."""
+    """The number of slots for images of so many bytes where each image is wanted."""
     return min(max(_MOST_BYTES // size, SLOTS), MOST_SLOTS)
 
 
@@ -45,22 +45,22 @@ class FrameSlots:
 
     @classmethod
     def make(cls, size: int, count: int = SLOTS) -> FrameSlots:
-        """A block of the reader's; :meth:`forget` it as soon as the writer has found it."""
+        """Makes a block for the reader; :meth:`forget` it as soon as the writer has found it."""
         return cls(_Memory(create=True, size=_HEAD + count * size), size, count)
 
     @classmethod
     def attach(cls, name: str, size: int, count: int = SLOTS) -> FrameSlots:
-        """The block of that name."""
+        """Attaches to the block of that name."""
         return cls(_Memory(name), size, count)
 
     @property
     def name(self) -> str:
-        """Under which the writer finds it."""
+        """The name under which the writer finds the block."""
         return self._memory.name
 
     @property
     def free(self) -> int:
-        """Slots that are not taken."""
+        """The number of free slots."""
         return self.count - int(self._taken.sum())
 
     def forget(self) -> None:
@@ -69,7 +69,7 @@ class FrameSlots:
             self._memory.unlink()
 
     def write(self, depth: UInt16, colour: UInt8 | None) -> int | None:
-        """Copies an image into a slot and takes it; returns which, or None where all are taken."""
+        """Copies an image into a free slot; returns its number, or None where all are taken."""
         free = np.flatnonzero(self._taken == 0)
         if not len(free):
             return None
@@ -97,7 +97,7 @@ class FrameSlots:
         return place[:end].view(np.uint16).reshape(shape), seen
 
     def release(self, slot: int) -> None:
-        """A slot may be written again."""
+        """Frees a slot for the writer."""
         self._taken[slot] = 0
 
     def _place(self, slot: int) -> UInt8:

@@ -1,23 +1,23 @@
-from .board import Board
+from .board import CalibrationBoard
 from .calibration import load_calibration, save_calibration
 from .collecting import Keeper
 from .judging import Judgement, judge
 from .matching import StereoMatcher
 from .opencv_library import opencv
 from .pair_folder import RecordedPairs, image_pairs, read_grey
-from .pairing import Pairing, Picture
+from .pairing import CameraImage, Pairing
 from .rectifying import Rectification
-from .solving import Sighting, solve
+from .solving import BoardSighting, solve
 
 __all__ = [
-    "Board",
+    "BoardSighting",
+    "CalibrationBoard",
+    "CameraImage",
     "Judgement",
     "Keeper",
     "Pairing",
-    "Picture",
     "RecordedPairs",
     "Rectification",
-    "Sighting",
     "StereoMatcher",
     "image_pairs",
     "judge",

@@ -27,7 +27,7 @@ _EDGE = 8.0
 
 
 @dataclass(frozen=True)
-class Board:
+class CalibrationBoard:
     """A ChArUco board of ``columns`` x ``rows`` squares.
 
     Attributes:

@@ -1,12 +1,12 @@
-"""Which of two live cameras' pairs are kept for a calibration."""
+"""Selects the image pairs of two live cameras that are kept for a calibration."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from enliven.arrays import UInt8
-from enliven_edge.sensors.stereo.board import Board
-from enliven_edge.sensors.stereo.solving import Sighting
+from enliven_edge.sensors.stereo.board import CalibrationBoard
+from enliven_edge.sensors.stereo.solving import BoardSighting
 
 _STILL = 0.01
 """Part of the image's width by which corners may have moved since the look before: the board is still."""
@@ -17,20 +17,20 @@ _COMMON = 8
 
 
 class Keeper:
-    """Keeps pairs in which both cameras see the board, held still, where or as it was not yet.
+    """Keeps pairs in which both cameras see the board, held still in a new place or at a new angle.
 
     Attributes:
         kept: the sightings.
     """
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: CalibrationBoard) -> None:
         self._board = board
-        self._before: Sighting | None = None
-        self.kept: list[Sighting] = []
+        self._before: BoardSighting | None = None
+        self.kept: list[BoardSighting] = []
 
     def offer(self, left: UInt8, right: UInt8) -> str:
-        """Looks at a pair; empty where it was kept, else what to do."""
-        seen = Sighting(str(len(self.kept) + 1), self._board.find(left), self._board.find(right))
+        """Tries a pair; returns an empty string where it was kept, else what to do."""
+        seen = BoardSighting(str(len(self.kept) + 1), self._board.find(left), self._board.find(right))
         before, self._before = self._before, seen
         for side in ("left", "right"):
             if len(getattr(seen, side)) < _COMMON:
@@ -44,8 +44,8 @@ class Keeper:
         return ""
 
 
-def _moved(one: Sighting, other: Sighting) -> float:
-    """Mean pixels between shared corners, of the camera where it is more; infinite where few are shared."""
+def _moved(one: BoardSighting, other: BoardSighting) -> float:
+    """Mean pixels between shared corners, the larger of both cameras'; infinite where too few are shared."""
     moved = []
     for side in ("left", "right"):
         a, b = getattr(one, side), getattr(other, side)

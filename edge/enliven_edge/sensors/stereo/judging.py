@@ -7,18 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.sensors.stereo.board import Board
+from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import StereoCalibration
-from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, Solution
+from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, StereoSolution
 
-_GOOD_REPROJECTION, _WORST_REPROJECTION = 0.35, 1.0
-"""Pixels: corners are found to 0.1 to 0.3 px in a sharp image; above one the model does not fit."""
-_GOOD_EPIPOLAR, _WORST_EPIPOLAR = 0.3, 0.6
-"""Pixels between the rows: the matcher looks along one row, and half a pixel beside it loses fine texture."""
+_GOOD_REPROJECTION = 0.35
+"""Pixels of reprojection error up to which it is good: a sharp image gives corners to 0.1 to 0.3 px."""
+_WORST_REPROJECTION = 1.0
+"""Pixels of reprojection error at the most: beyond, the model of the lens does not fit."""
+_GOOD_EPIPOLAR = 0.3
+"""Pixels between the rows up to which it is good: the matcher looks along one row."""
+_WORST_EPIPOLAR = 0.6
+"""Pixels between the rows at the most: half a pixel beside its row the matcher loses fine texture."""
 _FAR = 2.0
 """Metres at which the expected error is told."""
-_GOOD_ERROR, _WORST_ERROR = 0.01, 0.03
-"""Parts of that distance."""
+_GOOD_ERROR = 0.01
+"""Expected error of a depth over the depth up to which it is good: 20 mm at 2 m, about a depth camera's."""
+_WORST_ERROR = 0.03
+"""The same at the most: beyond, limbs are hardly thicker than the error."""
 _MATCHER = 0.12
 """Pixels of disparity by which the matcher errs at the median on rendered people: sensors.stereo_error_mm."""
 _LEAST_COVERED = 0.6
@@ -31,7 +37,7 @@ _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre left", "centre 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What is told of a calibration.
+    """The judgement of a calibration.
 
     Attributes:
         verdict: "good", "fair" or "not good enough".
@@ -49,7 +55,7 @@ class Judgement:
         return self.verdict != "not good enough"
 
 
-def judge(board: Board, solution: Solution) -> Judgement:
+def judge(board: CalibrationBoard, solution: StereoSolution) -> Judgement:
     """How good a solution is."""
     facts = [("pairs", f"{len(solution.used)} used, {len(solution.left_out)} left out")]
     facts += [("left out", f"{name}: {why}") for name, why in solution.left_out.items()]
@@ -81,9 +87,9 @@ def expected_error(calibration: StereoCalibration, disparity_error: float, dista
 
 
 def _advice(
-    c: StereoCalibration, solution: Solution, error: float, covered: dict[str, Float]
+    c: StereoCalibration, solution: StereoSolution, error: float, covered: dict[str, Float]
 ) -> tuple[list[str], bool]:
-    """What to do, and whether the calibration cannot be used without."""
+    """The advice, and whether the calibration is unusable until it is followed."""
     advice, bad = [], False
     if c.translation[0] > 0:
         advice.append("The left and the right camera are exchanged: swap them, seen from behind the cameras.")
@@ -112,8 +118,8 @@ def _advice(
     return advice, bad
 
 
-def _covered(c: StereoCalibration, solution: Solution, side: str) -> Float:
-    """(3, 4) 1 for each field of an image that corners lie in."""
+def _covered(c: StereoCalibration, solution: StereoSolution, side: str) -> Float:
+    """(3, 4) 1 for each field of an image with corners in it, 0 for the others."""
     rows, columns = len(_ROWS), len(_COLUMNS)
     seen = np.zeros((rows, columns))
     for each in solution.used:

@@ -16,9 +16,11 @@ STEPS = 16
 """Steps of a disparity that the matcher tells within a pixel."""
 _BLOCK = 5
 """Pixels of the side of the window that is compared."""
-_SMALL, _LARGE = 6, 20
-"""Price of a step of one pixel between neighbours, and of a jump, for each pixel of the window: with OpenCV's
-advice of 8 and 32 half as many pixels again beside a person take the person's depth."""
+_SMALL = 6
+"""Penalty of a step of one pixel between neighbours, for each pixel of the window; see below."""
+_LARGE = 20
+"""Penalty of a larger step, for each pixel of the window: with OpenCV's advice of 8 and 32, half as many
+pixels again beside a person take the person's depth."""
 _CLIP = 63
 """Slope of the grey values beyond which more does not count, the highest that OpenCV takes."""
 _UNIQUE = 10

@@ -11,7 +11,7 @@ from PIL import Image, UnidentifiedImageError
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.pairing import Picture
+from enliven_edge.sensors.stereo.pairing import CameraImage
 
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 _MOST_PAIRS = 10_000
@@ -79,7 +79,7 @@ class RecordedPairs:
         self.name, self._step_ns = "libcamera rehearsal", round(1e9 / fps)
         self._next, self._start_ns = 0, 0
 
-    def read(self, timeout: float | None = None) -> Picture | None:
+    def read(self, timeout: float | None = None) -> CameraImage | None:
         """The next picture, left and right in turn; None after the last.
 
         Raises:
@@ -97,7 +97,7 @@ class RecordedPairs:
             raise TimeoutError(f"no image of {self.name} yet")
         time.sleep(max(wait, 0.0))
         self._next += 1
-        return Picture(eye, read_grey(self._pairs[number][eye]), number * self._step_ns, number)
+        return CameraImage(eye, read_grey(self._pairs[number][eye]), number * self._step_ns, number)
 
     def temperature(self) -> float | None:
         """Files are of no temperature."""

@@ -1,4 +1,4 @@
-"""Images of two cameras that were taken at the same moment, by the cameras' clocks."""
+"""Pairs the images of two cameras that were taken at the same time, by the cameras' clocks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WAITING = 4
 
 
 @dataclass(frozen=True)
-class Picture:
+class CameraImage:
     """One image of one camera.
 
     Attributes:
@@ -35,20 +35,20 @@ class Picture:
 
 
 class Pairing:
-    """Puts pictures of two cameras together, and leaves out what has no partner.
+    """Pairs the images of two cameras, and leaves out those without a partner.
 
     Args:
         name: of the sensor.
         tolerance_ns: by which the times of a pair may differ.
 
     Attributes:
-        apart_ns: by how much those of the last pair did, left minus right; None before the first.
-        odd: pictures that were left out.
+        apart_ns: time difference of the last pair, left minus right; None before the first.
+        odd: images that were left out.
     """
 
     def __init__(self, name: str, tolerance_ns: int) -> None:
         self._name, self._tolerance = name, tolerance_ns
-        self._waiting: tuple[deque[Picture], deque[Picture]] = (
+        self._waiting: tuple[deque[CameraImage], deque[CameraImage]] = (
             deque(maxlen=_WAITING),
             deque(maxlen=_WAITING),
         )
@@ -57,17 +57,17 @@ class Pairing:
         self.apart_ns: int | None = None
         self.odd = 0
 
-    def add(self, picture: Picture) -> tuple[Picture, Picture] | None:
-        """The pair that a picture completes, left and right; None where it must wait.
+    def add(self, image: CameraImage) -> tuple[CameraImage, CameraImage] | None:
+        """The pair (left, right) that an image completes; None where it must wait.
 
         Raises:
             ResourceError: where the cameras have been out of step for long.
         """
-        line = self._waiting[picture.eye]
-        self._since_ns = picture.time_ns if self._since_ns is None else self._since_ns
+        line = self._waiting[image.eye]
+        self._since_ns = image.time_ns if self._since_ns is None else self._since_ns
         if len(line) == _WAITING:
             self._leave_out(line.popleft())
-        line.append(picture)
+        line.append(image)
         left, right = self._waiting
         while left and right:
             apart = left[0].time_ns - right[0].time_ns
@@ -78,16 +78,16 @@ class Pairing:
             self._leave_out((left if apart < 0 else right).popleft())
         return None
 
-    def _leave_out(self, picture: Picture) -> None:
-        """Counts a picture that has no partner."""
+    def _leave_out(self, image: CameraImage) -> None:
+        """Counts an image without a partner."""
         self.odd += 1
         assert self._since_ns is not None
         patience = _FINDING_NS if self.apart_ns is None else _LOST_NS
-        if picture.time_ns - self._since_ns < patience:
+        if image.time_ns - self._since_ns < patience:
             return
-        self._since_ns = picture.time_ns
+        self._since_ns = image.time_ns
         if self._least_ns is None:
-            which = "left" if picture.eye else "right"
+            which = "left" if image.eye else "right"
             raise ResourceError(
                 f"the {which} camera sends no images", where=self._name, mend="Check its ribbon cable."
             )

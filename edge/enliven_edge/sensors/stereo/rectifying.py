@@ -1,4 +1,4 @@
-"""Two images as two cameras of one focal length, side by side and in line, would have taken them."""
+"""Stereo rectification: warps two images to cameras of one focal length, side by side and in line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven_edge.sensors.stereo.opencv_library import opencv
 
 
 class Rectification:
-    """Where each pixel of the rectified images is found in those of the cameras; computed once.
+    """The maps from pixels of the rectified images to those of the cameras; computed once.
 
     Args:
         calibration: of the pair.

@@ -1,4 +1,4 @@
-"""Two lenses, and how their cameras stand to each other, from sightings of a board."""
+"""Solves the calibration of two cameras, lenses and relative pose, from sightings of a board."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.sensors.stereo.board import Board
+from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
 from enliven_edge.sensors.stereo.opencv_library import opencv
 from enliven_edge.sensors.stereo.rectifying import Rectification
@@ -23,14 +23,14 @@ _FINE = 0.3
 
 
 @dataclass(frozen=True)
-class Sighting:
+class BoardSighting:
     """One pair of images: the board's corners in each, pixels by number."""
 
     name: str
     left: dict[int, Float]
     right: dict[int, Float]
 
-    def common(self, board: Board) -> tuple[Float, Float, Float]:
+    def common(self, board: CalibrationBoard) -> tuple[Float, Float, Float]:
         """(N, 3) points of the board, (N, 2) and (N, 2) where both cameras see them."""
         numbers = sorted(self.left.keys() & self.right.keys())
         left, right = ([side[n] for n in numbers] for side in (self.left, self.right))
@@ -38,26 +38,26 @@ class Sighting:
 
 
 @dataclass(frozen=True)
-class Solution:
-    """What the sightings told.
+class StereoSolution:
+    """The calibration from a set of sightings.
 
     Attributes:
         calibration: None where there were too few.
         used: the sightings that it is from.
         left_out: names of pairs, and why they were not used.
-        disparity_error: pixels by which disparities of boards differ from what their distance makes them,
-            where one half of the pairs was judged by a calibration from the other.
-        tilt: degrees between the two boards that were turned against each other most.
+        disparity_error: root mean square pixels between measured and expected disparities of the boards, each
+            half of the pairs judged by a calibration from the other half.
+        tilt: the largest degrees between two boards' normals.
     """
 
     calibration: StereoCalibration | None
-    used: list[Sighting]
+    used: list[BoardSighting]
     left_out: dict[str, str] = field(default_factory=dict)
     disparity_error: float = 0.0
     tilt: float = 0.0
 
 
-def solve(board: Board, sightings: list[Sighting], size: tuple[int, int]) -> Solution:
+def solve(board: CalibrationBoard, sightings: list[BoardSighting], size: tuple[int, int]) -> StereoSolution:
     """The calibration that fits sightings best; pairs that do not fit are left out.
 
     Args:
@@ -76,18 +76,21 @@ def solve(board: Board, sightings: list[Sighting], size: tuple[int, int]) -> Sol
         worst = int(np.argmax(errors))
         if errors[worst] <= max(_WORSE * float(np.median(errors)), _FINE):
             tilt = _widest_tilt(board, used, calibration)
-            return Solution(calibration, used, left_out, _held_out(board, used, size), tilt)
+            return StereoSolution(calibration, used, left_out, _held_out(board, used, size), tilt)
         left_out[used[worst].name] = f"its corners are {errors[worst]:.1f} px off: moved, blurred or bent"
         used = [each for each in used if each is not used[worst]]
-    return Solution(None, used, left_out)
+    return StereoSolution(None, used, left_out)
 
 
 def disparity_offset(
-    board: Board, sighting: Sighting, rectification: Rectification, calibration: StereoCalibration
+    board: CalibrationBoard,
+    sighting: BoardSighting,
+    rectification: Rectification,
+    calibration: StereoCalibration,
 ) -> float:
-    """Pixels by which a board's disparity differs from what its distance makes it.
+    """The mean difference, in pixels, of a board's disparities from those expected at its distance.
 
-    The distance is from the left image alone: the board's size in it.
+    The distance comes from the left image alone, by the board's size in it.
     """
     cv, lens = opencv(), calibration.left
     points, left, right = sighting.common(board)
@@ -98,7 +101,7 @@ def disparity_offset(
     return float(np.mean(columns[0] - columns[1] - expected))
 
 
-def _lacking(sighting: Sighting) -> str:
+def _lacking(sighting: BoardSighting) -> str:
     """Why a pair cannot be used; empty where it can."""
     for side in ("left", "right"):
         if not getattr(sighting, side):
@@ -107,7 +110,9 @@ def _lacking(sighting: Sighting) -> str:
     return "" if common >= _LEAST_CORNERS else f"the cameras see only {common} corners both"
 
 
-def _fitted(board: Board, used: list[Sighting], size: tuple[int, int]) -> tuple[StereoCalibration, Float]:
+def _fitted(
+    board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]
+) -> tuple[StereoCalibration, Float]:
     """The calibration from all these, and (N,) pixels of error of each."""
     cv = opencv()
     lenses = []
@@ -153,7 +158,7 @@ def _lens(matrix: Float, distortion: Float) -> StereoLens:
 def _flat(
     rectification: Rectification, calibration: StereoCalibration, left: Float, right: Float
 ) -> tuple[Float, Float]:
-    """(N, 2) and (N, 2) where the rectified cameras see what the cameras see at these pixels."""
+    """(N, 2) and (N, 2) the pixels of both rectified images that correspond to these pixels."""
     camera = rectification.intrinsics
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
     sides = zip((left, right), (calibration.left, calibration.right), rectification.rotations, strict=True)
@@ -165,7 +170,7 @@ def _flat(
     return one, two
 
 
-def _held_out(board: Board, used: list[Sighting], size: tuple[int, int]) -> float:
+def _held_out(board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]) -> float:
     """Root mean square pixels of disparity, each half of the pairs judged by the other."""
     off = []
     for half in (0, 1):
@@ -175,7 +180,7 @@ def _held_out(board: Board, used: list[Sighting], size: tuple[int, int]) -> floa
     return float(np.sqrt(np.mean(np.square(off))))
 
 
-def _widest_tilt(board: Board, used: list[Sighting], calibration: StereoCalibration) -> float:
+def _widest_tilt(board: CalibrationBoard, used: list[BoardSighting], calibration: StereoCalibration) -> float:
     """Degrees between the normals of the two boards that differ most."""
     cv = opencv()
     lens = calibration.left

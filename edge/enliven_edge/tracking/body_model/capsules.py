@@ -1,4 +1,4 @@
-"""Distances from points to tapered capsules, compiled: the inner loop of the fit, and of what is like it."""
+"""Distances from points to tapered capsules, compiled: the inner loop of the fit and of the detection."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import numpy as np
 from enliven.kernels import njit
 
 _NUMBER = 31
-"""The bits of a cost that its capsule's number takes: at most 32 capsules."""
+"""Bit mask of a cost's last 5 bits, which hold the number of its capsule: at most 32 capsules."""
 FAST = {"nsz", "arcp", "contract", "reassoc", "nnan", "ninf"}
+"""LLVM's fast-math flags of kernels without infinite numbers: sums in any order, so many at a time."""
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def nearest_capsules(which, seen, affinity, ends, radii, side):  # type: ignore[no-untyped-def]
-    """The capsule on whose surface each observed point lies, into ``which``.
+    """Finds the capsule that each observed point lies on, by its surface, into ``which``.
 
     A surface that faces away from the observed normal costs up to twice ``side`` metres more, so that a
     point on the front of an arm is not explained by the chest behind it.
@@ -22,7 +23,8 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):  # type: ignore[
         which: (M,) int32.
         seen: (6, M) float32 the points, world frame, and their outward unit normals: one row a number, so
             that many points are searched at once.
-        affinity: (C, M) float32 metres added to each capsule's cost, by what the point looks like; or (0, 0).
+        affinity: (C, M) float32 metres added to each capsule's cost for points that do not look like it; or
+            (0, 0).
         ends, radii: (C, 2, 3) and (C, 2) metres, world frame; C is at most 32.
         side: float32 metres.
     """
@@ -57,12 +59,12 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):  # type: ignore[
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def misfits(points, ends, radii, far):  # type: ignore[no-untyped-def]
-    """(N,) the mean metres from points to the nearest surface, and from capsules to the nearest point.
+    """(N,) metres: the mean distance from points to the nearest surface plus that from capsules to points.
 
     Args:
         points: (3, M) float32.
-        ends: (N, C, 2, 3) the capsules of N postures, whose (C, 2) radii are the same.
-        far: metres beyond which a point is just far.
+        ends: (N, C, 2, 3) the capsules of N postures with the same (C, 2) radii.
+        far: metres at which a point's distance is capped.
     """
     out = np.empty(len(ends))
     zero, one = np.float32(0.0), np.float32(1.0)

@@ -1,4 +1,4 @@
-"""Which way a chest faces and how it leans, compiled: of a posture, and of the one turned about."""
+"""The direction a chest faces and its lean, compiled: of a posture, and of the same posture turned about."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from enliven.kernels import njit
 from enliven_edge.tracking.body_model.kinematics import product
 from enliven_edge.tracking.body_model.model import CHEST, PELVIS
 
-_LEANS, _LIES = 0.15, 0.4
-"""Sine from which a trunk leans backward, and of its rise below which it lies rather than leans."""
+_LEANS = 0.15
+"""Sine of a trunk's usual lean backward: only more counts."""
+_LIES = 0.4
+"""Sine of a trunk's rise below which it lies rather than leans."""
 
 
 @njit(cache=True, nogil=True)

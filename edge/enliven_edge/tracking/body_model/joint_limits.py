@@ -1,4 +1,4 @@
-"""How far each joint of a person turns, and how a person stands.
+"""Joint limits: the range of each joint of a person, and a relaxed standing posture.
 
 Ranges are boxes of the rotation vector about the middle of the joint's range. A shoulder's middle is an arm
 held out and forward, so that hanging and overhead are both within a third of a turn and the logarithm stays
@@ -14,6 +14,7 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import rotation
 
 _SIDE = np.diag([-1.0, 1.0, 1.0])
+"""(3, 3) reverses x."""
 _FREE = 10.0
 """Radians: wider than any rotation vector, so no limit."""
 
@@ -60,7 +61,9 @@ def _reach() -> Float:
 
 
 MIDDLE = _middle()
+"""(13, 3, 3) the middle of each range, parent_from_frame."""
 REACH = _reach()
+"""(13, 3) radians, half the width of each range about its middle."""
 
 
 def standing(

@@ -12,7 +12,7 @@ SHRUG = 0.3
 _LEVEL = 0.0
 """Height of the unit vector along the upper arm, in the chest's frame, from which on the shoulder lifts."""
 _SMALL = 1e-4
-"""Sine of an angle below which it is the angle, or a half turn less it."""
+"""Sine of an angle below which it equals the angle, or half a turn less the angle."""
 
 
 @njit(cache=True, nogil=True)
@@ -69,7 +69,7 @@ def pivots_by_length(out, world, rotations, parents, offsets):  # type: ignore[n
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _along(row, lengths):  # type: ignore[no-untyped-def]
-    """A sum that may be taken in any order, and so many terms at once."""
+    """The dot product of (L,) and (L,), summed in any order so that many terms are added at once."""
     total = 0.0
     for term in range(len(lengths)):
         total += row[term] * lengths[term]
@@ -78,7 +78,7 @@ def _along(row, lengths):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _shrugged(offset, rotation, frame):  # type: ignore[no-untyped-def]
-    """Sideways and up, metres a metre of shoulder: where a raised arm has lifted its shoulder to."""
+    """The shift of a shoulder, sideways and up, by its raised arm: metres a metre of shoulder width."""
     sine, cosine = shrug(rotation)
     side = 1.0 if frame == UPPER_ARM_L else -1.0
     x, y = offset[0, SHOULDER], offset[1, SHOULDER]
@@ -89,7 +89,7 @@ def _shrugged(offset, rotation, frame):  # type: ignore[no-untyped-def]
 def shrug(rotation):  # type: ignore[no-untyped-def]
     """Sine and cosine of the angle by which a shoulder has risen with its arm.
 
-    A collar bone without an unknown of its own: it goes with the arm, as it does in people (the
+    The collar bone has no unknown of its own: it moves with the arm, as it does in people (the
     scapulohumeral rhythm). The fit takes it for fixed within a step; it moves a tenth as much as the elbow.
     """
     share = max(0.0, (-rotation[1, 1] - _LEVEL) / (1.0 - _LEVEL))
@@ -132,7 +132,7 @@ def turn(rotations, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def carry_on(rotations, before, share, fastest):  # type: ignore[no-untyped-def]
-    """Turns every frame on by a share of its turn since ``before``, by at most so many radians, in place."""
+    """Turns each frame on by a share of its turn since ``before``, ``fastest`` radians at most, in place."""
     for f in range(len(rotations)):
         vector = share * deviation(before[f], rotations[f])
         angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
@@ -142,7 +142,7 @@ def carry_on(rotations, before, share, fastest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def product(a, b):  # type: ignore[no-untyped-def]
-    """(3, 3) a b, without a call of BLAS."""
+    """(3, 3) the matrix product a b, without a call of BLAS."""
     out = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -152,7 +152,7 @@ def product(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def deviation(reference, rotation):  # type: ignore[no-untyped-def]
-    """(3,) log(reference' rotation): the turn from one rotation to another, in the reference's axes."""
+    """(3,) log(reference' rotation): the rotation vector from one rotation to another, in its axes."""
     out = np.empty(3)
     deviation_into(out, reference, rotation)
     return out
@@ -160,7 +160,7 @@ def deviation(reference, rotation):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def deviation_into(out, reference, rotation):  # type: ignore[no-untyped-def]
-    """:func:`deviation` into (3,) ``out``: the fit asks for some forty a step."""
+    """Writes :func:`deviation` into (3,) ``out``: the fit computes some forty in a step."""
     trace = 0.0
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3

@@ -14,9 +14,12 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.person import Joint
 
-PELVIS, CHEST, HEAD = 0, 1, 2
-UPPER_ARM_L, FOREARM_L, UPPER_ARM_R, FOREARM_R = 3, 4, 5, 6
-THIGH_L, SHIN_L, FOOT_L, THIGH_R, SHIN_R, FOOT_R = 7, 8, 9, 10, 11, 12
+PELVIS, CHEST, HEAD, *_LIMBS = range(13)
+"""The numbers of the trunk's frames; parents come first."""
+UPPER_ARM_L, FOREARM_L, UPPER_ARM_R, FOREARM_R, *_LEGS = _LIMBS
+"""The numbers of the arms' frames; left is the person's left."""
+THIGH_L, SHIN_L, FOOT_L, THIGH_R, SHIN_R, FOOT_R = _LEGS
+"""The numbers of the legs' frames."""
 
 FRAME_PARENTS = np.array([-1, 0, 1, 1, 3, 1, 5, 0, 7, 8, 0, 10, 11])
 """(13,) the parent of each frame; parents come first."""
@@ -39,11 +42,22 @@ LENGTHS = (
     "foot",
     "girth",
 )
+"""(12,) the names of the lengths."""
 SPINE_LOW, SPINE_UP, NECK, SHOULDER, ARM, FORE, HAND, HIP, THIGH, SHIN, FOOT, GIRTH = range(12)
+"""The numbers of the lengths; the girth comes last."""
 
 REFERENCE_HEIGHT = 1.75
+"""Metres from sole to crown of an adult with the reference lengths."""
 REFERENCE_LENGTHS = np.array([0.12, 0.31, 0.18, 0.185, 0.285, 0.25, 0.085, 0.085, 0.43, 0.41, 0.14, 1.0])
 """(12,) metres of an adult of the reference height; the girth is a factor on every radius."""
+
+
+def by_frame(usual: float, others: dict[int, float]) -> Float:
+    """(13,) a weight for each frame: ``usual``, but for the frames in ``others``."""
+    made = np.full(len(FRAME_PARENTS), usual)
+    for frame, weight in others.items():
+        made[frame] = weight
+    return made
 
 
 def lengths_for_height(height: float) -> Float:
@@ -62,7 +76,7 @@ def height_of(lengths: Float) -> float:
 def _offset(
     x: dict[int, float] | None = None, y: dict[int, float] | None = None, z: dict[int, float] | None = None
 ) -> Float:
-    """(3, 12) an offset whose coordinates are linear combinations of the lengths."""
+    """(3, 12) an offset in a frame; each coordinate is a linear combination of the lengths."""
     made = np.zeros((3, len(LENGTHS)))
     for row, terms in enumerate((x, y, z)):
         for length, factor in (terms or {}).items():
@@ -71,7 +85,7 @@ def _offset(
 
 
 def _pivots() -> Float:
-    """(13, 3, 12) where each frame turns, in its parent's frame."""
+    """(13, 3, 12) the pivot of each frame in its parent's frame."""
     down_arm, down_thigh, down_shin = _offset(y={ARM: -1}), _offset(y={THIGH: -1}), _offset(y={SHIN: -1})
     shoulder = {side: _offset(x={SHOULDER: side}, y={SPINE_UP: 1, SHOULDER: -0.25}) for side in (1, -1)}
     hip = {side: _offset(x={HIP: side}, y={HIP: -0.9}) for side in (1, -1)}
@@ -102,7 +116,7 @@ class Capsules:
         frame: (C,) the frame that carries it.
         ends: (C, 2, 3, 12) both ends in that frame, linear in the lengths.
         radii: (C, 2) metres at girth 1.
-        joint: (C,) the joint whose confidence it supports.
+        joint: (C,) the joint that its observed points support.
     """
 
     frame: Int
@@ -112,7 +126,7 @@ class Capsules:
 
 
 def _capsules() -> Capsules:
-    """The body's surface."""
+    """The capsules of the body's surface."""
     rows: list[tuple[int, Float, Float, float, float, int]] = []
     for side in (1, -1):
         x = {HIP: 0.95 * side}
@@ -155,8 +169,8 @@ def _capsules() -> Capsules:
 def _joints() -> tuple[Int, Float]:
     """(20,) frames and (20, 3, 12) offsets of the tracked joints.
 
-    Where the model turns and where a joint's name belongs differ by centimetres: the back bends below the
-    spine joint, the middle of the head lies before the neck's end.
+    A tracked joint lies some centimetres off the model's pivot: the back bends below the spine joint, and
+    the middle of the head lies in front of the neck's end.
     """
     zero, wrist, hand = _offset(), _offset(y={FORE: -1}), _offset(y={FORE: -1, HAND: -1})
     ankle, toe = _offset(y={SHIN: -1.05}), _offset(y={FOOT: -0.4}, z={FOOT: 0.88})
@@ -170,8 +184,11 @@ def _joints() -> tuple[Int, Float]:
 
 
 PIVOTS = _pivots()
+"""(13, 3, 12) see :func:`_pivots`."""
 CAPSULES = _capsules()
+"""The 20 capsules of the body's surface."""
 JOINT_FRAMES, JOINT_OFFSETS = _joints()
+"""(20,) and (20, 3, 12) see :func:`_joints`."""
 
 
 def _degrees_of_freedom() -> tuple[Int, Int]:
@@ -181,9 +198,11 @@ def _degrees_of_freedom() -> tuple[Int, Int]:
 
 
 DOF_FRAME, DOF_AXIS = _degrees_of_freedom()
+"""(27,) and (27,) see :func:`_degrees_of_freedom`."""
 DOFS = 3 + len(DOF_FRAME)
-"""Translation, then rotations; the lengths follow in the fit's unknowns."""
+"""The number of unknowns of a posture: translation first, then rotations."""
 UNKNOWNS = DOFS + len(LENGTHS)
+"""The number of unknowns of a fit with free lengths, which come last."""
 
 
 def _ancestry() -> Int:
@@ -198,10 +217,11 @@ def _ancestry() -> Int:
 
 
 MOVES = _ancestry()
+"""(13, 27) see :func:`_ancestry`."""
 
 
 def _bone_frames() -> Int:
-    """(20,) the frame along which the bone that ends at each joint lies."""
+    """(20,) the frame of the bone that ends at each joint."""
     trunk = [PELVIS, PELVIS, CHEST, HEAD]
     arms = [CHEST, UPPER_ARM_L, FOREARM_L, FOREARM_L, CHEST, UPPER_ARM_R, FOREARM_R, FOREARM_R]
     legs = [PELVIS, THIGH_L, SHIN_L, FOOT_L, PELVIS, THIGH_R, SHIN_R, FOOT_R]
@@ -209,10 +229,11 @@ def _bone_frames() -> Int:
 
 
 BONE_FRAMES = _bone_frames()
+"""(20,) see :func:`_bone_frames`."""
 
 
 def _frame_lengths() -> Int:
-    """(13, 1 + 12) for each frame: how many lengths move what it carries, and which, the girth last."""
+    """(13, 1 + 12) by frame: the number of lengths that move its points, then these, the girth last."""
     table = np.zeros((13, 1 + len(LENGTHS)), np.int64)
     of_pivot = np.zeros((13, len(LENGTHS)), bool)
     for frame in range(13):
@@ -227,3 +248,4 @@ def _frame_lengths() -> Int:
 
 
 FRAME_LENGTHS = _frame_lengths()
+"""(13, 1 + 12) see :func:`_frame_lengths`."""

@@ -1,7 +1,7 @@
-"""Bringing the body model to a few targets: damped Gauss-Newton of anchors on its bones, compiled.
+"""Alignment of the body model with a few targets: damped Gauss-Newton of anchors on its bones, compiled.
 
-No surface, no silhouette: it takes a posture from anywhere to about where somebody's head, hands and feet
-were seen, so that the fit proper can begin.
+It uses no surface and no silhouette. It takes a posture from anywhere to about where a person's head, hands
+and feet were seen, so that the fit proper can begin.
 """
 
 from __future__ import annotations
@@ -12,15 +12,24 @@ from enliven.arrays import Float, Int
 from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking.body_model import Posture, forward_into, joint_limits, model
 from enliven_edge.tracking.fit import terms
-from enliven_edge.tracking.fit.gauss_newton import solve_damped, stepped
-from enliven_edge.tracking.fit.normal_equations import add_place, gather, no_sums
+from enliven_edge.tracking.fit.gauss_newton import (
+    FIRST_DAMPING,
+    LEAST_DAMPING,
+    LOWER,
+    MOST_DAMPING,
+    RAISE,
+    solve_damped,
+    stepped,
+)
+from enliven_edge.tracking.fit.normal_equations import add_place, empty_sums, gather
 
-_SQUARE_CM = 1e4
-_RANGES, _RELAXED = 100.0, 1.5
-_REST = joint_limits.standing()
-_EASE = np.full(13, _RELAXED)
-_EASE[model.PELVIS] = 0.0
-_EASE[[model.CHEST, model.HEAD]] = 15.0, 10.0
+_ENOUGH = 1e-3
+"""Share of the energy that a step must gain for another one to be worth it: the fit proper does the rest."""
+_RANGES = 100.0
+"""Weight of the joints' ranges, square centimetres a square radian."""
+_EASE = model.by_frame(1.5, {model.PELVIS: 0.0, model.CHEST: 15.0, model.HEAD: 10.0})
+"""(13,) weights of standing relaxed, square centimetres a square radian: few targets say little of the trunk,
+and nothing holds the direction that the pelvis faces."""
 _SKELETON = (
     model.FRAME_PARENTS,
     model.PIVOTS,
@@ -29,7 +38,9 @@ _SKELETON = (
     model.DOF_AXIS,
     model.FRAME_LENGTHS,
 )
-_LIMITS = (joint_limits.MIDDLE, joint_limits.REACH, _REST, _EASE)
+"""The arguments of the compiled alignment that the model gives."""
+_LIMITS = (joint_limits.MIDDLE, joint_limits.REACH, joint_limits.RELAXED, _EASE)
+"""The middle and the reach of the joints' ranges, the relaxed posture and its weights."""
 
 
 def align(
@@ -42,7 +53,7 @@ def align(
     width: float = 0.2,
     iterations: int = 20,
 ) -> tuple[Posture, float]:
-    """The posture near ``start`` whose anchors are at the targets, its lengths kept; and its energy.
+    """The posture near ``start`` with its anchors at the targets and its lengths kept; and its energy.
 
     Args:
         frames: (A,) the frame that carries each anchor.
@@ -65,14 +76,14 @@ def _align(  # type: ignore[no-untyped-def]
     position, rotations, lengths, frames, local, targets, weights, width, skeleton, limits, iterations
 ):
     """Levenberg-Marquardt, the posture in place; returns the energy."""
-    matrix, gradient = np.zeros((30, 30)), np.zeros(30)
-    trial_matrix, trial_gradient = np.zeros((30, 30)), np.zeros(30)
-    step, factor = np.empty(30), np.empty((30, 30))
+    matrix, gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
+    trial_matrix, trial_gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
+    step, factor = np.empty(model.DOFS), np.empty((model.DOFS, model.DOFS))
     wanted = (frames, local, targets, weights)
     energy = _normal_equations(
         matrix, gradient, position, rotations, lengths, wanted, width, skeleton, limits
     )
-    damping = 1e-2
+    damping = FIRST_DAMPING
     for _ in range(iterations):
         solve_damped(step, factor, matrix, gradient, damping)
         moved = stepped(position, rotations, lengths, step, skeleton[3], skeleton[4])
@@ -80,8 +91,8 @@ def _align(  # type: ignore[no-untyped-def]
             trial_matrix, trial_gradient, moved[0], moved[1], lengths, wanted, width, skeleton, limits
         )
         if not lower < energy:
-            damping *= 8.0
-            if damping > 1e4:
+            damping *= RAISE
+            if damping > MOST_DAMPING:
                 break
             continue
         gain, energy = energy - lower, lower
@@ -90,8 +101,8 @@ def _align(  # type: ignore[no-untyped-def]
             copy_rows(rotations[f], moved[1][f])
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
-        damping = max(1e-6, damping / 4.0)
-        if gain < 1e-3 * energy:
+        damping = max(LEAST_DAMPING, damping / LOWER)
+        if gain < _ENOUGH * energy:
             break
     return energy
 
@@ -100,7 +111,7 @@ def _align(  # type: ignore[no-untyped-def]
 def _normal_equations(  # type: ignore[no-untyped-def]
     matrix, gradient, position, rotations, lengths, wanted, width, skeleton, limits
 ):
-    """Of the targets (square centimetres by their weights), the joints' ranges and standing relaxed."""
+    """Writes the normal equations of targets, joint ranges and relaxation; returns the energy, square cm."""
     frames, local, targets, weights = wanted
     parents, offsets, moves, dof_frame, dof_axis, lengths_of = skeleton
     middle, reach, rest, ease = limits
@@ -109,7 +120,7 @@ def _normal_equations(  # type: ignore[no-untyped-def]
     forward_into(world, pivots, position, rotations, lengths, parents, offsets)
     frozen = np.empty((13, 3, 0))
     body = (world, pivots, frozen, moves, dof_frame, dof_axis, lengths_of, parents)
-    sums = no_sums(len(world), np.int64(0))
+    sums = empty_sums(len(world), np.int64(0))
     point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, 0))
     energy = 0.0
     for i in range(len(frames)):
@@ -121,8 +132,8 @@ def _normal_equations(  # type: ignore[no-untyped-def]
             apart[a] = point[a] - targets[i, a]
             square += apart[a] ** 2
         cost, doubt = terms.robust(np.sqrt(square), width)
-        energy += weights[i] * _SQUARE_CM * cost
-        add_place(sums, frames[i], point, apart, stretch, lengths_of, weights[i] * _SQUARE_CM * doubt)
+        energy += weights[i] * terms.SQUARE_CM * cost
+        add_place(sums, frames[i], point, apart, stretch, lengths_of, weights[i] * terms.SQUARE_CM * doubt)
     gather(matrix, gradient, sums, body)
     energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, _RANGES, dof_frame, dof_axis)
     energy += terms.stay_near(matrix, gradient, rotations, rest, ease, dof_frame, dof_axis)

@@ -1,8 +1,8 @@
-"""The data term of the fit, compiled: observed points lie on the surface of the body.
+"""The data term of the fit, compiled: it draws the surface of the body to the observed points.
 
 A point on a capsule with the axis s + t d, outward normal n and parameter t has the residual r = distance -
-radius, which falls by n . dx where the axis moves by dx and by dR where the radius R grows. All that the
-points of a capsule say is in the weighted moments
+radius, which falls by n . dx where the axis moves by dx and by dR where the radius R grows. The points of a
+capsule enter the normal equations only by the weighted moments
 
     sum t^k n n',  sum t^k n,  sum t^k  (k = 0, 1, 2)   and   sum r t^k n,  sum r t^k  (k = 0, 1):
 
@@ -15,27 +15,24 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import FAST, nearest_capsules
+from enliven_edge.tracking.body_model import FAST, model, nearest_capsules
 from enliven_edge.tracking.fit.normal_equations import of_frame
-from enliven_edge.tracking.fit.terms import body_girth
-
-_GIRTH = 11
 
 
 @njit(cache=True, nogil=True)
 def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):  # type: ignore[no-untyped-def]
-    """Every observed point lies on the surface of its nearest capsule.
+    """Adds the term that draws every observed point and the surface of its nearest capsule together.
 
     ``support`` (C,) receives the number of points that each capsule explains within ``width``.
     Returns (energy, share of the points that are explained).
 
     Args:
-        sums: as :func:`wrenches.no_sums` makes them.
+        sums: as :func:`normal_equations.empty_sums` makes them.
         seen, affinity: as :func:`capsules.nearest_capsules` takes them.
         surface: as the other terms take it, see :mod:`terms`.
     """
     total, pull, cross, own, tug = sums
-    ends, radii, capsule_frame, by_ends, lengths_of = surface
+    ends, radii, capsule_frame, by_ends, lengths_of, girth = surface
     many = max(1, seen.shape[1])
     which = np.empty(seen.shape[1], np.int32)
     nearest_capsules(which, seen, affinity, ends, radii, np.float32(side))
@@ -54,17 +51,17 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
         firsts *= scale
         powers *= scale
         start, way = ends[c, 0], ends[c, 1] - ends[c, 0]
-        _add_wrenches(total[f], pull[f], squares, firsts, start, way)
+        _add_pose_terms(total[f], pull[f], squares, firsts, start, way)
         if len(tug) > 0:
-            growth = radii[c] / body_girth(radii)
+            growth = radii[c] / girth
             along, moved = (start, way, by_ends[c], growth), of_frame(lengths_of, f, len(tug))
-            _add_lengths(cross[f], own, tug, squares, firsts, powers, along, moved)
+            _add_length_terms(cross[f], own, tug, squares, firsts, powers, along, moved)
     return weight / many * energy, explained / many
 
 
 @njit(cache=True, nogil=True)
 def _by_capsule(which, seen, count):  # type: ignore[no-untyped-def]
-    """(3, M) the points in the order of their capsules, and (C + 1,) where each capsule's begin."""
+    """(3, M) the points sorted by capsule, and (C + 1,) the first point of each capsule."""
     first = np.zeros(count + 1, np.int64)
     for c in which:
         first[c + 1] += 1
@@ -83,8 +80,8 @@ def _by_capsule(which, seen, count):  # type: ignore[no-untyped-def]
 def _moments(squares, firsts, powers, points, here, axis, width):  # type: ignore[no-untyped-def]
     """The moments of a capsule's points by their robust weights; returns (energy, points within ``width``).
 
-    Written out in single precision, so that many points are summed at once: this is what a frame's fit does
-    most.
+    Written out in single precision, so that many points are summed at once: most of a frame's fit is spent
+    here.
 
     Args:
         squares: (3, 3, 3) receives sum w t^k n n'.
@@ -157,8 +154,8 @@ def _turned(a, row):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _add_wrenches(total, pull, squares, firsts, start, way):  # type: ignore[no-untyped-def]
-    """The sums of phi phi' and -r phi of a capsule's points, phi = (n, start cross n + way cross t n)."""
+def _add_pose_terms(total, pull, squares, firsts, start, way):  # type: ignore[no-untyped-def]
+    """Adds sum phi phi' and -sum r phi of a capsule's points, phi = (n, start cross n + way cross t n)."""
     # By rows of n: u[a] = sum w n_a (x cross n), v the same with t; what is turned twice follows from both.
     u, v = np.empty((3, 3)), np.empty((3, 3))
     for a in range(3):
@@ -180,8 +177,8 @@ def _add_wrenches(total, pull, squares, firsts, start, way):  # type: ignore[no-
 
 
 @njit(cache=True, nogil=True)
-def _add_lengths(cross, own, tug, squares, firsts, powers, axis, lengths):  # type: ignore[no-untyped-def]
-    """What a capsule's points say of the lengths.
+def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths):  # type: ignore[no-untyped-def]
+    """Adds the terms of a capsule's points in the lengths.
 
     A length moves the axis by g + t h and makes the surface thicker by b + t e, at n . (g + t h) + b + t e of
     the residual. Kept by length: sum w n (that), and the same with t.
@@ -195,8 +192,8 @@ def _add_lengths(cross, own, tug, squares, firsts, powers, axis, lengths):  # ty
     here, beyond = np.empty((count, 3)), np.empty((count, 3))
     for m in range(count):
         p = lengths[m]
-        thick = growth[0] if p == _GIRTH else 0.0
-        more = growth[1] - growth[0] if p == _GIRTH else 0.0
+        thick = growth[0] if p == model.GIRTH else 0.0
+        more = growth[1] - growth[0] if p == model.GIRTH else 0.0
         tug[p] -= thick * powers[3] + more * powers[4]
         for a in range(3):
             here[m, a] = thick * firsts[0, a] + more * firsts[1, a]
@@ -216,6 +213,6 @@ def _add_lengths(cross, own, tug, squares, firsts, powers, axis, lengths):  # ty
             for a in range(3):
                 g, h = by_ends[0, a, q], by_ends[1, a, q] - by_ends[0, a, q]
                 value += here[m, a] * g + beyond[m, a] * h
-            if p == _GIRTH and q == _GIRTH:
+            if p == model.GIRTH and q == model.GIRTH:
                 value += thick * (thick * powers[0] + 2 * more * powers[1]) + more * more * powers[2]
             own[q, p] += value

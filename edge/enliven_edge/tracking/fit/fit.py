@@ -13,22 +13,23 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Int
 from enliven_edge.tracking.body_model import Posture, joint_limits, model
 from enliven_edge.tracking.fit.gauss_newton import assemble, minimise
+from enliven_edge.tracking.fit.terms import SQUARE_CM
 from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.settings import FitSettings
 
-_SQUARE_CM = 1e4
 _APART = 0.02
 """Weight of limbs that enter each other against that of all points together."""
-_STIFF = np.ones(13)
-_STIFF[[model.PELVIS, model.CHEST, model.HEAD]] = 1.0, 3.0, 2.0
-_RELAXED = np.ones(13)
-_RELAXED[model.PELVIS] = 0.0
-_RELAXED[[model.CHEST, model.HEAD]] = 12.0, 6.0
-_RELAXED[[model.FOOT_L, model.FOOT_R]] = 3.0
+_STIFF = model.by_frame(1.0, {model.CHEST: 3.0, model.HEAD: 2.0})
+"""(13,) factors on ``FitSettings.temporal``: the trunk turns less between two frames than the limbs do."""
+_RELAXED = model.by_frame(
+    1.0, {model.PELVIS: 0.0, model.CHEST: 12.0, model.HEAD: 6.0, model.FOOT_L: 3.0, model.FOOT_R: 3.0}
+)
+"""(13,) factors on ``FitSettings.rest``: depth says least of the back, the head and the feet, and nothing
+holds the direction that the pelvis faces."""
 
 
 def _touching_pairs() -> Int:
-    """(K, 2) capsules that must stay apart: arms and torso, arm and arm, leg and leg."""
+    """(K, 2) pairs of capsules that must stay apart: an arm and the torso, arm or thigh, leg and leg."""
     frame = model.CAPSULES.frame
     groups = {
         "torso": [c for c, f in enumerate(frame) if f in (model.PELVIS, model.CHEST, model.HEAD)],
@@ -50,7 +51,7 @@ def _touching_pairs() -> Int:
 
 
 def shape() -> tuple[AnyArray, ...]:
-    """The body as the compiled fit takes it."""
+    """The arguments of the compiled fit that describe the body model."""
     c = model.CAPSULES
     skeleton = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
     surface = (c.frame, c.ends, c.radii, model.FRAME_LENGTHS, _touching_pairs())
@@ -58,9 +59,10 @@ def shape() -> tuple[AnyArray, ...]:
 
 
 Prior = tuple[Float, Float, Float, Float, Float, Float, Float, Float]
+"""What :func:`gauss_newton.minimise` takes as its ``prior``."""
 _SHAPE = shape()
-_REST = joint_limits.standing()
 _NO_LENGTHS = np.zeros(0)
+"""The weights of no lengths: they are frozen."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,9 @@ class FitReport:
 
     Attributes:
         energy: the minimised energy, square centimetres a point.
-        explained: share of the person's points within the robust width of the model.
+        explained: the share of the person's points within the robust width of the model.
         support: (C,) observed points that each capsule explains.
-        violated: (C,) share of each capsule that the camera saw through.
+        violated: (C,) the share of each capsule that the camera saw through.
     """
 
     energy: float
@@ -96,7 +98,7 @@ class Fitter:
         width: float | None = None,
         proportions: Float | None = None,
     ) -> tuple[Posture, FitReport]:
-        """The posture near ``start`` that explains the observation best.
+        """The posture near ``start`` that explains the observation best, and a report.
 
         Args:
             predicted: the posture that time suggests; None where nothing is known (detection).
@@ -115,7 +117,7 @@ class Fitter:
         return made, FitReport(float(energy), float(explained), support, violated)
 
     def information(self, posture: Posture, observation: Observation) -> Float:
-        """(30, 30) upper triangle of the Gauss-Newton matrix of what one frame says, lengths held."""
+        """(30, 30) the upper triangle of the Gauss-Newton matrix of one frame, with the lengths frozen."""
         matrix, gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
         count = len(model.CAPSULES.frame)
         state = (posture.position, posture.rotations, posture.lengths)
@@ -125,18 +127,18 @@ class Fitter:
         return matrix
 
     def _prior(self, start: Posture, predicted: Posture | None, proportions: Float | None) -> Prior:
-        """What holds a posture besides the frame: time, relaxation, the joints' ranges, the build."""
+        """The terms besides the frame's: prediction, relaxation, joint ranges and proportions."""
         s = self.settings
         firmness = _NO_LENGTHS if proportions is None else proportions
         stiffness = np.zeros(13) if predicted is None else s.temporal * _STIFF
         expected = start.rotations if predicted is None else predicted.rotations
-        held = (expected, stiffness, _REST, s.rest * _RELAXED)
+        held = (expected, stiffness, joint_limits.RELAXED, s.rest * _RELAXED)
         return (*held, joint_limits.MIDDLE, joint_limits.REACH, start.lengths.copy(), firmness)
 
     def _weights(self, width: float | None) -> Float:
-        """(7,) as the compiled fit takes them."""
+        """(7,) the weights of :func:`gauss_newton.minimise`."""
         s = self.settings
         doubted = s.width if width is None else width
-        pairs, floor = _APART * _SQUARE_CM, s.floor * _SQUARE_CM
-        surface = (_SQUARE_CM, s.free_space * _SQUARE_CM, pairs, s.ranges, doubted, floor)
-        return np.array([*surface, s.landmarks * _SQUARE_CM])
+        pairs, floor = _APART * SQUARE_CM, s.floor * SQUARE_CM
+        surface = (SQUARE_CM, s.free_space * SQUARE_CM, pairs, s.ranges, doubted, floor)
+        return np.array([*surface, s.landmarks * SQUARE_CM])

@@ -8,25 +8,37 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import copy_row, copy_rows, njit
-from enliven_edge.tracking.body_model import capsules_into, forward_into, pivots_by_length, turn
+from enliven_edge.tracking.body_model import capsules_into, forward_into, model, pivots_by_length, turn
 from enliven_edge.tracking.fit import data_term, terms
-from enliven_edge.tracking.fit.normal_equations import gather, no_sums
+from enliven_edge.tracking.fit.normal_equations import empty_sums, gather
 
-_DOFS = 30
 _SIDE = 0.04
-"""Metres; see :func:`capsules.nearest_capsules`."""
+"""Metres of cost of a surface seen from the side, see :func:`capsules.nearest_capsules`: about the radius of
+a forearm."""
 _FREE_WIDTH = 0.25
 """Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
-_SAMPLES, _PAIR_SAMPLES = np.int64(5), np.int64(3)
-"""Points along a capsule, and along the first of a pair. As plain ints they would be types of their own."""
+_SAMPLES = np.int64(5)
+"""Points along a capsule that are tested for free space. A plain int would be a type of its own to Numba."""
+_PAIR_SAMPLES = np.int64(3)
+"""Points along the first capsule of a pair that are kept out of the second."""
 _SCALE = 0.1
-"""How much less a person's size is held than their proportions."""
+"""Weight of a person's size over that of the proportions: people differ more in size."""
 _FLOOR_SLACK = 0.02
-"""Metres that the floor may be wrong."""
+"""Metres by which the floor may lie higher than where it was found."""
 _ENOUGH = 1e-4
 """Share of the energy that a step must gain for another one to be worth it."""
 _LARGEST_TURN = 0.5
-"""Radians a joint in one step."""
+"""Radians of rotation of a joint in one step at most: beyond, the linearisation does not hold."""
+FIRST_DAMPING = 1e-2
+"""Damping of the first step, as a share of the matrix's diagonal: nearly a Gauss-Newton step."""
+RAISE = 8.0
+"""Factor on the damping after a step that was rejected."""
+LOWER = 4.0
+"""Divisor of the damping after a step that was accepted."""
+LEAST_DAMPING = 1e-6
+"""Damping at the least: less changes no step."""
+MOST_DAMPING = 1e4
+"""Damping beyond which no step lowers the energy any more."""
 
 
 @njit(cache=True, nogil=True)
@@ -46,14 +58,14 @@ def minimise(  # type: ignore[no-untyped-def]
         support: (C,) receives the points that each capsule explains.
         violated: (C,) receives the share of each capsule that was seen through.
     """
-    count = _DOFS + len(prior[7])
+    count = model.DOFS + len(prior[7])
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
     trial_matrix, trial_gradient = np.zeros((count, count)), np.zeros(count)
     step, factor = np.empty(count), np.empty((count, count))
     tried, tried_violated = np.empty_like(support), np.empty_like(violated)
     state = (position, rotations, lengths)
     energy, explained = assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated)
-    damping = 1e-2
+    damping = FIRST_DAMPING
     for _ in range(iterations):
         solve_damped(step, factor, matrix, gradient, damping)
         moved = stepped(position, rotations, lengths, step, shape[3], shape[4])
@@ -61,8 +73,8 @@ def minimise(  # type: ignore[no-untyped-def]
             trial_matrix, trial_gradient, moved, seen, shape, prior, weights, tried, tried_violated
         )
         if not lower < energy:
-            damping *= 8.0
-            if damping > 1e4:
+            damping *= RAISE
+            if damping > MOST_DAMPING:
                 break
             continue
         gain = energy - lower
@@ -74,7 +86,7 @@ def minimise(  # type: ignore[no-untyped-def]
         copy_row(violated, tried_violated)
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
-        energy, explained, damping = lower, better, max(1e-6, damping / 4.0)
+        energy, explained, damping = lower, better, max(LEAST_DAMPING, damping / LOWER)
         if gain < _ENOUGH * energy:
             break
     return energy, explained
@@ -90,7 +102,7 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
     matrix[:], gradient[:] = 0.0, 0.0
     free = len(firmness)
     body, surface = _placed(position, rotations, lengths, shape, free)
-    sums = no_sums(len(rotations), free)
+    sums = empty_sums(len(rotations), free)
     energy, explained = data_term.depth_to_model(
         sums, observed, affinity, surface, weights[0], weights[4], _SIDE, support
     )
@@ -119,7 +131,7 @@ def _placed(position, rotations, lengths, shape, free):  # type: ignore[no-untyp
     ends, radii, by_ends = np.empty((count, 2, 3)), np.empty((count, 2)), np.empty((count, 2, 3, free))
     capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
     terms.ends_by_length(by_ends, body, frames, local)
-    return body, (ends, radii, frames, by_ends, lengths_of)
+    return body, (ends, radii, frames, by_ends, lengths_of, lengths[model.GIRTH])
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
@@ -157,13 +169,13 @@ def solve_damped(step, factor, matrix, gradient, damping):  # type: ignore[no-un
 def stepped(position, rotations, lengths, step, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
     """(position, rotations, lengths) after a step, which is cut to half a radian a joint."""
     largest = 1e-9
-    for k in range(3, _DOFS):
+    for k in range(3, model.DOFS):
         largest = max(largest, abs(step[k]))
     share = min(1.0, _LARGEST_TURN / largest)
     moved, turned, longer = position.copy(), rotations.copy(), lengths.copy()
     for a in range(3):
         moved[a] += share * step[a]
-    turn(turned, share * step[3:_DOFS], dof_frame, dof_axis)
-    for p in range(len(step) - _DOFS):
-        longer[p] *= min(1.25, max(0.8, 1.0 + share * step[_DOFS + p] / lengths[p]))
+    turn(turned, share * step[3 : model.DOFS], dof_frame, dof_axis)
+    for p in range(len(step) - model.DOFS):
+        longer[p] *= min(1.25, max(0.8, 1.0 + share * step[model.DOFS + p] / lengths[p]))
     return moved, turned, longer

@@ -1,11 +1,11 @@
 """The normal equations of a body of frames, from sums by frame.
 
-A residual r of a point x that a frame carries changes by n . dx, with a vector n. Moving the frame by the
-twist (v, w) about the world's origin makes that phi . (v, w), with the wrench
+A residual r of a point x that a frame carries changes by n . dx, with a vector n. When the frame moves by the
+twist (v, w) about the world's origin, this change is phi . (v, w), with the wrench
 
     phi = (n, x cross n),
 
-and a bone's length p, which moves the point by dx/dp, makes it l_p = n . dx/dp. So the terms of the fit add
+and when a bone's length p moves the point by dx/dp, it is l_p = n . dx/dp. So the terms of the fit add
 only phi phi', r phi and their like with l to the sums of the frame; and as phi is in the world's frame, what
 an unknown moves has the sums of its frame and of all frames beyond it (composite rigid bodies, Walker and
 Orin 1982). Two unknowns share the points of the one farther out, so the normal equations are gathered from
@@ -19,15 +19,15 @@ import numpy as np
 from enliven.kernels import njit
 
 _MOVES = 3
-"""Unknowns of the translation; turns follow, then lengths."""
+"""Unknowns of the translation; rotations follow, then lengths."""
 
 
 @njit(cache=True, nogil=True)
-def no_sums(frames, lengths):  # type: ignore[no-untyped-def]
-    """Empty sums of so many frames and lengths, 0 where those are frozen.
+def empty_sums(frames, lengths):  # type: ignore[no-untyped-def]
+    """The sums of no residuals, for so many frames and lengths; 0 lengths where they are frozen.
 
-    (total (F, 6, 6), pull (F, 6), cross (F, 6, L), own (L, L), tug (L,)): by frame the weighted sums of
-    phi phi', r phi and phi l', and of all frames together those of l l' and r l.
+    Returns (total (F, 6, 6), pull (F, 6), cross (F, 6, L), own (L, L), tug (L,)): by frame the weighted sums
+    of phi phi', r phi and phi l', and of all frames together those of l l' and r l.
     """
     total, pull = np.zeros((frames, 6, 6)), np.zeros((frames, 6))
     return total, pull, np.zeros((frames, 6, lengths)), np.zeros((lengths, lengths)), np.zeros(lengths)
@@ -35,7 +35,7 @@ def no_sums(frames, lengths):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight):  # type: ignore[no-untyped-def]
-    """A residual along one direction.
+    """Adds a residual along one direction to the sums.
 
     Args:
         normal: (3,) n, world frame.
@@ -63,11 +63,11 @@ def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight): 
 
 @njit(cache=True, nogil=True)
 def add_place(sums, frame, point, apart, stretch, lengths_of, weight):  # type: ignore[no-untyped-def]
-    """The three residuals of a point that should be somewhere.
+    """Adds the three residuals of a point with a target to the sums.
 
     Args:
-        point: (3,) metres, world frame, where it is.
-        apart: (3,) from where it should be.
+        point: (3,) metres, world frame.
+        apart: (3,) metres, the point less its target.
         stretch: (3, L) the point's derivatives by the lengths; (3, 0) where they are frozen.
     """
     total, pull, cross, own, tug = sums
@@ -97,7 +97,7 @@ def add_place(sums, frame, point, apart, stretch, lengths_of, weight):  # type: 
 
 @njit(cache=True, nogil=True)
 def of_frame(lengths_of, frame, lengths):  # type: ignore[no-untyped-def]
-    """Which of the lengths move what a frame carries; none of 0."""
+    """The lengths that move the points of a frame; none where all are frozen."""
     return lengths_of[frame, 1 : 1 + (lengths_of[frame, 0] if lengths > 0 else 0)]
 
 
@@ -150,7 +150,7 @@ def _turns(world, pivots, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):  # type: ignore[no-untyped-def]
-    """The part of translation and turns; ``total`` and ``pull`` are those of all that a frame moves."""
+    """Adds the part of translation and rotations; ``total`` and ``pull`` are of all that a frame moves."""
     product = np.empty(6)
     for a in range(_MOVES):
         gradient[a] += pull[0, a]

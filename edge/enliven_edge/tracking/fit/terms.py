@@ -1,12 +1,14 @@
 """The terms of the fit, compiled: each adds its squared residuals to the normal equations of Gauss-Newton.
 
 The unknowns are ordered translation (3), rotations (27), lengths (12). A residual r with the row J of its
-derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and w r^2 to the energy: those of
-points that a frame carries by way of the sums of :mod:`wrenches`, the others at once.
+derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and w r^2 to the energy.
+Residuals of points that a frame carries are added through the sums of :mod:`normal_equations`, the others
+directly.
 
-What is called *surface* is (ends (C, 2, 3), radii (C, 2), frames (C,), by_ends (C, 2, 3, L), lengths_of): the
-capsules, metres, world frame, the frames that carry them, the derivatives of their ends by the lengths, and
-``model.FRAME_LENGTHS``. L is 12, or 0 where the lengths are frozen.
+*surface* stands for (ends (C, 2, 3), radii (C, 2), frames (C,), by_ends (C, 2, 3, L), lengths_of, girth): the
+capsules, metres, world frame, the frames that carry them, the derivatives of their ends by the lengths,
+``model.FRAME_LENGTHS``, and the body's girth, a factor on all radii. L is 12, or 0 where the lengths are
+frozen.
 """
 
 from __future__ import annotations
@@ -14,17 +16,17 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import deviation_into
+from enliven_edge.tracking.body_model import deviation_into, model
 from enliven_edge.tracking.fit.normal_equations import add_place, add_ray, of_frame
 from enliven_edge.tracking.frame import nearest_pixel
 
-_DOFS = 30
-_GIRTH = 11
+SQUARE_CM = 1e4
+"""Square centimetres of a square metre: energies are in them, residuals in metres."""
 
 
 @njit(cache=True, nogil=True)
 def _add_few(matrix, gradient, filled, values, count, residual, weight):  # type: ignore[no-untyped-def]
-    """One weighted residual into the upper triangle of the normal equations.
+    """Adds one weighted residual to the upper triangle of the normal equations.
 
     Its row has only ``count`` entries that are not zero, the ``values`` at ``filled``, in rising order.
     """
@@ -57,7 +59,7 @@ def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no
         row[3 + k] += scale * (
             normal[0] * (ay * z - az * y) + normal[1] * (az * x - ax * z) + normal[2] * (ax * y - ay * x)
         )
-    if len(row) == _DOFS:
+    if len(row) == model.DOFS:
         return
     nx, ny, nz = normal
     tx = nx * world[frame, 0, 0] + ny * world[frame, 1, 0] + nz * world[frame, 2, 0]
@@ -66,7 +68,7 @@ def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no
     for p in range(local.shape[1]):
         moved = nx * by_length[frame, 0, p] + ny * by_length[frame, 1, p] + nz * by_length[frame, 2, p]
         moved += tx * local[0, p] + ty * local[1, p] + tz * local[2, p]
-        row[_DOFS + p] += scale * moved
+        row[model.DOFS + p] += scale * moved
 
 
 @njit(cache=True, nogil=True)
@@ -75,12 +77,6 @@ def robust(residual, width):  # type: ignore[no-untyped-def]
     ratio = residual / width
     w = 1.0 / (1.0 + ratio * ratio)
     return residual * residual * w, w * w
-
-
-@njit(cache=True, nogil=True)
-def body_girth(radii):  # type: ignore[no-untyped-def]
-    """The girth factor, recovered from the first capsule's radius (its radius at girth 1 is 0.115 m)."""
-    return radii[0, 0] / 0.115
 
 
 @njit(cache=True, nogil=True)
@@ -114,7 +110,7 @@ def _stretch(out, normal, by_ends, t, frame, lengths_of):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def free_space(sums, surface, view, weight, width, samples, violated):  # type: ignore[no-untyped-def]
-    """No limb where the camera saw through, and none in front of what it saw.
+    """Adds the term against limbs where the camera saw through, or in front of what it saw.
 
     Points along every capsule's axis are projected. Outside the person's silhouette they are drawn to the
     nearest pixel of it, unless something nearer hides them or nothing is known there; inside it, a surface
@@ -125,7 +121,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):  # type: 
             person's pixels, (h, w) of :func:`observation.nearest_columns`, (4,) fx, fy, cx, cy, and (4, 4).
         violated: (C,) receives the share of each capsule's samples seen through.
     """
-    ends, radii, capsule_frame, by_ends, lengths_of = surface
+    ends, radii, capsule_frame, by_ends, lengths_of, girth = surface
     depth, mask, nearest, camera, pose = view
     normal, point, stretch = np.empty(3), np.empty(3), np.empty(len(sums[4]))
     first, last = np.empty(3), np.empty(3)
@@ -168,7 +164,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):  # type: 
                 point[a] = ends[c, 0, a] + t * (ends[c, 1, a] - ends[c, 0, a])
             _stretch(stretch, normal, by_ends[c], t, capsule_frame[c], lengths_of)
             if inside and len(stretch) > 0:
-                stretch[_GIRTH] += radius / body_girth(radii)
+                stretch[model.GIRTH] += radius / girth
             cost, w = robust(residual, width)
             energy += per_sample * cost
             add_ray(sums, capsule_frame[c], normal, point, stretch, lengths_of, residual, per_sample * w)
@@ -186,8 +182,8 @@ def _in_camera(out, pose, point):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):  # type: ignore[no-untyped-def]
-    """Limbs do not enter each other: samples on the first capsule of a pair stay outside the second."""
-    ends, radii, capsule_frame, by_ends, _ = surface
+    """Adds the term that keeps samples on the first capsule of each pair out of the second."""
+    ends, radii, capsule_frame, by_ends, _, _ = surface
     filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
     normal, point, centre = np.empty(3), np.empty(3), np.empty(3)
     energy = 0.0
@@ -240,8 +236,8 @@ def _clear(one, thick, other, broad):  # type: ignore[no-untyped-def]
 def _parting_row(filled, values, first, second, normal, body):  # type: ignore[no-untyped-def]
     """normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
 
-    What carries both points turns that line without making it longer, so only the unknowns that move one of
-    them count: a few of the forearm against the chest. Returns how many were filled.
+    An unknown that moves both points turns that line without making it longer, so only the unknowns that move
+    one of them count: a few for the forearm against the chest. Returns the number of filled entries.
 
     Args:
         first, second: the frame, the (3,) point, (2, 3, L) the derivatives of its capsule's ends by the
@@ -269,15 +265,15 @@ def _parting_row(filled, values, first, second, normal, body):  # type: ignore[n
         for a in range(3):
             here = (1.0 - t) * by_one[0, a, p] + t * by_one[1, a, p]
             apart += normal[a] * ((1.0 - along) * by_other[0, a, p] + along * by_other[1, a, p] - here)
-        filled[count], values[count] = _DOFS + p, apart
+        filled[count], values[count] = model.DOFS + p, apart
         count += 1
     return count
 
 
 @njit(cache=True, nogil=True)
 def above_floor(sums, surface, weight, slack):  # type: ignore[no-untyped-def]
-    """No limb below the floor at y = 0: the lowest point of both ends of every capsule, ``slack`` allowed."""
-    ends, radii, capsule_frame, by_ends, lengths_of = surface
+    """Adds the term that keeps the balls at both ends of every capsule above y = -``slack`` metres."""
+    ends, radii, capsule_frame, by_ends, lengths_of, girth = surface
     down, stretch = np.array([0.0, -1.0, 0.0]), np.empty(len(sums[4]))
     energy = 0.0
     for c in range(len(ends)):
@@ -287,7 +283,7 @@ def above_floor(sums, surface, weight, slack):  # type: ignore[no-untyped-def]
                 continue
             _stretch(stretch, down, by_ends[c], float(e), capsule_frame[c], lengths_of)
             if len(stretch) > 0:
-                stretch[_GIRTH] += radii[c, e] / body_girth(radii)
+                stretch[model.GIRTH] += radii[c, e] / girth
             energy += weight * residual * residual
             add_ray(sums, capsule_frame[c], down, ends[c, e], stretch, lengths_of, residual, weight)
     return energy
@@ -295,10 +291,10 @@ def above_floor(sums, surface, weight, slack):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):  # type: ignore[no-untyped-def]
-    """Joints are near where something else than the surface puts them: weight w |p - landmark|^2, robustly.
+    """Adds the term that draws joints p to their landmarks: weight w |p - landmark|^2, robustly.
 
     Args:
-        landmarks: (20, 5) x, y, z, the weight w and the robust width of each joint; (0, 5): there are none.
+        landmarks: (20, 5) x, y, z, the weight w and the robust width of each joint; (0, 5) without landmarks.
         frames, local: (20,) and (20, 3, 12) the joints on the model.
     """
     point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, len(sums[4])))
@@ -321,7 +317,7 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):  # ty
 
 @njit(cache=True, nogil=True)
 def carried(point, frame, local, lengths, body):  # type: ignore[no-untyped-def]
-    """(3,) where a frame carries a point that is linear in the lengths, into ``point``."""
+    """Writes the (3,) place of a point that a frame carries, linear in the lengths, into ``point``."""
     world, pivots = body[0], body[1]
     for a in range(3):
         point[a] = pivots[frame, a]
@@ -335,7 +331,7 @@ def carried(point, frame, local, lengths, body):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def hold_build(matrix, gradient, lengths, reference, firmness, scale):  # type: ignore[no-untyped-def]
-    """Proportions stay near the reference's, and the size too, but ``scale`` times as firmly.
+    """Adds the term that keeps proportions near the reference's, and the size ``scale`` times as firmly.
 
     With the relative changes c of the bones and their mean m, the energy is f sum (c - m)^2 + scale f n m^2;
     the girth, which comes last, stands alone: f c^2.
@@ -350,19 +346,19 @@ def hold_build(matrix, gradient, lengths, reference, firmness, scale):  # type: 
     for p in range(bones):
         change = lengths[p] / reference[p] - 1.0 - mean
         energy += f * change * change
-        gradient[_DOFS + p] += f * (change + scale * mean) / reference[p]
+        gradient[model.DOFS + p] += f * (change + scale * mean) / reference[p]
         for q in range(p, bones):
             held = (1.0 if p == q else 0.0) - (1.0 - scale) / bones
-            matrix[_DOFS + p, _DOFS + q] += f * held / (reference[p] * reference[q])
+            matrix[model.DOFS + p, model.DOFS + q] += f * held / (reference[p] * reference[q])
     girth = lengths[bones] / reference[bones] - 1.0
-    matrix[_DOFS + bones, _DOFS + bones] += firmness[bones] / reference[bones] ** 2
-    gradient[_DOFS + bones] += firmness[bones] * girth / reference[bones]
+    matrix[model.DOFS + bones, model.DOFS + bones] += firmness[bones] / reference[bones] ** 2
+    gradient[model.DOFS + bones] += firmness[bones] * girth / reference[bones]
     return energy + scale * f * bones * mean * mean + firmness[bones] * girth * girth
 
 
 @njit(cache=True, nogil=True)
 def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
-    """Every rotation stays near a reference: weight * |log(reference' rotation)|^2 by component."""
+    """Adds the term that keeps rotations near a reference: weight * |log(reference' rotation)|^2."""
     energy = 0.0
     last, turned = -1, np.zeros(3)
     for k in range(len(dof_frame)):
@@ -381,7 +377,7 @@ def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_ax
 
 @njit(cache=True, nogil=True)
 def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, dof_axis):  # type: ignore[no-untyped-def]
-    """Rotations inside their boxes are free; outside, the excess is a residual."""
+    """Adds the term that keeps rotations within their ranges: the excess beyond is a residual."""
     energy = 0.0
     last, turned = -1, np.zeros(3)
     for k in range(len(dof_frame)):

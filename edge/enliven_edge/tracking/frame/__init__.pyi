@@ -1,6 +1,6 @@
-from .depth_survey import Survey, survey
+from .depth_survey import DepthSurvey, survey
 from .frame_check import FrameCheck, flaw_of
-from .frame_timing import Rhythm
+from .frame_timing import FrameTiming
 from .observation import (
     Observation,
     WorkingCamera,
@@ -10,14 +10,14 @@ from .observation import (
     surface_samples,
     world_points,
 )
-from .view import View
+from .view import FrameView
 
 __all__ = [
+    "DepthSurvey",
     "FrameCheck",
+    "FrameTiming",
+    "FrameView",
     "Observation",
-    "Rhythm",
-    "Survey",
-    "View",
     "WorkingCamera",
     "flaw_of",
     "nearest_pixel",

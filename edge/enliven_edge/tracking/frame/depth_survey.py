@@ -1,4 +1,4 @@
-"""What a depth image is like as a whole, in one pass over some of its pixels."""
+"""Statistics of a whole depth image, in one pass over some of its pixels."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from enliven.arrays import UInt16
 from enliven.kernels import njit
 
 _SAMPLES = 12_000
+"""Pixels that are looked at, about: enough for shares to a percent, at a fraction of the cost of all."""
 _NEAR_MM = 300
 """Millimetres: nearer depth is a hand or a cloth before the lens."""
 
 
 @dataclass(frozen=True)
-class Survey:
-    """One image.
+class DepthSurvey:
+    """The statistics of one depth image.
 
     Attributes:
-        known: the share of the pixels whose depth is known.
-        usable: the share that is known and not right before the lens.
-        speckle: the share that is not known although the pixels left and right of it are.
-        mark: a number that is the same for the same image, and next to never for another.
+        known: the share of the pixels with a known depth.
+        usable: the share that is known and at least 0.3 m away.
+        speckle: the share that is unknown between a known left and a known right neighbour.
+        mark: a hash of the image; two images with the same mark are the same image.
     """
 
     known: float
@@ -31,13 +32,13 @@ class Survey:
     mark: int
 
 
-def survey(depth: UInt16) -> Survey:
+def survey(depth: UInt16) -> DepthSurvey:
     """The survey of an (H, W) uint16 depth image in millimetres; 0 and 65535 are not known."""
     height, width = depth.shape
     step = max(1, round((height * width / _SAMPLES) ** 0.5))
     known, usable, speckle, count, mark = _survey(np.ascontiguousarray(depth), step, _NEAR_MM)
     total = max(1, count)
-    return Survey(known / total, usable / total, speckle / total, int(mark))
+    return DepthSurvey(known / total, usable / total, speckle / total, int(mark))
 
 
 @njit(cache=True, nogil=True)

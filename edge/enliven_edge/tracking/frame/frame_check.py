@@ -13,15 +13,17 @@ from enliven.person import J
 _NEW_SIZE_FRAMES = 5
 """Frames in a row of another size after which the sensor is taken to have changed its mode: a driver that
 restarts lets through one or two of the old or of a half mode."""
-_SMALLEST, _LARGEST = 16, 8192
-"""Pixels of an image's side: less shows no person, and no depth camera has more."""
+_SMALLEST = 16
+"""Pixels of an image's side at the least: a smaller image shows no person."""
+_LARGEST = 8192
+"""Pixels of an image's side at the most: no depth camera has more."""
 
 Flaw = tuple[HealthKind, str]
 """What kind of trouble, and why, without the full stop."""
 
 
 class FrameCheck:
-    """Says why a frame cannot be used; remembers the size of those before."""
+    """Says why a frame cannot be used; remembers the size of the frames before."""
 
     def __init__(self) -> None:
         self._size: tuple[int, int] | None = None
@@ -36,7 +38,7 @@ class FrameCheck:
         return self._resized(frame) if isinstance(frame, DepthFrame) else None
 
     def _resized(self, frame: DepthFrame) -> Flaw | None:
-        """A size that is not that of the frames before; one that stays is the new one."""
+        """The flaw of a frame with another size than those before; a size that stays is accepted."""
         height, width = frame.depth.shape
         size = (width, height)
         if self._size is None or size == self._size:

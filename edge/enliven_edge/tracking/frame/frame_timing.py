@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections import deque
 
 _REMEMBERED_NS = 1_500_000_000
+"""Nanoseconds over which rate and loss are measured: a change shows within two seconds."""
 _ENOUGH = 6
-_LONGEST_LATE_NS = 1_000_000_000
+"""Steps between frames from which rate and loss are told; a slow sensor keeps so many beyond that time."""
 _NEW_CLOCK = 3
-"""So many frames in a row from the past, in order among themselves, are a clock that was set back."""
+"""Frames in a row from the past, in order among themselves, that tell of a clock set back: fewer are late."""
 _LONGEST_STEP_NS = 2_000_000_000
+"""Nanoseconds: a longer step is a pause of the stream, not frames that were lost."""
 
 
-class Rhythm:
-    """Judges frames by their times.
+class FrameTiming:
+    """Judges frames by their times: in order or not, at which rate, how many are missing.
 
     Attributes:
-        late: frames that came out of order so far, and were to be dropped.
-        repeated: frames in a row whose time was that of the frame before.
+        late: frames that came out of order so far; the caller drops them.
+        repeated: frames in a row with the time of the frame before.
     """
 
     def __init__(self) -> None:
@@ -75,7 +77,7 @@ class Rhythm:
             return
         ordered = sorted(self._steps)
         self._rate = 1e9 * count / sum(ordered)
-        # What comes on time is the shortest step, but for a sensor whose clock trembles.
+        # A frame on time follows after the shortest step, were it not for the jitter of the sensor's clock.
         period = ordered[count // 8]
         due = sum(round(step / period) for step in self._steps)
         self._lost = 1.0 - count / max(count, due)

@@ -1,4 +1,4 @@
-"""What one depth frame shows at the working resolution: points, normals, the person's silhouette."""
+"""The points, normals and silhouette of a person in one depth frame, at the working resolution."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ class Observation:
         pixels: (M, 2) row and column of the points in the working image.
         view: (z, mask, nearest, camera, world_from_camera) as ``terms.free_space`` takes it.
         cut: whether the person runs out of the image at its lower border.
-        affinity: (C, M) float32 metres by which a point is farther from a capsule than it seems, by what it
-            looks like; (0, 0) where nothing says so.
-        landmarks: (20, 5) as ``terms.near_landmarks`` takes them; (0, 5) where there are none.
+        affinity: (C, M) float32 metres added to the distance of a point from a capsule that it does not look
+            like; (0, 0) without an estimate.
+        landmarks: (20, 5) as ``terms.near_landmarks`` takes them; (0, 5) without landmarks.
     """
 
     points: Float32
@@ -81,7 +81,7 @@ class Observation:
 
     @cached_property
     def crown(self) -> Float:
-        """(3,) the top of the head, or of whatever is highest: the mean of the topmost points."""
+        """(3,) metres, world frame: the mean of the topmost points, of the head or a raised hand."""
         order = np.argsort(-self.points[:, 1])
         return np.asarray(self.points[order[: max(3, len(order) // 40)]].mean(0))
 
@@ -152,7 +152,7 @@ def observe(
         z: (h, w) metres along the optical axis.
         surface: (h, w, 3) the same pixels in the world frame.
         mask: (h, w) the person's pixels.
-        points: at most this many surface points are kept, evenly over the pixels.
+        points: at most this many surface points are kept, spread evenly over the pixels.
     """
     pixels = sampled(mask, points)
     found, normals = surface_samples(surface, z, pixels, world_from_camera[:3, 3].copy())

@@ -8,8 +8,10 @@ from enliven.kernels import njit
 
 _SIDE = 3
 """Samples of a block, along and across, that are looked at."""
-_NEAREST, _FARTHEST = np.uint16(0), np.uint16(65535)
-"""Both mean that nothing is known; nothing that is known is as near, or as far."""
+_NEAREST = np.uint16(0)
+"""Millimetres of a sample without a measurement; nothing known is as near."""
+_FARTHEST = np.uint16(65535)
+"""Millimetres of a sample without a measurement in other sensors; nothing known is as far."""
 
 
 @njit(cache=True, nogil=True)
@@ -22,7 +24,7 @@ def reduce_depth(depth, stride, height, width):  # type: ignore[no-untyped-def]
     out = np.empty((height, width))
     step = max(1, stride // _SIDE)
     side = min(_SIDE, (stride + step - 1) // step)
-    # Samples that a small block has not are unknown ones.
+    # A small block has fewer samples: the missing ones are unknown.
     samples, odd = np.zeros((_SIDE * _SIDE, width), np.uint16), np.empty(width, np.bool_)
     for v in range(height):
         for k in range(side * side):

@@ -9,15 +9,15 @@ from enliven_edge.tracking.frame.observation import WorkingCamera
 
 
 @dataclass(frozen=True)
-class View:
-    """What one frame shows.
+class FrameView:
+    """One reduced depth frame in the world.
 
     Attributes:
         time_ns: the sensor's clock.
         z: (h, w) metres along the optical axis; 0 where nothing is known.
         points: (h, w, 3) the same pixels in the world frame, metres.
         camera: the working camera.
-        world_from_camera: (4, 4) where it stands.
+        world_from_camera: (4, 4) the pose of the sensor.
     """
 
     time_ns: int

@@ -12,7 +12,7 @@ from enliven.health import HealthKind, HealthState
 from enliven.person import Body
 from enliven.settings import setting
 from enliven_edge.sensors import CHECK_IT, Condition
-from enliven_edge.tracking.frame import FrameCheck, Rhythm, Survey, survey
+from enliven_edge.tracking.frame import DepthSurvey, FrameCheck, FrameTiming, survey
 from enliven_edge.tracking.health.alarm import Alarms
 from enliven_edge.tracking.health.device_health import judge_condition
 from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching
@@ -81,7 +81,7 @@ class HealthMonitor:
         self.settings = settings or HealthSettings()
         self._fps = fps or self.settings.frame_rate
         self._far = far
-        self._rhythm = Rhythm()
+        self._rhythm = FrameTiming()
         self._alarms = Alarms(f"Sensor {name}" if name else "The sensor")
         self.fault = ""
         self._check = FrameCheck()
@@ -208,7 +208,7 @@ class HealthMonitor:
         late = self._late_ns is not None and 0 <= now - self._late_ns < 2_000_000_000
         self._alarms.note(HealthKind.OUT_OF_ORDER, late, now, count=self._rhythm.late)
 
-    def _judge_freeze(self, seen: Survey | None, now: int) -> None:
+    def _judge_freeze(self, seen: DepthSurvey | None, now: int) -> None:
         """The same image again and again, or the same time."""
         if seen is not None:
             same = seen.mark == self._mark and seen.usable > 0
@@ -217,7 +217,7 @@ class HealthMonitor:
         still = self._same > _FROZEN_FRAMES and now - self._same_ns >= self.settings.frozen * 1e9
         self._alarms.note(HealthKind.FROZEN, still or self._rhythm.repeated >= _REPEATED, now)
 
-    def _judge_image(self, seen: Survey, now: int) -> None:
+    def _judge_image(self, seen: DepthSurvey, now: int) -> None:
         covered = self._alarms.between(HealthKind.COVERED, seen.usable, 0.10, 0.04)
         self._alarms.note(HealthKind.COVERED, covered, now)
         if covered:

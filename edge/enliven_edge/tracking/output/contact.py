@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.kernels import copy_row, njit
 from enliven.person import Joint
-from enliven_edge.tracking.settings import ContactSettings
+from enliven_edge.tracking.settings import FootContactSettings
 
 _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])
 """(2, 2) ball and ankle of each foot: a foot stands on either."""
@@ -28,7 +28,7 @@ class Contacts:
     or too low. Hysteresis: what stands must be clearly lifted or moved to leave.
     """
 
-    def __init__(self, settings: ContactSettings) -> None:
+    def __init__(self, settings: FootContactSettings) -> None:
         self._last: Float | None = None
         limits = (settings.floor, settings.lift, settings.speed, settings.hysteresis)
         self._limits = tuple(float(limit) for limit in limits)
@@ -64,7 +64,7 @@ def step_feet(  # type: ignore[no-untyped-def]
         ground: (2, 2) metres, how high they are while they stand.
         stands: (2,) whether each foot stood.
         seconds: since the last frame; 0 where nothing is known of one.
-        floor, lift, fastest, hysteresis: as of :class:`ContactSettings`.
+        floor, lift, fastest, hysteresis: as of :class:`FootContactSettings`.
     """
     out = np.empty(2)
     if seconds == 0.0:

@@ -7,10 +7,10 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.deformation.constraints import ObservedPoints
 from enliven.kernels import njit
-from enliven_edge.tracking.frame import View, sampled, surface_samples
+from enliven_edge.tracking.frame import FrameView, sampled, surface_samples
 
 
-def seen_surfaces(view: View, owner: Int, ids: Int, points: int = 1200) -> dict[int, ObservedPoints]:
+def seen_surfaces(view: FrameView, owner: Int, ids: Int, points: int = 1200) -> dict[int, ObservedPoints]:
     """Points and normals of each performer, by id; world frame.
 
     Args:

@@ -24,12 +24,12 @@ from enliven_edge.tracking.detect import (
 )
 from enliven_edge.tracking.estimator import shipped_estimator
 from enliven_edge.tracking.fit import FitReport, Fitter
-from enliven_edge.tracking.frame import Observation, View, observe
+from enliven_edge.tracking.frame import FrameView, Observation, observe
 from enliven_edge.tracking.people.confidence import confidence
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
 from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.work_budget import LOOK, Budget, Spread, Steps, whole
+from enliven_edge.tracking.work_budget import LOOK, Budget, BudgetedTask, Steps, whole
 
 _GOOD, _ACCEPTABLE = 0.68, 0.45
 _SUPPORT, _VISIBLE = NAMES.index("support"), NAMES.index("visible")
@@ -96,14 +96,14 @@ class Follower:
 
     @classmethod
     def found(
-        cls, view: View, pixels: Bool, settings: TrackerSettings, fitter: Fitter
+        cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
         """A person in the (h, w) ``pixels``, and how well they are explained (up to 1); None: nobody."""
         return whole(cls.sought(view, pixels, settings, fitter))
 
     @classmethod
     def sought(
-        cls, view: View, pixels: Bool, settings: TrackerSettings, fitter: Fitter
+        cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> Steps[tuple[Follower, float] | None]:
         """What :meth:`found` finds, in parts."""
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
@@ -149,7 +149,7 @@ class Follower:
         if self._before is not None:
             self._before.position = self._before.position + step
 
-    def follow(self, view: View, pixels: Bool) -> bool:
+    def follow(self, view: FrameView, pixels: Bool) -> bool:
         """Takes in a frame in which the (h, w) ``pixels`` are this person's; False where they do not fit."""
         self.confidence = np.zeros(20)
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
@@ -219,7 +219,7 @@ class Follower:
             self._since_detected = 0
             known = posture.lengths if self._fitted > _KNOWN_AFTER else None
             steps = _another(self._fitter, plain, seen, eye, height, posture, known)
-            self._anew = _Anew(Spread(steps), observation, seen, posture, now, early, known is not None)
+            self._anew = _Anew(BudgetedTask(steps), observation, seen, posture, now, early, known is not None)
         anew = self._anew
         if not anew.task.go_on(self.budget):
             return None
@@ -292,7 +292,7 @@ class _Anew:
         known: whether the person's build was known.
     """
 
-    task: Spread[tuple[Posture, FitReport] | None]
+    task: BudgetedTask[tuple[Posture, FitReport] | None]
     observation: Observation
     seen: Seen | None
     posture: Posture
@@ -319,11 +319,11 @@ def _another(
     return (yield from steps)
 
 
-def _observed(view: View, pixels: Bool, settings: TrackerSettings) -> Observation:
+def _observed(view: FrameView, pixels: Bool, settings: TrackerSettings) -> Observation:
     return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
 
 
-def _look(view: View, pixels: Bool, observation: Observation, facing: float | None) -> Seen:
+def _look(view: FrameView, pixels: Bool, observation: Observation, facing: float | None) -> Seen:
     """What the network sees, told which way the person has been facing where that is known."""
     camera, pose = view.camera.camera, view.world_from_camera
     estimate = shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
@@ -335,14 +335,14 @@ def _guided(observation: Observation, seen: Seen, affinity: float) -> Observatio
     return replace(observation, affinity=seen.affinity(affinity), landmarks=seen.estimate.guides)
 
 
-def _about(posture: Posture, seen: Seen, view: View) -> tuple[Posture, Seen]:
+def _about(posture: Posture, seen: Seen, view: FrameView) -> tuple[Posture, Seen]:
     """A posture turned about, and what the network sees when it is told so."""
     turned = turned_about(posture)
     now = _told(turned, seen, view)
     return drawn(turned, now.estimate), now
 
 
-def _told(posture: Posture, seen: Seen, view: View) -> Seen:
+def _told(posture: Posture, seen: Seen, view: FrameView) -> Seen:
     """What the network sees in the same frame when it is told the facing of a posture."""
     told: list[float | None] = [facing(posture, view.eye)]
     return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, told)[0])

@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, UInt8
 from enliven_edge.tracking.body_model import Posture, height_of
 from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.duplicates import Doubles
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.identity import Absent, Looks, Register
@@ -20,8 +20,8 @@ from enliven_edge.tracking.people.person import UNDECIDED, Person, sight
 from enliven_edge.tracking.people.recognition import recognise
 from enliven_edge.tracking.people.search import Search
 from enliven_edge.tracking.people.spread_search import Lookout, Sighting
-from enliven_edge.tracking.scene import ROOM, Lock, Room, Zone
-from enliven_edge.tracking.segment import YOUNG, Newcomer, Newcomers, Segments, segmented
+from enliven_edge.tracking.scene import ROOM, RoomModel, Zone, ZoneLock
+from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
@@ -72,11 +72,11 @@ class Crowd:
     def __init__(self, settings: TrackerSettings, fitter: Fitter) -> None:
         self.settings = settings
         self.people: list[Person] = []
-        self.lock = Lock()
+        self.lock = ZoneLock()
         self.zone = Zone(settings.scene.zone)
         self.register = Register(settings.people)
         self._fitter = fitter
-        self._newcomers = Newcomers()
+        self._newcomers = Candidates()
         self._turn = 0
         self._blind_ns: int | None = None
         self._before: Float | None = None
@@ -132,7 +132,7 @@ class Crowd:
         self._newcomers.clear()
         self._lookout.stop()
 
-    def follow(self, view: View, kind: UInt8) -> Segments:
+    def follow(self, view: FrameView, kind: UInt8) -> Segments:
         """Fits everybody who is known; whose the pixels of the frame are."""
         self._share_out(view.time_ns)
         dark = np.count_nonzero(view.z > 0.0) < _DARK * view.z.size
@@ -179,7 +179,7 @@ class Crowd:
             follower.budget = Budget(_ANEW * whole / len(looking))
         self._budget = Budget(whole)
 
-    def _wait_in_the_dark(self, view: View, kind: UInt8) -> Segments:
+    def _wait_in_the_dark(self, view: FrameView, kind: UInt8) -> Segments:
         """A frame of a covered lens: everybody stays where they were going, as somebody hidden does."""
         for person in list(self.people):
             person.hide(view.time_ns)
@@ -188,7 +188,7 @@ class Crowd:
         self._indexed = list(self.people)
         return segmented(view, kind, [])
 
-    def _refind(self, person: Person, k: int, view: View, segments: Segments) -> None:
+    def _refind(self, person: Person, k: int, view: FrameView, segments: Segments) -> None:
         """Looks for somebody in any posture about where they were: much may have happened unseen."""
         pixels = segments.pixels(k)
         reach = person.uncertainty(view.time_ns)
@@ -219,7 +219,9 @@ class Crowd:
             always = [*always, others[self._turn % len(others)]]
         return always
 
-    def _glance(self, person: Person, expected: Posture, k: int, view: View, segments: Segments) -> _Glance:
+    def _glance(
+        self, person: Person, expected: Posture, k: int, view: FrameView, segments: Segments
+    ) -> _Glance:
         """What a frame shows of somebody."""
         covered, outside = sight(view, expected, segments.owner, k)
         few = bool(segments.counts[k] < 2 * FEWEST_PIXELS)
@@ -227,7 +229,7 @@ class Crowd:
         whole = covered < _WHOLE and outside < _WHOLE
         return _Glance(person, segments.pixels(k), bool(behind or (person.hidden and few)), bool(whole))
 
-    def _fit_all(self, glances: list[_Glance], view: View) -> None:
+    def _fit_all(self, glances: list[_Glance], view: FrameView) -> None:
         """Fits people side by side: nobody's fit looks at another's, so the order makes no difference."""
 
         def fit(glance: _Glance) -> None:
@@ -243,7 +245,7 @@ class Crowd:
         for _ in self._threads.map(fit, glances):
             pass
 
-    def _settle(self, glance: _Glance, view: View) -> None:
+    def _settle(self, glance: _Glance, view: FrameView) -> None:
         """One person after a frame: fitted, carried along, hidden or gone."""
         person = glance.person
         if glance.behind and person.fleeting:
@@ -273,7 +275,9 @@ class Crowd:
 
     # --- newcomers -----------------------------------------------------------------------------------------
 
-    def look(self, view: View, kind: UInt8, segments: Segments, room: Room, *, believe: bool = True) -> Bool:
+    def look(
+        self, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel, *, believe: bool = True
+    ) -> Bool:
         """Finds people among the pixels that are nobody's; the (h, w) pixels that may become somebody.
 
         Args:
@@ -307,7 +311,7 @@ class Crowd:
                 self._welcome(sighting, pixels, view, segments)
         return hold
 
-    def _due(self, newcomers: list[Newcomer], view: View, room: Room) -> list[Newcomer]:
+    def _due(self, newcomers: list[Candidate], view: FrameView, room: RoomModel) -> list[Candidate]:
         """The newcomers in which a body should be looked for now."""
         alone = not self.people
         missing = bool(self.register.absent) or any(p.hidden for p in self.people)
@@ -317,7 +321,7 @@ class Crowd:
             if not n.bystander and n.due(view.time_ns, room.age, alone=alone, missing=missing)
         ]
 
-    def _look_at(self, due: list[Newcomer], view: View) -> None:
+    def _look_at(self, due: list[Candidate], view: FrameView) -> None:
         """Begins a search for bodies in newcomers, where there is room for one more."""
         sure = [n for n in due if n.convincing or n.proven]
         most = self.settings.people.most - len(self.people)
@@ -325,7 +329,7 @@ class Crowd:
             others = [n for n in due if n not in sure]
             self._lookout.start(view, sure, others, alone=not self.people, most=most)
 
-    def _caught_up(self, sighting: Sighting, view: View, kind: UInt8, segments: Segments) -> Bool | None:
+    def _caught_up(self, sighting: Sighting, view: FrameView, kind: UInt8, segments: Segments) -> Bool | None:
         """(h, w) the pixels of a body that was found, brought to this frame; None: it is not seen here."""
         newcomer, follower = sighting.newcomer, sighting.follower
         if self._lookout.view is view:
@@ -339,7 +343,7 @@ class Crowd:
         newcomer.failed(view.time_ns)
         return None
 
-    def sought(self, view: View) -> Bool:
+    def sought(self, view: FrameView) -> Bool:
         """(h, w) the pixels of those who may be people and are being looked at."""
         made = np.zeros(view.z.shape, bool)
         for newcomer in self._lookout.sought:
@@ -364,13 +368,13 @@ class Crowd:
         lost = [a.place for a in self.register.absent]
         return any(at is None or float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in lost)
 
-    def _expecting(self, newcomer: Newcomer, time_ns: int) -> TrackerSettings:
+    def _expecting(self, newcomer: Candidate, time_ns: int) -> TrackerSettings:
         """The settings with the height of the one person who may come back, where there is one."""
         hidden = self._hidden_near(newcomer, time_ns)
         awaited = [a.looks for a in self.register.absent] if hidden is None else [hidden.looks]
         return self._of_height(awaited[0]) if len(awaited) == 1 else self.settings
 
-    def _welcome(self, sighting: Sighting, pixels: Bool, view: View, segments: Segments) -> None:
+    def _welcome(self, sighting: Sighting, pixels: Bool, view: FrameView, segments: Segments) -> None:
         """A person was found in the (h, w) pixels: who is it?"""
         newcomer, follower, shown = sighting.newcomer, sighting.follower, sighting.shown
         person = self._hidden_near(newcomer, view.time_ns)
@@ -390,7 +394,7 @@ class Crowd:
         segments.owner[pixels & (segments.owner < 0)] = len(self._indexed)
         self._indexed.append(person)
 
-    def _hidden_near(self, newcomer: Newcomer, time_ns: int) -> Person | None:
+    def _hidden_near(self, newcomer: Candidate, time_ns: int) -> Person | None:
         """Who was hidden and may have come out here, the nearest; not who is much shorter."""
         best, least = None, np.inf
         for person in self.people:

@@ -10,7 +10,7 @@ from enliven.arrays import Bool, Float, Int
 from enliven.kernels import njit
 from enliven.person import Joint
 from enliven_edge.tracking.body_model import Posture, model
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.identity import Looks, percentile
 
@@ -93,7 +93,7 @@ class Person:
         """Metres within which they must be; it grows while they are not seen."""
         return _UNSURE + _SPREADING * max(0.0, (time_ns - self.seen_ns) * 1e-9)
 
-    def follow(self, view: View, pixels: Bool, *, whole: bool) -> bool:
+    def follow(self, view: FrameView, pixels: Bool, *, whole: bool) -> bool:
         """Fits the frame; whether it shows them well.
 
         Args:
@@ -109,7 +109,7 @@ class Person:
             self._seen(view, pixels, self.place - before, whole=whole)
         return good
 
-    def coast(self, view: View, pixels: Bool) -> None:
+    def coast(self, view: FrameView, pixels: Bool) -> None:
         """Goes along with their pixels, in a frame that is not fitted."""
         centre = _centre(view, pixels)
         if centre is not None and self._centre is not None:
@@ -137,7 +137,7 @@ class Person:
         self._velocity, self._centre = np.zeros(3), None
         self.seen_ns = self._time_ns = time_ns
 
-    def _seen(self, view: View, pixels: Bool, step: Float, *, whole: bool) -> None:
+    def _seen(self, view: FrameView, pixels: Bool, step: Float, *, whole: bool) -> None:
         """Remembers what a good frame shows."""
         seconds = (view.time_ns - self._time_ns) * 1e-9
         if 0.0 < seconds < 0.5:
@@ -167,7 +167,7 @@ class Person:
         if self.travelled or np.count_nonzero(sure & (away > _MOVED)) >= 2:
             self.doubted = False
 
-    def _crown(self, view: View, pixels: Bool) -> float | None:
+    def _crown(self, view: FrameView, pixels: Bool) -> float | None:
         """Metres above the floor of the top of the head, where they stand with the hands below it."""
         joints, sure = self.follower.posture.joints(), self.follower.confidence
         head = joints[Joint.HEAD]
@@ -180,7 +180,7 @@ class Person:
         return percentile(heights, 0.99) if len(heights) > 20 else None
 
 
-def _centre(view: View, pixels: Bool) -> Float | None:
+def _centre(view: FrameView, pixels: Bool) -> Float | None:
     """(3,) the mean of somebody's points, None where there are too few."""
     if np.count_nonzero(pixels) < FEWEST_PIXELS:
         return None
@@ -219,7 +219,7 @@ _SAMPLES, _BEFORE = 3, 0.12
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 
 
-def sight(view: View, posture: Posture, owner: Int, index: int) -> tuple[float, float]:
+def sight(view: FrameView, posture: Posture, owner: Int, index: int) -> tuple[float, float]:
     """The shares of a body that stand behind something else, and outside the image.
 
     Args:
@@ -231,7 +231,7 @@ def sight(view: View, posture: Posture, owner: Int, index: int) -> tuple[float, 
     return hidden / len(own), 1.0 - shown / len(own)
 
 
-def trunk_shown(view: View, posture: Posture, pixels: Bool) -> float:
+def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
     """Of the trunk and the head that the image could show, the share that the (h, w) ``pixels`` do show."""
     inside, covered, own = _seen(view, posture, pixels.astype(np.int64), 1, _TRUNK)
     due = inside & ~(covered & ~own)
@@ -239,7 +239,7 @@ def trunk_shown(view: View, posture: Posture, pixels: Bool) -> float:
 
 
 def _seen(
-    view: View, posture: Posture, owner: Int, mine: int, capsules: slice | Int
+    view: FrameView, posture: Posture, owner: Int, mine: int, capsules: slice | Int
 ) -> tuple[Bool, Bool, Bool]:
     """(S,) of samples along the capsules: in the image, behind something, and on the pixels of ``mine``.
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from enliven.arrays import Bool
 from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.person import trunk_shown
 from enliven_edge.tracking.people.recognition import likelihood
-from enliven_edge.tracking.segment import Newcomer
+from enliven_edge.tracking.segment import Candidate
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Steps
 
@@ -36,7 +36,7 @@ _ONE = 0.9
 _SAME = 0.25
 """Metres between the hip centres of two people in whom one is seen."""
 
-Found = tuple[Newcomer, Follower, float]
+Found = tuple[Candidate, Follower, float]
 """In whom a body was found, its fit, and how well that explains the pixels (up to 1)."""
 
 
@@ -47,14 +47,14 @@ class Search:
         expecting: the settings for a newcomer at a time: those of somebody who is awaited, say.
     """
 
-    def __init__(self, fitter: Fitter, expecting: Callable[[Newcomer, int], TrackerSettings]) -> None:
+    def __init__(self, fitter: Fitter, expecting: Callable[[Candidate, int], TrackerSettings]) -> None:
         self._fitter, self._expecting = fitter, expecting
 
     def looked(
         self,
-        view: View,
-        sure: Sequence[Newcomer],
-        others: Sequence[Newcomer],
+        view: FrameView,
+        sure: Sequence[Candidate],
+        others: Sequence[Candidate],
         made: list[Found],
         *,
         alone: bool,
@@ -70,7 +70,7 @@ class Search:
             made += yield from self.best_guess(view, others, alone=alone)
 
     def found(
-        self, view: View, newcomers: Sequence[Newcomer], made: list[Found], *, alone: bool
+        self, view: FrameView, newcomers: Sequence[Candidate], made: list[Found], *, alone: bool
     ) -> Steps[None]:
         """Adds those of the newcomers in whom a body is found to ``made``; ``alone``: nobody is followed."""
         vain: list[Bool] = []
@@ -83,7 +83,9 @@ class Search:
             else:
                 newcomer.failed(view.time_ns)
 
-    def _body(self, view: View, newcomer: Newcomer, vain: list[Bool]) -> Steps[tuple[Follower, float] | None]:
+    def _body(
+        self, view: FrameView, newcomer: Candidate, vain: list[Bool]
+    ) -> Steps[tuple[Follower, float] | None]:
         """The body in a newcomer; where one explains more of what it was parted from, in all of that.
 
         Args:
@@ -104,7 +106,7 @@ class Search:
                 return body
         return (yield from Follower.sought(view, newcomer.pixels, expecting, self._fitter))
 
-    def best_guess(self, view: View, due: Sequence[Newcomer], *, alone: bool) -> Steps[list[Found]]:
+    def best_guess(self, view: FrameView, due: Sequence[Candidate], *, alone: bool) -> Steps[list[Found]]:
         """In any posture somebody is better than nobody: the likeliest, or one explained clearly better."""
         best: list[Found] = []
         found: list[Found] = []
@@ -120,12 +122,12 @@ class Search:
         return best
 
 
-def _likely(newcomer: Newcomer, follower: Follower, explained: float) -> bool:
+def _likely(newcomer: Candidate, follower: Follower, explained: float) -> bool:
     """Whether what a body was found in is likely to be a person and no thing."""
     return follower.somebody > _SOMEBODY or (newcomer.shape.upright and explained > _PLAINLY)
 
 
-def _within(newcomer: Newcomer, found: list[Found]) -> bool:
+def _within(newcomer: Candidate, found: list[Found]) -> bool:
     """Whether most of it turned out to be of somebody who was just found."""
     size = max(1, int(newcomer.pixels.sum()))
     return any(int((newcomer.pixels & other.pixels).sum()) > 0.5 * size for other, _, _ in found)
@@ -137,7 +139,7 @@ def _again(follower: Follower, found: list[Found]) -> bool:
     return any(float(np.linalg.norm(other.posture.position - place)) < _SAME for _, other, _ in found)
 
 
-def _certain(view: View, newcomer: Newcomer, follower: Follower, explained: float) -> bool:
+def _certain(view: FrameView, newcomer: Candidate, follower: Follower, explained: float) -> bool:
     """Whether a body is so well borne out that it is believed in an unlikely group of pixels."""
     shown = trunk_shown(view, follower.posture, newcomer.pixels)
     return min(explained, shown) > _CERTAIN and float(follower.confidence.mean()) > _CLEAR

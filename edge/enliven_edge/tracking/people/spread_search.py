@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from enliven.arrays import Float
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.search import Found, Search
-from enliven_edge.tracking.segment import Newcomer
-from enliven_edge.tracking.work_budget import Budget, Spread
+from enliven_edge.tracking.segment import Candidate
+from enliven_edge.tracking.work_budget import Budget, BudgetedTask
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class Sighting:
         follower: the fit to that frame.
     """
 
-    newcomer: Newcomer
-    shown: Newcomer
+    newcomer: Candidate
+    shown: Candidate
     centre: Float
     follower: Follower
 
@@ -40,10 +40,10 @@ class Lookout:
 
     def __init__(self, search: Search) -> None:
         self._search = search
-        self._task: Spread[None] | None = None
-        self._tried: list[tuple[Newcomer, Newcomer, Float]] = []
+        self._task: BudgetedTask[None] | None = None
+        self._tried: list[tuple[Candidate, Candidate, Float]] = []
         self._made: list[Found] = []
-        self.view: View | None = None
+        self.view: FrameView | None = None
 
     @property
     def busy(self) -> bool:
@@ -51,7 +51,7 @@ class Lookout:
         return self._task is not None
 
     @property
-    def sought(self) -> list[Newcomer]:
+    def sought(self) -> list[Candidate]:
         """The newcomers that are looked at."""
         return [newcomer for newcomer, _, _ in self._tried]
 
@@ -60,14 +60,20 @@ class Lookout:
         self._task, self._tried, self._made, self.view = None, [], [], None
 
     def start(
-        self, view: View, sure: Sequence[Newcomer], others: Sequence[Newcomer], *, alone: bool, most: int
+        self,
+        view: FrameView,
+        sure: Sequence[Candidate],
+        others: Sequence[Candidate],
+        *,
+        alone: bool,
+        most: int,
     ) -> None:
         """Looks at a frame from now on; arguments as of :meth:`Search.looked`."""
         self.stop()
         self._tried = [(n, copy.copy(n), n.centre) for n in (*sure, *others)]
         shown = [copied for _, copied, _ in self._tried]
         here, there = shown[: len(sure)], shown[len(sure) :]
-        self._task = Spread(self._search.looked(view, here, there, self._made, alone=alone, most=most))
+        self._task = BudgetedTask(self._search.looked(view, here, there, self._made, alone=alone, most=most))
         self.view = view
 
     def go_on(self, budget: Budget) -> list[Sighting]:

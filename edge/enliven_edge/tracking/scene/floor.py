@@ -1,4 +1,4 @@
-"""Where the sensor stands: the floor plane, by RANSAC, with gravity roughly known from the mounting."""
+"""The sensor's pose from the floor plane, by RANSAC; gravity is roughly known from the mounting."""
 
 from __future__ import annotations
 
@@ -8,11 +8,19 @@ from enliven.arrays import Bool, Float
 from enliven.kernels import njit
 
 _WITHIN = np.deg2rad(40.0)
-_LOWEST, _HIGHEST = 0.2, 4.0
+"""Radians between the floor's normal and the sensor's up at most: a wall is 90 degrees off a level sensor,
+and still 50 off one that is tilted by 40."""
+_LOWEST = 0.2
+"""Metres from the sensor down to the floor at the least: a nearer plane is what the sensor stands on."""
+_HIGHEST = 4.0
+"""Metres from the sensor down to the floor at the most: sensors are mounted no higher."""
 _LYING_LOWEST = 0.03
-"""Metres: a sensor that was knocked over may lie on the floor."""
+"""Metres down to the floor at the least for a sensor that was knocked over and may lie on it."""
 _TRIALS = 400
+"""Planes through three random points that are tried: where a quarter of the points are the floor's, one of
+the planes is with a probability of 99.8 %."""
 _FEWEST = 200
+"""Points at the least for a plane: fewer are noise, or a corner of the floor."""
 
 
 def world_from_floor(
@@ -23,15 +31,15 @@ def world_from_floor(
     within: float = _WITHIN,
     seed: int = 0,
 ) -> Float | None:
-    """(4, 4) world_from_camera whose floor is the lowest large plane, or None where no floor is seen.
+    """(4, 4) world_from_camera with y = 0 in the lowest large plane, or None where no floor is seen.
 
     The world's origin lies on the floor under the sensor, which looks along -Z.
 
     Args:
         points: (M, 3) camera-frame points, metres.
         upside_down: the sensor hangs upside down, so that the camera's -Y points to the floor.
-        up: (3,) about which way is up in the camera's frame, where that is known better.
-        within: radians that the floor's normal may lie off.
+        up: (3,) the rough direction of up in the camera's frame, where that is known better.
+        within: radians between the floor's normal and ``up`` at most.
     """
     lowest = _LOWEST if up is None else _LYING_LOWEST
     up = np.array([0.0, 1.0 if upside_down else -1.0, 0.0]) if up is None else up
@@ -103,20 +111,24 @@ def _pose(normal: Float, height: float) -> Float:
     return world_from_camera
 
 
-_NEAR_FLOOR, _STEADY = 0.12, np.deg2rad(6.0)
+_NEAR_FLOOR = 0.12
+"""Metres above and below y = 0 within which a point may be the floor's when the mounting is corrected."""
+_STEADY = np.deg2rad(6.0)
+"""Radians by which the floor may seem tilted: a larger tilt is no drift of the mounting, or no floor."""
 _WIDTHS = (0.08, 0.05, 0.04)
-"""Metres from the plane beyond which points are left out of the next one."""
+"""Metres from the plane beyond which points are left out of the next fit."""
 _SPREAD = 0.15
-"""Metres by which the floor that is seen spreads at least, either way."""
+"""Metres, the least standard deviation of the floor's points along x and along z: a narrower patch says
+little of the tilt."""
 
 
 def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
-    """The mounting, a little nearer to what the floor shows now; itself where too little floor is seen.
+    """(4, 4) the mounting moved a little towards the seen floor; unchanged where too little of it is seen.
 
     Args:
         points: (h, w, 3) a frame, world frame.
-        usable: (h, w) pixels that are nobody's and known.
-        gain: share of the correction that is made, in (0, 1].
+        usable: (h, w) known pixels that belong to no person.
+        gain: the share of the correction that is applied, in (0, 1].
     """
     plane, seen = _lying_plane(points, usable)
     if not seen or np.hypot(plane[0], plane[1]) > np.tan(_STEADY):
@@ -142,7 +154,7 @@ def _lying_plane(points, usable):  # type: ignore[no-untyped-def]
     """(3,) a, b, c of the plane y = a x + b z + c through the floor's points; whether enough of it is seen.
 
     Args:
-        points, usable: as of :func:`corrected`.
+        points, usable: see :func:`corrected`.
     """
     floor, count = np.empty((3, np.count_nonzero(usable))), 0
     for v in range(usable.shape[0]):

@@ -1,4 +1,4 @@
-"""Where the sensor stands: told by it, or found by the floor; and noticed when it was moved."""
+"""The sensor's pose: stated by the sensor or found from the floor, and found again after it was moved."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.camera import unproject, world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven_edge.tracking.frame import View, WorkingCamera, world_points
+from enliven_edge.tracking.frame import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.scene.floor import corrected, world_from_floor
 from enliven_edge.tracking.scene.room import Agreement
 from enliven_edge.tracking.settings import SceneSettings
@@ -15,30 +15,56 @@ from enliven_edge.tracking.settings import SceneSettings
 _MOVED = 0.02
 """Change of a sensor's pose, metres or entry of its rotation, beyond which the room is learnt anew."""
 _PUT_ELSEWHERE = 0.25
-"""And beyond which the people are looked for anew: the room would otherwise be taken for them."""
-_LOOK_EVERY, _ENOUGH_DEPTH = 15, 0.1
-_CORRECT_EVERY_NS, _GAIN = 1_000_000_000, 0.15
+"""The same change beyond which the people are looked for anew too: a body predicted at the old place would
+meet the room there."""
+_LOOK_EVERY = 15
+"""Frames between two searches for a floor that is not known: half a second at 30 frames a second."""
+_ENOUGH_DEPTH = 0.1
+"""Share of the image that must be known to look for the floor: less is a sensor that starts or is covered."""
+_CORRECT_EVERY_NS = 1_000_000_000
+"""Nanoseconds between two corrections of the mounting: it drifts slowly."""
+_GAIN = 0.15
+"""Share of a correction that is applied at once: the noise of one frame moves the world little."""
 _BOTH_WAYS = 0.08
-"""Share of the room that is farther when the sensor was moved; who steps before it makes nothing farther."""
+"""Share of the room that is farther at the least when the sensor was moved: a person in front of the room
+makes nothing farther."""
 _SUSPICIOUS_FRAMES = 3
-_DIFFERENT, _LOOK_AGAIN = 0.6, 15
-"""Part of the share above at which the floor is looked for again, and frames between two such looks."""
-_TURNED, _LIFTED = np.deg2rad(3.0), 0.12
-_STILL, _STILL_FRAMES, _LONGEST_FALL_NS = 0.85, 3, 3_000_000_000
+"""Frames in a row that must differ from the room: a single one may be disturbed."""
+_DIFFERENT = 0.6
+"""Part of the share ``moved`` above which the floor is looked for: a small turn of the sensor changes
+less."""
+_LOOK_AGAIN = 15
+"""Frames between two such looks: half a second at 30 frames a second."""
+_TURNED = np.deg2rad(3.0)
+"""Radians by which the floor must have turned for the sensor to have been moved: less is the noise of a
+fit."""
+_LIFTED = 0.12
+"""Metres by which the sensor's height must have changed for it to have been moved: less is noise of a fit."""
+_STILL = 0.85
+"""Share of the pixels that hardly change between two frames of a sensor at rest: people move in the
+others."""
+_STILL_FRAMES = 3
+"""Still frames in a row after which a fall is over: one alone may lie between two movements."""
+_LONGEST_FALL_NS = 3_000_000_000
+"""Nanoseconds after which a fall is over in any case: moving people may keep the image from ever being
+still."""
 _FALLS_BY = np.deg2rad(30.0)
+"""Radians that the floor's normal may turn between two frames of a fall: 900 degrees a second at 30
+frames."""
 
 
 class Mounting:
-    """The working camera and its pose, found once a sensor (a moving sensor tells it itself).
+    """The working camera and its pose; found once for a sensor, unless the sensor states it with each frame.
 
-    A sensor that tells nothing is watched: where most of the known room no longer matches it was moved, and
-    while it falls the floor is kept in sight from frame to frame, so that it is not taken for a wall.
+    A sensor that does not state its pose is watched: it was moved where most of the known room no longer
+    matches. While it falls, the floor is followed from frame to frame, so that it is not taken for a wall.
 
     Attributes:
         world_from_camera: (4, 4), None before the first frame.
-        new_camera, new_place, far_away: what the last frame changed: the sensor's kind, its pose by enough
-            to learn the room anew, its pose by enough to look for everybody anew.
-        falling: whether the sensor is being moved; nothing is to be believed.
+        new_camera: whether the last frame came from another camera.
+        new_place: whether the last frame's pose differs enough to learn the room anew.
+        far_away: whether it differs enough to look for the people anew too.
+        falling: whether the sensor is being moved; frames are then not to be trusted.
     """
 
     def __init__(self, settings: SceneSettings, moved: float = 0.5) -> None:
@@ -48,14 +74,14 @@ class Mounting:
         self.falling = False
         self._moved = moved
         self._camera: WorkingCamera | None = None
-        self._told_by_sensor = self._floor_known = False
+        self._pose_stated = self._floor_known = False
         self._looked = self._suspicious = self._differing = self._still = 0
         self._before: Float | None = None
         self._fell_ns = self._corrected_ns = 0
 
     @property
     def floor_known(self) -> bool:
-        """Whether the floor was found, or the sensor told where it stands."""
+        """Whether the floor was found, or the sensor states its pose."""
         return self._floor_known
 
     @property
@@ -63,38 +89,38 @@ class Mounting:
         assert self._camera is not None
         return self._camera
 
-    def view(self, frame: DepthFrame, *, nobody: bool) -> View:
+    def view(self, frame: DepthFrame, *, no_people: bool) -> FrameView:
         """The frame, reduced and placed in the world.
 
         Args:
-            nobody: nobody is followed, so that the floor may still be looked for.
+            no_people: whether no person is followed, so that the floor may still be looked for.
         """
         self.new_camera = self.new_place = self.far_away = False
         if self._camera is None or self._camera.full != frame.intrinsics:
             self._camera = WorkingCamera(frame.intrinsics, self.settings.working_width)
             self.new_camera, self.world_from_camera = True, None
             self._floor_known, self._looked = False, 0
-            self.falling, nobody = False, True
+            self.falling, no_people = False, True
         z = self._camera.reduce(frame.depth)
-        self._told_by_sensor = frame.world_from_camera is not None
+        self._pose_stated = frame.world_from_camera is not None
         if frame.world_from_camera is not None:
-            self._told(np.asarray(frame.world_from_camera, float))
+            self._set_stated_pose(np.asarray(frame.world_from_camera, float))
         elif self.falling:
             self._fall(z, frame.time_ns)
-        elif not self._floor_known and nobody:
+        elif not self._floor_known and no_people:
             self._look_for_floor(z)
         assert self.world_from_camera is not None
         points = world_points(z, self._camera.ray, self.world_from_camera)
-        return View(frame.time_ns, z, points, self._camera, self.world_from_camera)
+        return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera)
 
-    def watch(self, view: View, agreement: Agreement, somebody: Bool) -> None:
+    def watch(self, view: FrameView, agreement: Agreement, people: Bool) -> None:
         """Notices that the sensor was moved, and keeps the floor where it is.
 
         Args:
             agreement: of the frame with the room.
-            somebody: (h, w) the pixels that are somebody's.
+            people: (h, w) the pixels that belong to people.
         """
-        if self._told_by_sensor:
+        if self._pose_stated:
             return
         differs = agreement.nearer + agreement.farther
         enough = agreement.compared > 0.1 * view.z.size
@@ -102,42 +128,42 @@ class Mounting:
         self._suspicious = self._suspicious + 1 if moved and enough else 0
         self._differing = self._differing + 1 if differs > _DIFFERENT * self._moved and enough else 0
         looked = self._differing % _LOOK_AGAIN == _SUSPICIOUS_FRAMES
-        if self._suspicious >= _SUSPICIOUS_FRAMES or (looked and self._floor_is_elsewhere(view, somebody)):
+        if self._suspicious >= _SUSPICIOUS_FRAMES or (looked and self._floor_is_elsewhere(view, people)):
             self._differing = 0
             self.falling, self._suspicious, self._still = True, 0, 0
             self._before, self._fell_ns = view.z, view.time_ns
         elif self._floor_known and not 0 <= view.time_ns - self._corrected_ns < _CORRECT_EVERY_NS:
             self._corrected_ns = view.time_ns
             assert self.world_from_camera is not None
-            usable = ~somebody & (view.z > 0) & (view.z < self.settings.far)
+            usable = ~people & (view.z > 0) & (view.z < self.settings.far)
             self.world_from_camera = corrected(self.world_from_camera, view.points, usable, _GAIN)
 
     @property
     def suspected(self) -> bool:
-        """Whether so much differs from the room that the sensor may have been moved: believe nobody new."""
+        """Whether so much differs from the room that the sensor may be moving: no new person is believed."""
         return self._suspicious > 0
 
-    def _floor_is_elsewhere(self, view: View, somebody: Bool) -> bool:
-        """Whether the floor lies otherwise than it did: who steps before the room moves no floor."""
+    def _floor_is_elsewhere(self, view: FrameView, people: Bool) -> bool:
+        """Whether the floor turned or changed its height: a person in front of the room moves no floor."""
         assert self.world_from_camera is not None
         if not self._floor_known:
             return False
-        points = unproject(view.z * 1e3, self.camera.ray)[~somebody & (view.z > 0)]
+        points = unproject(view.z * 1e3, self.camera.ray)[~people & (view.z > 0)]
         found = world_from_floor(points, self.settings.upside_down)
         if found is None:
             return False
         turned = float(np.arccos(min(1.0, float(found[1, :3] @ self.world_from_camera[1, :3]))))
         return turned > _TURNED or abs(float(found[1, 3] - self.world_from_camera[1, 3])) > _LIFTED
 
-    def _told(self, given: Float) -> None:
-        """The sensor says itself where it stands."""
+    def _set_stated_pose(self, given: Float) -> None:
+        """Takes the (4, 4) pose that the sensor states."""
         before = self.world_from_camera
         moved = 0.0 if before is None else float(np.abs(given - before).max())
         self.new_place, self.far_away = moved > _MOVED, moved > _PUT_ELSEWHERE
         self.world_from_camera, self._floor_known, self.falling = given, True, False
 
     def _fall(self, z: Float, time_ns: int) -> None:
-        """A frame of a sensor that is being moved: follows the floor until the picture is still."""
+        """Follows the floor through a frame of a sensor that is being moved, until the image is still."""
         assert self._before is not None
         self._still = self._still + 1 if _alike(z, self._before) > _STILL else 0
         self._before = z
@@ -147,7 +173,7 @@ class Mounting:
             self.new_place = self.far_away = True
 
     def _follow_floor(self, z: Float) -> None:
-        """The floor near where it was a frame ago, or else where the mounting has it."""
+        """Finds the floor near its pose of the frame before, or else as the mounting suggests."""
         assert self.world_from_camera is not None
         known = z > 0
         if known.mean() < _ENOUGH_DEPTH:
@@ -160,7 +186,7 @@ class Mounting:
             self.world_from_camera, self._floor_known = found, True
 
     def _look_for_floor(self, z: Float) -> None:
-        """Sets the mounting by the floor, or as the settings say; tries again while nobody is there."""
+        """Sets the pose from the floor, or from the settings where no floor is found."""
         scene = self.settings
         if self.world_from_camera is None:
             roll = np.pi if scene.upside_down else 0.0

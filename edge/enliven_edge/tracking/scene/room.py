@@ -1,4 +1,4 @@
-"""The room without people: its depth at every working pixel, learnt and kept up to date."""
+"""The background model: the depth of the room without people at every working pixel, kept up to date."""
 
 from __future__ import annotations
 
@@ -8,24 +8,38 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, UInt8
 from enliven.kernels import njit
-from enliven_edge.tracking.frame import View
-from enliven_edge.tracking.scene.room_prior import guessed
+from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.scene.room_prior import background_fill
 from enliven_edge.tracking.settings import RoomSettings
 
-ROOM, BEFORE, UNSEEN, UNLIKELY = 0, 1, 2, 3
-"""What a pixel is: the room (or nothing); before the room; before where the room was never seen, but nearer
-than it is around there; or about as near as it is around there."""
+ROOM = 0
+"""Class of a pixel that shows the room, or nothing."""
+BEFORE = 1
+"""Class of a pixel that shows something in front of the known room."""
+UNSEEN = 2
+"""Class of a pixel where the room was never seen, nearer than the room around it."""
+UNLIKELY = 3
+"""Class of a pixel where the room was never seen, about as far as the room around it: a person is
+unlikely."""
 _FLICKERS = 6.0
-"""A pixel that has come to the same nearer depth and gone so often is an edge: the nearer is the room."""
-_FILL_EVERY_NS, _FILL_SHARE, _FILL_AFTER = 300_000_000, 0.002, 6
-"""Between two looks at how much of the room is known; the change, as a share of the image, at which what is
-guessed of the rest is made anew; and the looks after which it is made anew all the same."""
-_AT_ONCE, _SEEN_FOR = 0.1, 0.25
-"""Seconds in which everything is new and learnt at once; later what was never seen is learnt where it stays
-the same for so long: an arm that was lost, before a hall too deep for the sensor, is on its way."""
-_DARK, _MEASURED = 2.0, 0.5
-"""Seconds for which nothing is measured where the room was, before it is forgotten there, and the share of
-the known room that is to be measured meanwhile: else the lens is covered."""
+"""Times that a pixel has come to the same nearer depth and gone: more often it is an edge of the room, which
+is as near as the nearer depth."""
+_FILL_EVERY_NS = 300_000_000
+"""Nanoseconds between two looks at how much of the room is known: counting and filling pass the whole
+image."""
+_FILL_SHARE = 0.002
+"""Share of the image by which the known part must have changed for the fill to be computed anew."""
+_FILL_AFTER = 6
+"""Looks after which the fill is computed anew without such a change: known depths change too."""
+_AT_ONCE = 0.1
+"""Seconds at the start in which everything is learnt at once: the whole room is new."""
+_SEEN_FOR = 0.25
+"""Seconds for which a depth must stay the same to be learnt later, where the room was never seen: a lost arm
+in front of a hall too deep for the sensor moves on sooner."""
+_DARK = 2.0
+"""Seconds without a measurement after which the room is forgotten at a pixel: depth flickers for less."""
+_MEASURED = 0.5
+"""Share of the known room that must be measured meanwhile: with less the lens is covered."""
 _LONGEST_STEP = 0.5
 """Seconds: a gap in the stream ages nothing by more."""
 
@@ -35,7 +49,7 @@ class Agreement:
     """How a frame agrees with the room that was known.
 
     Attributes:
-        compared: pixels that are known in both and nobody's.
+        compared: pixels that are known in both and belong to no person.
         nearer, farther: the shares of them that are plainly nearer or farther than the room.
     """
 
@@ -44,21 +58,21 @@ class Agreement:
     farther: float
 
 
-class Room:
+class RoomModel:
     """The room's depth, learnt from what is not a person.
 
     A pixel's depth follows small changes slowly. Farther depth that stays for ``clear_after`` seconds
-    replaces it (something was taken away; a flickering edge never stays); nearer depth that stays for
-    ``absorb_after`` seconds is absorbed (something was put there), but not where somebody was last seen who
-    has not been seen elsewhere since, until the room is seen there again: they may stand still. Where nothing
-    is measured any more, it is forgotten after a while.
+    replaces it (something was taken away; a flickering edge never stays). Nearer depth that stays for
+    ``absorb_after`` seconds is absorbed (something was put there), but not at the last place of a person who
+    has not been seen elsewhere since: the person may stand still there until the room is seen again. Depth
+    that is no longer measured is forgotten after a while.
     """
 
     def __init__(self, shape: tuple[int, int], settings: RoomSettings | None = None) -> None:
         self.settings = settings or RoomSettings()
         self.z = np.zeros(shape)
         self.age = 0.0
-        self._guess = np.zeros(shape)
+        self._fill_z = np.zeros(shape)
         self._nearer, self._waited, self._away = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self._flips = np.zeros(shape)
         self._guarded, self._guard_z = np.full(shape, -1, np.int64), np.zeros(shape)
@@ -66,18 +80,18 @@ class Room:
         self._filled_ns: int | None = None
         self._known = self._stale = 0
 
-    def classify(self, view: View, near: float, far: float, floor_band: float) -> UInt8:
+    def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:
         """(h, w) what every pixel is: ROOM, BEFORE, UNSEEN or UNLIKELY."""
         self._fill(view, floor_band)
-        return np.asarray(_classify(view.z, view.points, self.z, self._guess, near, far, floor_band))
+        return np.asarray(_classify(view.z, view.points, self.z, self._fill_z, near, far, floor_band))
 
     def learn(
         self, z: Float, person: Bool, time_ns: int | None = None, hold: Bool | None = None
     ) -> Agreement:
-        """Takes in a frame whose ``person`` pixels, widened by two, are left out.
+        """Takes in a frame without its ``person`` pixels and two pixels around them.
 
         Args:
-            hold: (h, w) pixels that may become somebody: what was never seen there is not learnt at once.
+            hold: (h, w) pixels of possible people: what was never seen there is not learnt at once.
         """
         step = 1 / 30 if time_ns is None or self._learnt_ns is None else (time_ns - self._learnt_ns) * 1e-9
         step = min(max(step, 0.0), _LONGEST_STEP)
@@ -94,43 +108,43 @@ class Room:
         return Agreement(compared, nearer / max(1, compared), farther / max(1, compared))
 
     def guard(self, owner: AnyArray, ids: AnyArray, z: Float) -> None:
-        """Remembers who was seen where.
+        """Remembers the last place of each person.
 
         Args:
-            owner: (h, w) whose pixel it is, an index of ``ids``, or -1.
+            owner: (h, w) the person of each pixel as an index into ``ids``, or -1.
             ids: (K,) the people's ids.
         """
         _guard(owner, ids, z, self._guarded, self._guard_z)
 
     def forget(self, where: Bool) -> None:
-        """What was learnt at the (h, w) pixels is not the room; it is learnt anew there."""
+        """Learns the room anew at the (h, w) pixels."""
         self.z[where] = 0.0
         self._waited[where] = self._away[where] = 0.0
 
     def release(self, identity: int) -> None:
-        """Somebody is seen elsewhere, or gone for good: what is left where they were is not them."""
+        """Ends the guard of a person's last place: the person is seen elsewhere, or gone for good."""
         self._guarded[self._guarded == identity] = -1
 
-    def _fill(self, view: View, floor_band: float) -> None:
-        """Renews the guess of what was never seen, now and then."""
+    def _fill(self, view: FrameView, floor_band: float) -> None:
+        """Fills in what was never seen, anew when enough has changed."""
         time_ns = view.time_ns
         if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
             known = int(np.count_nonzero(self.z))
             if abs(known - self._known) > _FILL_SHARE * self.z.size or self._stale > _FILL_AFTER:
-                self._guess = guessed(self.z, view.camera.ray, view.world_from_camera, floor_band)
+                self._fill_z = background_fill(self.z, view.camera.ray, view.world_from_camera, floor_band)
                 self._known, self._stale = known, 0
             self._stale += 1
             self._filled_ns = time_ns if known else None
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _classify(z, points, room, guess, near, far, floor_band):  # type: ignore[no-untyped-def]
-    """See :meth:`Room.classify`; without a branch, so that many pixels are compared at once."""
+def _classify(z, points, room, fill, near, far, floor_band):  # type: ignore[no-untyped-def]
+    """See :meth:`RoomModel.classify`; without a branch, so that many pixels are compared at once."""
     height, width = z.shape
     out = np.empty((height, width), np.uint8)
     for v in range(height):
         for u in range(width):
-            d, known, likely = z[v, u], room[v, u], guess[v, u]
+            d, known, likely = z[v, u], room[v, u], fill[v, u]
             margin = 0.05 + 0.012 * d * d
             seen = BEFORE if d < known - margin else ROOM
             never_seen = UNSEEN if (likely == 0.0) | (d < likely - margin) else UNLIKELY
@@ -157,7 +171,7 @@ def _learn(
     seen_for,
     dark,
 ):  # type: ignore[no-untyped-def]
-    """One frame into the room; the numbers of pixels compared, plainly nearer and plainly farther."""
+    """Learns one frame; returns the numbers of pixels compared, plainly nearer and plainly farther."""
     height, width = z.shape
     compared, count_nearer, count_farther = 0, 0, 0
     follow = min(1.0, 0.3 * step)
@@ -216,7 +230,7 @@ def _learn(
 
 @njit(cache=True, nogil=True)
 def _not_measured(room, waited, away, v, u, step, dark):  # type: ignore[no-untyped-def]
-    """A pixel of which nothing is known now: after ``dark`` seconds of it the room is forgotten there."""
+    """Updates a pixel without a measurement: the room is forgotten there after ``dark`` seconds."""
     if room[v, u] == 0.0:
         waited[v, u] = max(0.0, waited[v, u] - 2.0 * step)
     elif dark < np.inf:
@@ -227,7 +241,7 @@ def _not_measured(room, waited, away, v, u, step, dark):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True)
 def _guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
-    """See :meth:`Room.guard`; who is followed guards nothing but where they are."""
+    """See :meth:`RoomModel.guard`; a followed person guards only the pixels of this frame."""
     height, width = owner.shape
     for v in range(height):
         for i in ids:
@@ -245,7 +259,7 @@ def widened(mask: Bool, pixels: int) -> Bool:
 
 @njit(cache=True, nogil=True)
 def _widened(mask, pixels):  # type: ignore[no-untyped-def]
-    """Each row is made of those around it, and then of itself moved by up to so many pixels."""
+    """Unites each row with the rows around it, and then with itself moved by up to so many pixels."""
     height, width = mask.shape
     out, row = np.zeros((height, width), np.bool_), np.empty(width + 2 * pixels, np.bool_)
     middle = row[pixels : pixels + width]

@@ -1,4 +1,4 @@
-"""How deep the room is likely to be where it was never seen: behind people, beyond what is measured."""
+"""The likely depth of the room where it was never seen: behind people, beyond what is measured."""
 
 from __future__ import annotations
 
@@ -7,24 +7,26 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.kernels import njit
 
-_PATCH, _PATCHED = 31, 0.12
-"""Pixels of a square, and the share of it that must be known to say something of the room about it."""
+_PATCH = 31
+"""Pixels of the side of a square around a pixel, which shows whether the room is known there."""
+_PATCHED = 0.12
+"""Share of the square that must be known: a few pixels may be the tip of a foot left out of a person."""
 _FAR = 1e9
-"""Pixels: farther than anything in an image is from what is known."""
+"""Pixels: farther than any two pixels of an image are apart."""
 _LEVEL = 1e-3
 """Sine below the horizon from which a ray meets the floor."""
 
 
-def guessed(z: Float, ray: Float, world_from_camera: Float, floor_band: float) -> Float:
-    """(h, w) the room's depth, and where it was never seen what it is likely to be; 0 where nothing says so.
+def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: float) -> Float:
+    """(h, w) metres: the room's depth, filled in where it was never seen; 0 where nothing is known at all.
 
-    As deep as the nearest patch that is known; but by the floor only the floor is known, not what stands on
-    it. A few pixels say nothing: the tip of a foot that was left out of somebody.
+    The fill is the depth of the nearest known patch. A patch of the floor is continued as the floor's plane,
+    because it says nothing of what stands on it. A few known pixels are no patch.
 
     Args:
-        z: (h, w) metres along the optical axis; 0 where nothing is known.
+        z: (h, w) metres along the optical axis; 0 where the room is not known.
         ray: (h, w, 2) x/z and y/z of the pixels.
-        floor_band: metres above the floor below which something belongs to it.
+        floor_band: metres above y = 0 up to which a point belongs to the floor.
     """
     pose = np.ascontiguousarray(world_from_camera)
     return np.asarray(_with_floor(z, filled(_patches(z, ray, pose, floor_band)), ray, pose))
@@ -67,7 +69,7 @@ def _known_around(z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _mirrored(size):  # type: ignore[no-untyped-def]
-    """Which of so many places each shows, from half a patch before the first to half a patch after."""
+    """The mirrored place of each, from half a patch before the first of so many to half a patch after."""
     places = np.arange(-(_PATCH // 2), size + _PATCH // 2) % (2 * size)
     return np.minimum(places, 2 * size - 1 - places).astype(np.uint64)
 
@@ -81,7 +83,7 @@ def _count(columns, row, sign):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _with_floor(z, made, ray, pose):  # type: ignore[no-untyped-def]
-    """(h, w) what is known, else what was made of it, on the floor where that is less than 0."""
+    """(h, w) the known depth, else the filled one, else the floor's where the filled one is less than 0."""
     height, width = z.shape
     out = np.empty((height, width))
     for v in range(height):
@@ -105,7 +107,7 @@ def filled(z: Float) -> Float:
 def _filled(z):  # type: ignore[no-untyped-def]
     """A forward and a backward pass that hand on the value of the nearest known pixel.
 
-    Within a border of one pixel from which everything is far: it spares the passes their looks at the edges.
+    A border of one pixel, from which everything is far, spares the passes a test for the edges.
     """
     height, width = z.shape
     out, far = np.zeros((height + 2, width + 2)), np.full((height + 2, width + 2), _FAR)

@@ -1,4 +1,4 @@
-"""Walls in a group of pixels: what somebody stands before while the room is not known yet."""
+"""Walls in a group of pixels: the background of a person while the room is not known yet."""
 
 from __future__ import annotations
 
@@ -7,25 +7,38 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 
-_TRIALS, _SAMPLES = 150, 1500
-_LARGEST_WALLS = 4
-_AREA, _LENGTH, _FILLED, _BIN = 0.9, 0.9, 0.8, 0.15
-"""Square metres and metres across of what is seen of the smallest upright plane that nobody can be."""
-_THICK, _THICKER = 0.03, 0.006
-"""Metres off its plane within which a point is a wall's, and how much more with the square of its depth."""
+_TRIALS = 150
+"""Lines through two random points that are tried: with a fifth of the points on a wall, one of the lines lies
+along it with a probability of 99.8 %."""
+_SAMPLES = 1500
+"""Points on which each line is tried, about: the cost of a trial grows with them."""
+_MOST_WALLS = 4
+"""Walls that are taken out of one group at most: a room has four."""
+_AREA = 0.9
+"""Square metres that are seen of a wall at the least: an upright plane of this size is no person."""
+_LENGTH = 0.9
+"""Metres across a wall at the least: an upright plane of this width is no person."""
+_FILLED = 0.8
+"""Share of the cells along a wall that must be met: two people who stand apart leave a gap."""
+_BIN = 0.15
+"""Metres of such a cell: less than the gap between two people."""
+_THICK = 0.03
+"""Metres off its plane within which a point is a wall's, at the sensor: walls are not quite flat."""
+_THICKER = 0.006
+"""Metres by which that grows with each square metre of depth, as a depth sensor's noise does."""
 _APART = 0.3
-"""Metres between two points that a wall is guessed from."""
+"""Metres between the two points of a line at the least: nearer ones give no direction."""
 
 
-def without_walls(view: View, mask: Bool, seed: int = 0) -> Bool:
-    """The (h, w) mask without what lies in large upright planes; itself where there are none."""
+def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
+    """The (h, w) mask without its large upright planes; the mask itself where there are none."""
     pixels = pixels_of(mask)
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)
     random = np.random.default_rng(seed)
     seen, squares = _seen_from_above(view.points, view.z, pixels)
-    for _ in range(_LARGEST_WALLS):
+    for _ in range(_MOST_WALLS):
         if squares * pixel < _AREA:
             break
         step = max(1, len(pixels) // _SAMPLES)
@@ -62,7 +75,7 @@ def _seen_from_above(points, z, pixels):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _lying_on(seen, line):  # type: ignore[no-untyped-def]
-    """Which of (3, N) points lie on the plane over a line; metres along it of those; their depths' squares.
+    """(N,) whether each point lies on the plane over a line; of those that do, metres along it and sum z^2.
 
     Args:
         seen: as of :func:`_seen_from_above`.

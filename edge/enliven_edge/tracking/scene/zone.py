@@ -1,4 +1,4 @@
-"""Where performers are: an area on the floor, and a lock on who they are."""
+"""The area of the floor where performers are, and the lock that admits no new performers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enliven.arrays import Float
 
 
 class Zone:
-    """A polygon on the floor; without corners it is everywhere."""
+    """A polygon on the floor; without corners the zone is the whole floor."""
 
     def __init__(self, corners: tuple[tuple[float, float], ...] = ()) -> None:
         self.corners = corners
@@ -42,15 +42,15 @@ class Zone:
         return zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True)
 
 
-class Lock:
-    """Which people may be performers: everybody, or those who were there when it was locked."""
+class ZoneLock:
+    """The people who may be performers: all, or only the ``ids`` that were there when it was locked."""
 
     def __init__(self) -> None:
         self.ids: frozenset[int] | None = None
 
     @property
     def closed(self) -> bool:
-        """Whether newcomers are bystanders."""
+        """Whether new people are bystanders."""
         return self.ids is not None
 
     def admits(self, identity: int) -> bool:

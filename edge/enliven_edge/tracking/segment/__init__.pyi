@@ -1,4 +1,4 @@
-from .candidates import YOUNG, Newcomer, Newcomers
+from .candidates import YOUNG, Candidate, Candidates
 from .segmentation import Segments, lying_on, segmented
 
-__all__ = ["YOUNG", "Newcomer", "Newcomers", "Segments", "lying_on", "segmented"]
+__all__ = ["YOUNG", "Candidate", "Candidates", "Segments", "lying_on", "segmented"]

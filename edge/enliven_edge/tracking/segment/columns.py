@@ -1,4 +1,4 @@
-"""People who stand side by side in one group of pixels, joined at a hand say, parted."""
+"""Parts a group of pixels into the people in it who stand side by side, for example hand in hand."""
 
 from __future__ import annotations
 
@@ -10,22 +10,35 @@ from enliven.masks import pixels_of
 from enliven_edge.tracking.segment.person_shape import samples
 
 _SAMPLES = 3000
-"""Points that the people are looked for in, about."""
-_CELL, _APART, _RADIUS = 0.06, 0.42, 0.24
-"""Metres: of a cell of the map from above, between two people, and about a person's axis."""
-_STANDING, _NECK, _HIGHER = 0.7, 0.3, 0.2
-"""Metres: the lowest crown, and how much higher what is so near it makes it a shoulder."""
-_TOP, _HEAD = 0.15, 0.2
-"""Metres below a peak, and in plan from it, within which a head is."""
+"""Points in which the people are looked for, about: the cost grows with them."""
+_CELL = 0.06
+"""Metres of a cell of the height map from above: a head covers several."""
+_APART = 0.42
+"""Metres in plan between two people's axes at the least: the width of a person."""
+_RADIUS = 0.24
+"""Metres in plan about an axis within which points belong to the person's column: half a person's width."""
+_STANDING = 0.7
+"""Metres above the floor of the lowest crown: lower ones stand on no legs."""
+_NECK = 0.3
+"""Metres in plan around a shoulder within which its head is."""
+_HIGHER = 0.2
+"""Metres by which a head is higher than its shoulders at the least."""
+_TOP = 0.15
+"""Metres below a peak within which the points are a head's."""
+_HEAD = 0.2
+"""Metres in plan around a peak within which the points are a head's."""
 _PEAKS = 200
-"""Cells that are looked at, the highest first."""
-_LAYER, _KNEES, _MET = 0.1, 0.35, 0.8
-"""Metres of a layer, the share of the height where the knees are, and that of the layers above them that
-are met at the least where a person is."""
+"""Cells that are looked at, the highest first: this bounds the cost of a group."""
+_LAYER = 0.1
+"""Metres of height of a layer of a column."""
+_KNEES = 0.35
+"""Share of the height where the knees are: legs below them may be hidden or apart."""
+_MET = 0.8
+"""Share of the layers above the knees that must hold points where a person is: the rest may be hidden."""
 
 
 def parted(points: Float, mask: Bool) -> list[Bool]:
-    """The (h, w) mask, or its parts where several people stand side by side in it, joined at a hand say.
+    """[(h, w)] the mask, or its parts where several people stand in it side by side.
 
     Seen from above, each person is a column that reaches from a head to the legs; a pixel belongs to the
     nearest column.
@@ -86,7 +99,7 @@ def _columns(points, height, order, origin):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _summit(points, x, z, top):  # type: ignore[no-untyped-def]
-    """x and z of the middle of what is highest about a place, of a head say."""
+    """x and z of the mean of the highest points around a place, such as a head."""
     right, deep, count = 0.0, 0.0, 0
     for i in range(points.shape[1]):
         dx, dz = points[0, i] - x, points[2, i] - z
@@ -100,7 +113,7 @@ def _summit(points, x, z, top):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _filled(points, x, z, top):  # type: ignore[no-untyped-def]
-    """Whether a person is under a peak: no shoulder, and most heights from the knees up are met."""
+    """Whether a person is under a peak: it is no shoulder, and most layers from the knees up hold points."""
     if _shoulder(points, x, z, top):
         return False
     first, last = int(np.ceil(_KNEES * top / _LAYER)), int(np.floor(top / _LAYER))
@@ -126,7 +139,7 @@ def _shoulder(points, x, z, top):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _nearest(points, mask, columns):  # type: ignore[no-untyped-def]
-    """(N, h, w) which of the masked points each of (N, 2) columns is the nearest to."""
+    """(N, h, w) the masked points that are nearest in plan to each of (N, 2) columns."""
     points, out = points.reshape(-1, 3), np.zeros((len(columns), mask.size), np.bool_)
     for i in pixels_of(mask):
         least, nearest = np.inf, 0

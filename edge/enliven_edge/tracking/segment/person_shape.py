@@ -9,41 +9,83 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 
-SMALLEST_AREA, LARGEST_AREA = 0.06, 1.6
-_SHORTEST, _WIDEST, _DEEPEST = 0.3, 2.4, 1.6
+SMALLEST_AREA = 0.06
+"""Square metres seen of a person at the least: a head and a shoulder; smaller groups are noise or things."""
+LARGEST_AREA = 1.6
+"""Square metres seen of a person at the most: three times the usual."""
+_SHORTEST = 0.3
+"""Metres that a person is tall at the least, lying down."""
+_WIDEST = 2.4
+"""Metres that a person is wide at the most, arms spread or lying."""
+_DEEPEST = 1.6
+"""Metres that a person is deep at the most, arms or legs held forward."""
 _TALLEST = 2.6
-_MUCH, _HIGH = 0.7, 1.8
-"""Square metres and metres beyond which more of a group is no more like a person."""
-_FLAT, _BROAD = 0.022, 0.35
-_BIN, _GRID = 0.04, 0.06
+"""Metres above the floor of the highest crown: a tall person's raised hands."""
+_MUCH = 0.7
+"""Square metres beyond which more of a group makes it no more like a person."""
+_HIGH = 1.8
+"""Metres of height beyond which more makes it no more like a person."""
+_FLAT = 0.022
+"""Metres of standard deviation from its best plane below which a group is flat: a trunk is rounder."""
+_BROAD = 0.35
+"""Metres across from which a flat group is a panel: a limb is flat too, but narrow."""
+_BIN = 0.04
+"""Metres of a step in which widths are counted: several to a head."""
+_GRID = 0.06
+"""Metres of a cell in which the filled part of the upright box is counted: a few samples fall into each."""
 _HEAD = 0.14
+"""Metres below the crown in which nothing but a head is: above the chin."""
 _BANDS = np.array([(-1.0, _HEAD), (0.25, 0.35), (0.35, 0.45), (0.45, 0.55)])
-"""Metres below the crown between which a head is, and shoulders may be."""
-_HEADLIKE, _HEAD_WIDTH, _SOLID = 0.75, (0.09, 0.45), 0.43
-_SPARSE, _BOARD, _ROUND = 0.8, 0.85, 0.035
+"""(4, 2) metres below the crown: the band of the head, and three in which the shoulders may be."""
+_HEADLIKE = 0.75
+"""Width of a head over that of the shoulders at the most: a panel's is about 1."""
+_HEAD_WIDTH = (0.09, 0.45)
+"""Metres, the least and the greatest width at a head's height: half hidden, and with hair or a hat."""
+_SOLID = 0.43
+"""Share of its upright box that an upright person fills at the least: chairs and plants fill less."""
+_SPARSE = 0.8
+"""Share of its upright box below which a group has limbs that part."""
+_BOARD = 0.85
+"""Share of its upright box from which a flat group is a panel in spite of a narrow top."""
+_ROUND = 0.035
+"""Metres of standard deviation from its best plane from which a group with limbs is round as a body is."""
 _FREE = 0.6
-_HIDDEN, _MOSTLY_HIDDEN, _BORDER, _CUT = 0.2, 0.6, 0.03, 0.08
-_TELLING, _TELLING_IN_THE_OPEN, _OPEN = 0.1, 0.3, 0.4
-"""Share of an outline beyond which something must be measured for it to tell what stands free, that share
-where less than a part of the image is measured, in a hall too deep for the sensor, and that part."""
+"""Share of its outline that is free at the least: a person stands before something, a piece of a wall does
+not."""
+_HIDDEN = 0.2
+"""Share of the outline behind something nearer up to which a crown counts as seen."""
+_MOSTLY_HIDDEN = 0.6
+"""Share of the outline behind something nearer from which the rest does not tell what stands free."""
+_BORDER = 0.03
+"""Share of the outline at the image's border up to which a crown counts as seen."""
+_CUT = 0.08
+"""Share of the outline at the image's border from which a group is cut by it."""
+_TELLING = 0.1
+"""Share of an outline beyond which depth must be measured to tell what stands free."""
+_TELLING_IN_THE_OPEN = 0.3
+"""The same share in the open, where few pixels have a depth to compare with."""
+_OPEN = 0.4
+"""Share of the image with depth up to which it shows the open: a hall too deep for the sensor."""
 _SAMPLES = 1500
+"""Points of a group on which its shape is measured, about: the cost grows with them."""
 _WALL_BEHIND = 1.0
+"""Metres by which the pixels of a wall behind a group are put back: any group then stands free before it."""
 
 
 @dataclass(frozen=True)
-class Shape:
-    """What a group of pixels looks like.
+class BlobShape:
+    """The size and the shape of a group of pixels.
 
     Attributes:
         area: square metres that are seen, towards the sensor.
-        size: metres that it is tall, up to a person's height; 0 where its extents are not a person's.
-        crown: metres above the floor of its top.
+        size: metres of its height, at most a person's; 0 where its extents are not a person's.
+        crown: metres of its top above the floor.
         thickness: metres, the standard deviation from its best plane.
         wide: metres across, the larger of its two horizontal extents.
-        head: how wide the head's height is filled against the shoulders'; about 1 for a panel.
-        head_width: metres that are filled at the head's height.
+        head: the filled width at the head's height over that at the shoulders'; about 1 for a panel.
+        head_width: metres of the filled width at the head's height.
         fill: the share of its upright box that it fills.
         free: the share of its outline, sideways and above, beyond which the sensor sees farther: a person
             stands before something, a piece of a wall ends at the next thing or at the image's border.
@@ -67,7 +109,7 @@ class Shape:
 
     @property
     def likeness(self) -> float:
-        """How much it is like a person by its size alone; 0 where it cannot be one."""
+        """How much it is like a person by its size alone, square metres times metres; 0 where it is none."""
         return min(self.area, _MUCH) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
 
     @property
@@ -79,37 +121,37 @@ class Shape:
 
     @property
     def upright(self) -> bool:
-        """Whether it is shaped as somebody who stands or sits: a head above shoulders."""
+        """Whether it is shaped as a standing or sitting person: a head above shoulders."""
         return self.possible and self._headed and self.fill > _SOLID
 
     @property
     def _free(self) -> float:
-        """The free share of what nothing stands before: others may hide much of somebody in a crowd."""
+        """The free share of the outline that nothing hides: in a crowd others may hide much of a person."""
         return self.free / max(1e-6, 1.0 - self.behind) if self.behind < _MOSTLY_HIDDEN else 0.0
 
     @property
     def _headed(self) -> bool:
-        """Whether its top is as wide as a head, and what is below wider."""
+        """Whether its top is as wide as a head, and wider below."""
         low, high = _HEAD_WIDTH
         return self.head < _HEADLIKE and low < self.head_width < high
 
     @property
     def human(self) -> bool:
-        """Whether it is shaped as a person mostly is: upright, cut by the image, or with limbs that part."""
+        """Whether it has the shape of most people: upright, cut by the image, or with limbs that part."""
         limbs = self.fill < _SPARSE and self.thickness > _ROUND
         return self.upright or (self.possible and (self.cut or limbs or self.border > _CUT))
 
     @property
     def whole(self) -> bool:
-        """Whether all of its upper end is seen, so that its height is its own."""
+        """Whether all of its upper end is seen, so that the crown is the person's."""
         return self.behind < _HIDDEN and self.border < _BORDER
 
 
-def shape_of(view: View, mask: Bool, area: float, walls: Bool | None = None) -> Shape:
+def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None) -> BlobShape:
     """The shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor.
 
     Args:
-        walls: (h, w) what is measured of a wall: behind the mask, however near.
+        walls: (h, w) pixels of a wall behind the mask, however near it is.
     """
     z = view.z if walls is None else view.z + _WALL_BEHIND * walls
     pixels = pixels_of(mask)
@@ -120,7 +162,7 @@ def shape_of(view: View, mask: Bool, area: float, walls: Bool | None = None) -> 
     wide, tall, deep, crown, head, head_width, fill = _built(points, along, ordered, np.sort(along), _BANDS)
     size = min(tall, _HIGH) if tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST else 0.0
     wide = max(wide, deep)
-    return Shape(area, size, crown, thickness, wide, head, head_width, fill, free, behind, border, cut)
+    return BlobShape(area, size, crown, thickness, wide, head, head_width, fill, free, behind, border, cut)
 
 
 @njit(cache=True, nogil=True)
@@ -131,9 +173,9 @@ def _spread(ordered, low, high):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _flattened(points):  # type: ignore[no-untyped-def]
-    """Of (3, M) points: metres, the standard deviation from their best plane; (M,) along their longest way.
+    """Returns of (3, M) points: metres, the standard deviation from their best plane; (M,) metres along them.
 
-    That way is level, and its coordinates are from the points' middle.
+    The second is measured from the points' mean along their longest horizontal direction.
     """
     count, middle = points.shape[1], (points[0].mean(), points[1].mean(), points[2].mean())
     xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -174,12 +216,12 @@ def _least_eigenvalue(xx, yy, zz, xy, xz, yz):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _built(points, along, ordered, ordered_along, bands):  # type: ignore[no-untyped-def]
-    """Metres that (3, M) points are wide, tall, deep; crown, head, head_width, fill as of :class:`Shape`.
+    """Metres that (3, M) points are wide, tall, deep; crown, head, head_width, fill as of :class:`BlobShape`.
 
     Args:
-        along: (M,) metres along the longest level way.
+        along: (M,) metres along the longest horizontal direction.
         ordered, ordered_along: both with each row's values rising.
-        bands: (4, 2) as of ``_widths``, of the head and where the shoulders may be.
+        bands: (4, 2) as of ``_widths``: the head's, and three in which the shoulders may be.
     """
     wide, tall = _spread(ordered[0], 0.03, 0.97), _spread(ordered[1], 0.03, 0.97)
     deep = _spread(ordered[2], 0.03, 0.97)
@@ -223,7 +265,7 @@ def _widths(along, height, crown, bands):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _cells(along, height):  # type: ignore[no-untyped-def]
-    """How many cells of an upright grid (M,) points fill."""
+    """The number of cells of an upright grid that (M,) points fill."""
     left, low = np.floor(along.min() / _GRID), np.floor(height.min() / _GRID)
     wide, tall = int(np.floor(along.max() / _GRID) - left), int(np.floor(height.max() / _GRID) - low)
     met = np.zeros((wide + 1, tall + 1), np.bool_)
@@ -233,10 +275,10 @@ def _cells(along, height):  # type: ignore[no-untyped-def]
 
 
 def outline(z: Float, mask: Bool) -> tuple[float, float, float, bool]:
-    """Of the mask's outline, sideways and above: the shares before farther, nearer and nothing; cut below.
+    """Returns of a mask's sides and top the shares next to something farther, nearer and the image's border.
 
-    Beyond two pixels, because the first may lie on the edge itself. Unknown depth says nothing; what is
-    surrounded by nothing else is free.
+    The fourth value is whether the mask runs out of the image below. Depth is compared beyond two pixels,
+    because the first may lie on the edge itself. Where too little of it is known, all the outline is free.
     """
     farther, nearer, border, cut = _outline(z, mask, pixels_of(mask))
     return farther, nearer, border, cut
@@ -272,9 +314,9 @@ def _outline(z, mask, pixels):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _edges(mask, pixels):  # type: ignore[no-untyped-def]
-    """(M,) those of the (N,) masked places that have a neighbour beside or above them that is not masked.
+    """(M,) the (N,) masked places with a neighbour beside or above them that is not masked.
 
-    Others at the image's border may be among them.
+    Other places at the image's border may be among them.
     """
     flat, width = mask.ravel(), mask.shape[1]
     out, count = np.empty(len(pixels) + 1, np.int32), 0

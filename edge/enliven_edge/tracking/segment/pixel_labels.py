@@ -1,4 +1,4 @@
-"""Each pixel to the person on whose predicted body it lies, compiled."""
+"""Labels each pixel with the person that it lies on, by the predicted bodies, compiled."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import njit
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.scene import ROOM, UNLIKELY
 
 _ON_SURFACE = 0.025
+"""Metres from a predicted surface within which a pixel lies on it and the search ends: about the noise of
+depth."""
 
 
-def image_boxes(view: View, ends: Float, radii: Float, reach: float) -> Int:
-    """(K, 4) top, left, bottom and right of what each person's (C, 2, 3) capsules and their reach cover."""
+def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int:
+    """(K, 4) pixels: top, left, bottom, right of each person's (C, 2, 3) capsules, widened by the reach."""
     return np.asarray(_boxes(ends, radii, reach, view.camera.camera, view.world_from_camera, view.z.shape))
 
 
 @njit(cache=True, nogil=True)
 def _boxes(ends, radii, reach, camera, pose, shape):  # type: ignore[no-untyped-def]
-    """See :func:`image_boxes`; what is beside the sensor covers all there is on that side."""
+    """See :func:`image_boxes`; a capsule beside the sensor covers the whole image on that side."""
     out = np.empty((len(ends), 4), np.int64)
     for k in range(len(ends)):
         top, left, bottom, right = np.inf, np.inf, -np.inf, -np.inf
@@ -42,7 +44,7 @@ def _boxes(ends, radii, reach, camera, pose, shape):  # type: ignore[no-untyped-
                     min(left, camera[0] * first + camera[2]),
                     max(right, camera[0] * last + camera[2]),
                 )
-        if not (bottom > top and right > left):  # no number among them
+        if not (bottom > top and right > left):  # a capsule has an infinite or missing coordinate
             out[k] = 0
             continue
         out[k, 0] = int(min(max(np.floor(top), 0.0), shape[0]))
@@ -56,7 +58,7 @@ def _boxes(ends, radii, reach, camera, pose, shape):  # type: ignore[no-untyped-
 def _span(x, z, radius):  # type: ignore[no-untyped-def]
     """The least and the greatest x / z of a ball about (x, z): the slopes of its tangents through the sensor.
 
-    Seen from the side a ball is wider in the picture than its radius by its distance.
+    A ball is wider in the image than its radius over its distance.
     """
     square = x * x + z * z
     if not np.isfinite(square + radius):
@@ -72,11 +74,11 @@ def _span(x, z, radius):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def claim(points, kind, boxes, ends, radii, handicap, reach, reach_unlikely, owner, distance):  # type: ignore[no-untyped-def]
-    """Each candidate pixel to the person whose capsules are nearest, within reach, into ``owner``.
+def label_pixels(points, kind, boxes, ends, radii, handicap, reach, reach_unlikely, owner, distance):  # type: ignore[no-untyped-def]
+    """Labels each candidate pixel within reach with the person of the nearest capsule, into ``owner``.
 
-    A pixel that lies on a surface ends the search; neighbours mostly lie on the same capsule, which is tried
-    first. What is out of reach of the whole person, or of a capsule, is told by a box or a ball around them.
+    The search ends at a capsule that the pixel lies on; the last pixel's capsule is tried first. A box around
+    the person and a ball around each capsule rule out pixels that are out of reach.
     """
     for k in range(len(boxes)):
         top, left, bottom, right = boxes[k]
@@ -118,7 +120,7 @@ def _beyond(x, y, z, ball):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _nearer(x, y, z, shaft, best):  # type: ignore[no-untyped-def]
-    """Metres from a point to a capsule's surface, or ``best`` where it is not less: that takes no root."""
+    """Metres from a point to a capsule's surface, or ``best`` where it is not less, found without a root."""
     ax, ay, az = x - shaft[0], y - shaft[1], z - shaft[2]
     t = min(1.0, max(0.0, (ax * shaft[3] + ay * shaft[4] + az * shaft[5]) * shaft[6]))
     ax, ay, az = ax - t * shaft[3], ay - t * shaft[4], az - t * shaft[5]
@@ -129,7 +131,7 @@ def _nearer(x, y, z, shaft, best):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _shafts(ends, radii):  # type: ignore[no-untyped-def]
-    """(C, 9) each capsule's start, axis, one by its square, first radius and by how much it grows."""
+    """(C, 9) each capsule's start, axis, one over the axis squared, first radius and growth of the radius."""
     out = np.empty((len(ends), 9))
     for c in range(len(ends)):
         square = 1e-12
@@ -142,7 +144,7 @@ def _shafts(ends, radii):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _balls(ends, radii, reach):  # type: ignore[no-untyped-def]
-    """(C, 4) a centre and a squared radius: out of this ball everything is out of a capsule's reach."""
+    """(C, 4) centre and squared radius of the ball that holds all points within a capsule's reach."""
     out = np.empty((len(ends), 4))
     for c in range(len(ends)):
         square = 0.0
@@ -155,7 +157,7 @@ def _balls(ends, radii, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _corners(ends, radii, reach):  # type: ignore[no-untyped-def]
-    """The low and high corner of the box out of which everything is out of all capsules' reach."""
+    """The low and high corner of the box that holds all points within any capsule's reach."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for c in range(len(ends)):
         for e in range(2):

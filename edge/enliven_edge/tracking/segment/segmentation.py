@@ -1,7 +1,7 @@
-"""Pixels to people: each candidate pixel goes to the person whose predicted body it lies on.
+"""Segmentation: each candidate pixel goes to the person that it lies on, by the predicted bodies.
 
-What lies on nobody is grouped in three dimensions; a small group that touches somebody is theirs (an arm
-that was lost hangs together with the body), a large one may be somebody new.
+The other pixels are grouped in three dimensions. A small group that touches a person goes to that person: a
+lost arm is still joined to its body. A large group may be a new person.
 """
 
 from __future__ import annotations
@@ -16,30 +16,34 @@ from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven.union_find import root_of
 from enliven_edge.tracking.body_model import Posture
-from enliven_edge.tracking.frame import View
+from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.scene import ROOM, UNLIKELY, UNSEEN
-from enliven_edge.tracking.segment.pixel_labels import claim, image_boxes
-from enliven_edge.tracking.segment.surface_growing import given_back, grown
+from enliven_edge.tracking.segment.pixel_labels import image_boxes, label_pixels
+from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_detached
 
 REACH = 0.22
 """Metres from the predicted surface within which a pixel is taken for the person's."""
 _REACH_UNLIKELY = 0.08
-_LIMB_AREA, _LIMB_LENGTH = 0.12, 0.95
-"""A group that touches somebody is a limb of theirs up to this visible area and extent."""
+"""Metres likewise where a person is unlikely, about as deep as the unseen room: only the body itself
+counts."""
+_LIMB_AREA = 0.12
+"""Square metres seen up to which a group that touches a person is a limb: a leg seen from the front."""
+_LIMB_LENGTH = 0.95
+"""Metres across its box up to which a group that touches a person is a limb: the length of a leg."""
 SPECKLE = 0.004
 """Square metres: smaller loose groups are noise."""
 
 
 @dataclass(frozen=True)
-class Loose:
-    """A group of pixels that are nobody's.
+class LooseGroup:
+    """A group of pixels that belong to no person.
 
     Attributes:
         label: its number in ``Segments.labels``.
         area: square metres that are seen.
         low, high: (3,) the corners of its box in the world.
         centre: (3,) the mean of its points.
-        contact: (K,) pixels that touch each person.
+        contact: (K,) the number of its pixels that touch each person.
         box: (top, left, bottom, right) pixels, the last two exclusive.
     """
 
@@ -59,38 +63,38 @@ class Loose:
 
 @dataclass(frozen=True)
 class Segments:
-    """Whose the pixels of a frame are.
+    """The pixels of a frame, by person and by loose group.
 
     Attributes:
         owner: (h, w) the index of the person, or -1.
         labels: (h, w) the number of the loose group, or 0.
-        loose: the loose groups that are no speckles, the largest first.
+        loose: the loose groups larger than a speckle, the largest first.
         counts: (K,) each person's pixels.
     """
 
     owner: Int
     labels: Int
-    loose: list[Loose]
+    loose: list[LooseGroup]
     counts: Int
 
     def pixels(self, person: int) -> Bool:
         """(h, w) the pixels of a person, by index."""
         return np.asarray(self.owner == person)
 
-    def group(self, loose: Loose) -> Bool:
+    def group(self, loose: LooseGroup) -> Bool:
         """(h, w) the pixels of a loose group."""
         return np.asarray(self.labels == loose.label)
 
 
 def segmented(
-    view: View, kind: UInt8, postures: Sequence[Posture], handicap: Float | None = None
+    view: FrameView, kind: UInt8, postures: Sequence[Posture], handicap: Float | None = None
 ) -> Segments:
-    """Whose the pixels of a frame are.
+    """Segments a frame by the expected postures of the people in it.
 
     Args:
-        kind: (h, w) from :meth:`Room.classify`.
-        postures: where each person is expected, world frame.
-        handicap: (K,) metres by which a person's claim is weaker, one who is probably hidden say.
+        kind: (h, w) from :meth:`RoomModel.classify`.
+        postures: the expected posture of each person, world frame.
+        handicap: (K,) metres added to a person's distances, so that a probably hidden one gets fewer pixels.
     """
     shape, count = kind.shape, len(postures)
     handicap = np.zeros(count) if handicap is None else handicap
@@ -100,43 +104,43 @@ def segmented(
         capsules = [posture.capsules() for posture in postures]
         ends, radii = np.stack([c[0] for c in capsules]), np.stack([c[1] for c in capsules])
         boxes = image_boxes(view, ends, radii, REACH)
-        claim(view.points, kind, boxes, ends, radii, handicap, REACH, _REACH_UNLIKELY, owner, distance)
+        label_pixels(view.points, kind, boxes, ends, radii, handicap, REACH, _REACH_UNLIKELY, owner, distance)
     if count > 1:
-        grown(owner, distance, view.z)
+        grow_surfaces(owner, distance, view.z)
     pixels = _candidates(kind, owner)
     labels, groups = _grouped(view.z, pixels, 1.0)
     loose, joined = _judged(_table(view, pixels, labels, groups, owner, count))
     counts = _join(owner, labels, pixels, joined, count) if count else np.zeros(0, np.int64)
     if count > 1:
-        kept, counts = counts, given_back(owner, view.z, counts)
+        kept, counts = counts, return_detached(owner, view.z, counts)
         if (kept != counts).any():
-            # What touched one person may touch another one now.
+            # A group that touched one person may touch another one now.
             table = _table(view, pixels, labels, groups, owner, count)
             loose = [replace(each, contact=table[each.label, 15:].astype(np.int64)) for each in loose]
     return Segments(owner, labels, loose, counts)
 
 
-def lying_on(view: View, postures: Sequence[Posture], above: float, reach: float) -> Bool:
-    """(h, w) pixels within ``reach`` metres of somebody's surface and more than ``above`` metres high."""
+def lying_on(view: FrameView, postures: Sequence[Posture], above: float, reach: float) -> Bool:
+    """(h, w) pixels within ``reach`` metres of a person's surface and more than ``above`` metres high."""
     kind = np.where(view.points[..., 1] > above, UNSEEN, ROOM).astype(np.uint8)
     kind[view.z <= 0.0] = ROOM
     owner, distance = np.full(kind.shape, -1, np.int64), np.full(kind.shape, np.inf)
     ends, radii = (np.stack(each) for each in zip(*(p.capsules() for p in postures), strict=True))
     boxes, none = image_boxes(view, ends, radii, reach), np.zeros(len(postures))
-    claim(view.points, kind, boxes, ends, radii, none, reach, reach, owner, distance)
+    label_pixels(view.points, kind, boxes, ends, radii, none, reach, reach, owner, distance)
     return np.asarray(owner >= 0)
 
 
 def loose_groups(z: Float, kind: UInt8, owner: Int, tightness: float = 1.0) -> tuple[Int, int]:
-    """(h, w) groups 1..n of nobody's candidate pixels that touch with a small step in depth, and n."""
+    """(h, w) groups 1..n of the unowned candidate pixels, joined by small steps in depth, and n."""
     return groups_of(z, _candidates(kind, owner), tightness)
 
 
 def groups_of(z: Float, pixels: Int, tightness: float = 1.0) -> tuple[Int, int]:
-    """(h, w) groups 1..n of pixels that touch with a small step in depth, and n.
+    """(h, w) groups 1..n of pixels that are joined by small steps in depth, and n.
 
     Args:
-        pixels: (M,) int32 their places in reading order.
+        pixels: (M,) int32 the flat places of the pixels in reading order.
     """
     labels, groups = _grouped(z, pixels, tightness)
     return np.asarray(labels), int(groups)
@@ -144,7 +148,7 @@ def groups_of(z: Float, pixels: Int, tightness: float = 1.0) -> tuple[Int, int]:
 
 @njit(cache=True, nogil=True)
 def _candidates(kind, owner):  # type: ignore[no-untyped-def]
-    """(M,) the places, in reading order, of nobody's pixels that may be somebody's."""
+    """(M,) the flat places, in reading order, of the pixels without an owner that may be a person's."""
     kind, owner = kind.ravel(), owner.ravel()
     mask = np.empty(len(kind), np.bool_)
     for i in range(len(kind)):
@@ -154,7 +158,7 @@ def _candidates(kind, owner):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _grouped(z, pixels, tightness):  # type: ignore[no-untyped-def]
-    """(h, w) the number of the group of each of (M,) pixels, 0 for all others; how many groups there are."""
+    """(h, w) the group of each of (M,) pixels, 0 for all other pixels; and the number of groups."""
     shape, width, z = z.shape, z.shape[1], z.ravel()
     # Until the groups are numbered a pixel's label is its number among the pixels, from 1.
     labels, parent, row = np.zeros(len(z), np.int32), np.arange(len(pixels), dtype=np.int32), 0
@@ -177,14 +181,14 @@ def _grouped(z, pixels, tightness):  # type: ignore[no-untyped-def]
     count = 0
     for n in range(len(pixels)):
         root = root_of(parent, n)
-        # It was numbered before all others of its group.
+        # The root was numbered before all others of its group.
         count += root == n
         labels[pixels[n]] = count if root == n else labels[pixels[root]]
     return labels.reshape(shape), count
 
 
-def _table(view: View, pixels: Int, labels: Int, groups: int, owner: Int, people: int) -> Float:
-    """(groups + 1, 15 + K) area, low and high corner, sum of points, pixels, box, contacts."""
+def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int, people: int) -> Float:
+    """(groups + 1, 15 + K) each group's area, low and high corner, sum of points, pixels, box, contacts."""
     camera = view.camera.intrinsics
     pixel = 1.0 / (camera.fx * camera.fy)
     return np.asarray(_measured(view.z, view.points, pixels, labels, groups, owner, people, pixel))
@@ -206,7 +210,7 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):  # type:
         row[0] += depth[i] * depth[i] * pixel
         for a in range(3):
             p = place[i, a]
-            # Few pixels are a corner: what is not is not written again.
+            # Few pixels are a corner, so most are only compared.
             if p < row[1 + a]:
                 row[1 + a] = p
             if p > row[4 + a]:
@@ -224,8 +228,8 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):  # type:
     return out
 
 
-def _judged(table: Float) -> tuple[list[Loose], Int]:
-    """The loose groups that stay, and (groups + 1,) whose the others are, -1 for nobody's."""
+def _judged(table: Float) -> tuple[list[LooseGroup], Int]:
+    """The loose groups that stay, and (groups + 1,) the person that each other group joins, or -1."""
     area, joined = table[:, 0], _limbs(table)
     large = np.flatnonzero((area >= SPECKLE) & (joined < 0))
     return [_loose(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
@@ -233,7 +237,7 @@ def _judged(table: Float) -> tuple[list[Loose], Int]:
 
 @njit(cache=True, nogil=True)
 def _limbs(table):  # type: ignore[no-untyped-def]
-    """(groups + 1,) whose limb a group is, who is touched by most of its pixels; -1: it is no limb."""
+    """(groups + 1,) the person that each limb touches most; -1 for a group that is no limb."""
     joined = np.full(len(table), -1)
     for g in range(len(table)):
         row, contacts = table[g], table[g, 15:]
@@ -243,20 +247,20 @@ def _limbs(table):  # type: ignore[no-untyped-def]
     return joined
 
 
-def _loose(g: int, row: Float) -> Loose:
+def _loose(g: int, row: Float) -> LooseGroup:
     top, left, bottom, right = (int(x) for x in row[11:15])
     centre, contact = row[7:10] / row[10], row[15:].astype(np.int64)
-    return Loose(g, float(row[0]), row[1:4], row[4:7], centre, contact, (top, left, bottom, right))
+    return LooseGroup(g, float(row[0]), row[1:4], row[4:7], centre, contact, (top, left, bottom, right))
 
 
 @njit(cache=True, nogil=True)
 def _join(owner, labels, pixels, joined, people):  # type: ignore[no-untyped-def]
-    """Gives the (M,) pixels of joined groups to their owners, in place; each person's number of pixels."""
+    """Gives the (M,) pixels of joined groups to their owners, in place; returns each person's number."""
     owner, labels = owner.ravel(), labels.ravel()
     for i in pixels:
-        whose = joined[labels[i]]
-        if whose >= 0:
-            owner[i], labels[i] = whose, 0
+        person = joined[labels[i]]
+        if person >= 0:
+            owner[i], labels[i] = person, 0
     counts = np.zeros(people, np.int64)
     for k in owner:
         if k >= 0:

@@ -1,7 +1,7 @@
-"""What hangs together with somebody is theirs: where people meet, the surface decides, not the nearest fit.
+"""Region growing along the surface: where people meet, connected surface decides, not the nearest fit.
 
-An arm that has been lost is far from its own fit and may be near to somebody else's, above all when they hold
-hands. Its surface still begins at its own shoulder.
+A lost arm is far from its own fit and may be near another person's, above all when the two hold hands. Its
+surface still begins at its own shoulder.
 """
 
 from __future__ import annotations
@@ -12,20 +12,22 @@ from enliven.arrays import Float, Int
 from enliven.kernels import njit
 from enliven.union_find import join, root_of
 
-_HOLDS, _A_PART = 3, 0.4
-"""Pixels by which a piece must touch somebody to hang together with them, and its size at most, of theirs."""
+_HOLDS = 3
+"""Pixels by which a piece must touch a person to be joined to that person: fewer may be noise."""
+_A_PART = 0.4
+"""Size of such a piece over that of the person's largest at most: a limb, not another body."""
 _PLAIN = 0.1
-"""Metres from somebody's surface within which a pixel is plainly theirs."""
+"""Metres from a person's surface within which a pixel is plainly the person's."""
 
 
-def grown(owner: Int, distance: Float, z: Float) -> None:
-    """Shares out anew, in place, what lies on nobody's surface where two people meet.
+def grow_surfaces(owner: Int, distance: Float, z: Float) -> None:
+    """Reassigns, in place, the pixels that are not plainly one person's where two people meet.
 
-    It goes to whose plain pixels are nearest along the surface, pixel by pixel.
+    Each goes to the person with the nearest plain pixels along the surface.
 
     Args:
-        owner: (h, w) the index of the person whose pixel it is, or -1.
-        distance: (h, w) metres from their predicted surface.
+        owner: (h, w) the index of the person that owns each pixel, or -1.
+        distance: (h, w) metres from the owner's predicted surface.
         z: (h, w) metres along the optical axis.
     """
     if _contested(owner, distance, z):
@@ -34,7 +36,7 @@ def grown(owner: Int, distance: Float, z: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _contested(owner, distance, z):  # type: ignore[no-untyped-def]
-    """Whether a pixel that is not plainly somebody's touches another's."""
+    """Whether a pixel that is not plainly its owner's touches another person's."""
     height, width = owner.shape
     for v in range(height):
         if not _abut(owner, v):
@@ -52,9 +54,9 @@ def _contested(owner, distance, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _abut(owner, v):  # type: ignore[no-untyped-def]
-    """Whether two people's pixels lie side by side in a row, or in it and the one above; in any depth.
+    """Whether two people's pixels are neighbours in a row, or in the row and the one above, at any depth.
 
-    Without a branch, so that many pixels are looked at at once: mostly nobody's do.
+    It has no branch, so that many pixels are compared at once: mostly no two do.
     """
     row, above = owner[v], owner[max(0, v - 1)]
     found = False
@@ -67,7 +69,7 @@ def _abut(owner, v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _meet(owner, z):  # type: ignore[no-untyped-def]
-    """Whether two people's pixels lie side by side on one surface."""
+    """Whether two people's pixels are neighbours on one surface."""
     height, width = owner.shape
     for v in range(height):
         if not _abut(owner, v):
@@ -83,7 +85,7 @@ def _meet(owner, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _grow(owner, distance, z):  # type: ignore[no-untyped-def]
-    """Breadth first from all plain pixels at once; what none of them reaches stays whose it was."""
+    """Grows breadth first from all plain pixels at once; pixels that none reaches keep their owner."""
     height, width = owner.shape
     queue, reached = np.empty(height * width, np.int64), np.zeros((height, width), np.bool_)
     last = 0
@@ -102,14 +104,14 @@ def _grow(owner, distance, z):  # type: ignore[no-untyped-def]
                 queue[last], last = q * width + p, last + 1
 
 
-def given_back(owner: Int, z: Float, counts: Int) -> Int:
-    """Gives what hangs together with another person, and not with its owner, to that other, in place.
+def return_detached(owner: Int, z: Float, counts: Int) -> Int:
+    """Gives pieces that are joined to another person, and not to their owner, to that person, in place.
 
-    An arm that touched somebody's may be followed by their fit instead of its own: here it is let go as soon
-    as the two are apart.
+    After two arms have touched, one person's fit may follow the other's arm: it gives the arm back here as
+    soon as the two people are apart.
 
     Args:
-        owner: (h, w) the index of the person whose pixel it is, or -1.
+        owner: (h, w) the index of the person that owns each pixel, or -1.
         z: (h, w) metres along the optical axis.
         counts: (K,) each person's pixels.
 
@@ -118,28 +120,28 @@ def given_back(owner: Int, z: Float, counts: Int) -> Int:
     """
     if not _meet(owner, z):
         return counts
-    number, whose, size = _pieces(_joined(owner, z), owner)
-    largest = np.array([_largest(whose, size, k) for k in range(len(counts))])
-    contacts = _contacts(owner, z, number, whose, largest)
+    number, owner_of, size = _pieces(_joined(owner, z), owner)
+    largest = np.array([_largest(owner_of, size, k) for k in range(len(counts))])
+    contacts = _contacts(owner, z, number, owner_of, largest)
     other = contacts.argmax(1)
-    loose = (np.arange(len(size)) != largest[whose]) & (contacts.max(1) >= _HOLDS)
+    loose = (np.arange(len(size)) != largest[owner_of]) & (contacts.max(1) >= _HOLDS)
     loose &= size < _A_PART * np.where(largest[other] < 0, 0, size[largest[other]])
     if loose.any():
         inside = number >= 0
-        owner[inside] = np.where(loose, other, whose)[number[inside]]
+        owner[inside] = np.where(loose, other, owner_of)[number[inside]]
         counts = np.bincount(owner[inside], minlength=len(counts))
     return counts
 
 
-def _largest(whose: Int, size: Int, person: int) -> int:
-    """The largest piece of a person; -1: there is none."""
-    theirs = np.flatnonzero(whose == person)
-    return int(theirs[size[theirs].argmax()]) if len(theirs) else -1
+def _largest(owner_of: Int, size: Int, person: int) -> int:
+    """The number of a person's largest piece; -1 where there is none."""
+    own = np.flatnonzero(owner_of == person)
+    return int(own[size[own].argmax()]) if len(own) else -1
 
 
 @njit(cache=True, nogil=True)
 def _joined(owner, z):  # type: ignore[no-untyped-def]
-    """(h w,) parents of each person's pixels that hang together, -1 for nobody's."""
+    """(h w,) union-find parents that join each person's connected pixels, -1 for pixels without an owner."""
     height, width = z.shape
     parent = np.full(height * width, -1, np.int64)
     for v in range(height):
@@ -162,28 +164,28 @@ def _near(one, other):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _pieces(parent, owner):  # type: ignore[no-untyped-def]
-    """(h, w) the number of each pixel's piece, -1 for nobody's; whose each piece is, and its pixels."""
+    """(h, w) the piece of each pixel, or -1; (P,) the owner of each piece, and (P,) its pixels."""
     height, width = owner.shape
     number = np.full((height, width), -1, np.int64)
-    whose, size = np.empty(len(parent), np.int64), np.zeros(len(parent), np.int64)
+    owner_of, size = np.empty(len(parent), np.int64), np.zeros(len(parent), np.int64)
     pieces = 0
     for here in range(len(parent)):
         if parent[here] < 0:
             continue
         v, u, root = here // width, here % width, root_of(parent, here)
-        # A root is the smallest index of its piece, so it was numbered before all others.
+        # A root is the smallest index of its piece: it was numbered before all others.
         if root == here:
-            number[v, u], whose[pieces], pieces = pieces, owner[v, u], pieces + 1
+            number[v, u], owner_of[pieces], pieces = pieces, owner[v, u], pieces + 1
         number[v, u] = number[root // width, root % width]
         size[number[v, u]] += 1
-    return number, whose[:pieces].copy(), size[:pieces].copy()
+    return number, owner_of[:pieces].copy(), size[:pieces].copy()
 
 
 @njit(cache=True, nogil=True)
-def _contacts(owner, z, number, whose, largest):  # type: ignore[no-untyped-def]
-    """(P, K) at how many pixels each piece touches the largest piece of each other person."""
+def _contacts(owner, z, number, owner_of, largest):  # type: ignore[no-untyped-def]
+    """(P, K) the pixels at which each piece touches the largest piece of each other person."""
     height, width = z.shape
-    out = np.zeros((len(whose), len(largest)), np.int64)
+    out = np.zeros((len(owner_of), len(largest)), np.int64)
     for v in range(height):
         for u in range(width):
             if number[v, u] < 0:
@@ -193,6 +195,6 @@ def _contacts(owner, z, number, whose, largest):  # type: ignore[no-untyped-def]
                     continue
                 if _near(z[v, u], z[q, p]):
                     a, b = number[v, u], number[q, p]
-                    out[a, whose[b]] += b == largest[whose[b]]
-                    out[b, whose[a]] += a == largest[whose[a]]
+                    out[a, owner_of[b]] += b == largest[owner_of[b]]
+                    out[b, owner_of[a]] += a == largest[owner_of[a]]
     return out

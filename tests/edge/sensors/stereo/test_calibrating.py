@@ -17,12 +17,12 @@ from stereo_rig import rig
 from enliven import cli
 from enliven.errors import InputError
 from enliven_edge.sensors.stereo import Rectification, load_calibration
-from enliven_edge.sensors.stereo.board import Board
+from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.collecting import Keeper
 from enliven_edge.sensors.stereo.judging import judge
-from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, Sighting, _flat, solve
+from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, BoardSighting, _flat, solve
 
-BOARD = Board()
+BOARD = CalibrationBoard()
 WIDTH, HEIGHT = 320, 200
 SCALE = 2000
 """Pixels a metre of the board that is rendered: half a millimetre."""
@@ -54,7 +54,7 @@ def sightings(lenses, count=24, noise=0.1, seed=0, **of):
             pixels = lens.pixels(corners) + noise * random.standard_normal((len(corners), 2))
             inside = (pixels > 0).all(1) & (pixels < [lens.width, lens.height]).all(1)
             seen.append({n: pixels[n] for n in np.flatnonzero(inside)})
-        made.append(Sighting(f"left-{number:02}.png", *seen))
+        made.append(BoardSighting(f"left-{number:02}.png", *seen))
     return made
 
 
@@ -281,7 +281,7 @@ def test_live_pairs_are_kept_where_the_board_is_still_and_somewhere_new(pairs):
 
 
 def test_a_board_of_any_size_has_its_own_corners():
-    board = Board(5, 4, 0.05)
+    board = CalibrationBoard(5, 4, 0.05)
     assert len(board.points) == 12 and board.points[:, :2].max() == pytest.approx(0.2)
     with pytest.raises(InputError):
-        Board(20, 20)
+        CalibrationBoard(20, 20)

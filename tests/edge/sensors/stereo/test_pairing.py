@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from enliven.errors import ResourceError
-from enliven_edge.sensors.stereo.pairing import Pairing, Picture
+from enliven_edge.sensors.stereo.pairing import CameraImage, Pairing
 
 STEP, TOLERANCE = 33_333_333, 1_000_000
 IMAGE = np.zeros((1, 1), np.uint8)
@@ -22,7 +22,7 @@ def arrivals(lost, late, jitter):
             if not lost[eye][number]:
                 taken = number * STEP + jitter[(2 * number + eye) % len(jitter)]
                 arrives = number * STEP + late * eye
-                made.append((arrives, eye, Picture(eye, IMAGE, taken, number)))
+                made.append((arrives, eye, CameraImage(eye, IMAGE, taken, number)))
     return [picture for *_, picture in sorted(made, key=lambda each: each[:2])]
 
 
@@ -57,7 +57,7 @@ def test_cameras_out_of_step_are_said_with_how_far():
     with pytest.raises(ResourceError, match=r"not in step: 12\.0 ms apart.*sync"):
         for number in range(200):
             for eye in (0, 1):
-                assert pairing.add(Picture(eye, IMAGE, number * STEP + eye * 12_000_000, number)) is None
+                assert pairing.add(CameraImage(eye, IMAGE, number * STEP + eye * 12_000_000, number)) is None
     assert 4.5 < number * STEP * 1e-9 < 5.5, "cameras that are synchronised need a while to find their step"
 
 
@@ -67,7 +67,7 @@ def test_a_step_that_is_lost_again_is_said_before_the_edge_takes_silence_for_a_l
         for number in range(200):
             apart = 9_000_000 if number >= 20 else 0
             for eye in (0, 1):
-                pairs += pairing.add(Picture(eye, IMAGE, number * STEP + eye * apart, number)) is not None
+                pairs += pairing.add(CameraImage(eye, IMAGE, number * STEP + eye * apart, number)) is not None
     assert pairs == 20 and 0.7 < (number - 20) * STEP * 1e-9 < 1.0
 
 
@@ -76,7 +76,7 @@ def test_cameras_that_find_their_step_late_are_forgiven():
     for number in range(140):
         apart = max(0, 120 - number) * 1_000_000 // 6
         for eye in (0, 1):
-            pairs += pairing.add(Picture(eye, IMAGE, number * STEP + eye * apart, number)) is not None
+            pairs += pairing.add(CameraImage(eye, IMAGE, number * STEP + eye * apart, number)) is not None
     assert pairs == 140 - 120 + 6 and pairing.apart_ns == 0
 
 
@@ -85,4 +85,4 @@ def test_a_camera_that_sends_nothing_is_named(eye):
     pairing = Pairing("test", TOLERANCE)
     with pytest.raises(ResourceError, match=f"the {('right', 'left')[eye]} camera sends no images"):
         for number in range(200):
-            pairing.add(Picture(eye, IMAGE, number * STEP, number))
+            pairing.add(CameraImage(eye, IMAGE, number * STEP, number))

@@ -20,6 +20,7 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit import data_term, terms
 from enliven_edge.tracking.fit.fit import shape
+from enliven_edge.tracking.fit.gauss_newton import _placed
 from enliven_edge.tracking.frame.observation import nearest_columns
 
 PAIRS = shape()[9]
@@ -88,6 +89,30 @@ def test_gradient_of_self_intersection_is_half_the_energy_slope(seed):
     assert 2 * gradient @ direction == pytest.approx(
         slope(self_energy, posture, direction), rel=0.02, abs=1e-6
     )
+
+
+@given(st.integers(0, 10_000), st.floats(0.6, 1.5))
+@settings(max_examples=25, deadline=None)
+def test_the_floors_gradient_by_the_girth_holds_for_every_build(seed, girth):
+    posture = random_posture(seed, 0.5)
+    posture.position[1] -= 0.5
+    posture.lengths[model.GIRTH] = girth
+    direction = np.zeros(model.UNKNOWNS)
+    direction[model.DOFS + model.GIRTH] = 1.0
+    _, gradient = floor_energy(posture)
+    assert 2 * gradient @ direction == pytest.approx(
+        slope(floor_energy, posture, direction), rel=0.002, abs=1e-6
+    )
+
+
+@given(st.integers(0, 10_000), st.floats(0.6, 1.5), st.sampled_from([0, 12]))
+@settings(max_examples=25, deadline=None)
+def test_the_fit_places_the_surface_that_its_terms_are_tested_with(seed, girth, free):
+    posture = random_posture(seed, 0.8)
+    posture.lengths[model.GIRTH] = girth
+    _, made = _placed(posture.position, posture.rotations, posture.lengths, shape(), free)
+    for mine, expected in zip(made, surroundings(posture, free, taper=True), strict=True):
+        np.testing.assert_allclose(mine, expected, atol=1e-12)
 
 
 @given(st.integers(0, 10_000), st.floats(0.0, 0.9))

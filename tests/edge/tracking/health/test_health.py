@@ -13,7 +13,7 @@ from enliven.frames import BodyFrame, DepthFrame
 from enliven.health import HealthKind, Severity
 from enliven.person.body import Body, Joint
 from enliven_edge.tracking.frame.depth_survey import survey
-from enliven_edge.tracking.frame.frame_timing import Rhythm
+from enliven_edge.tracking.frame.frame_timing import FrameTiming
 from enliven_edge.tracking.health.alarm import Alarm
 from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings, TrackerState
 from enliven_edge.tracking.health.messages import COMPLAINTS
@@ -59,7 +59,7 @@ def test_what_is_admitted_is_always_newer_than_what_was(steps, random):
     """However times are shuffled within a second."""
     times = np.cumsum(steps).tolist()
     shuffled = sorted(times, key=lambda t: t + random.choice([0, 0, 0, 30]))
-    rhythm, seen = Rhythm(), [0]
+    rhythm, seen = FrameTiming(), [0]
     for each in shuffled:
         if rhythm.admit(each) and each < seen[-1]:
             assert len(rhythm._behind) == 0  # a clock that was set back: three in a row from the past
@@ -69,7 +69,7 @@ def test_what_is_admitted_is_always_newer_than_what_was(steps, random):
 
 
 def test_a_late_frame_is_left_out_and_counted_and_a_clock_that_was_set_back_is_taken():
-    rhythm = Rhythm()
+    rhythm = FrameTiming()
     assert all(rhythm.admit(t * STEP) for t in range(10, 20))
     assert not rhythm.admit(12 * STEP) and rhythm.late == 1
     assert not rhythm.admit(19 * STEP) and rhythm.repeated == 1
@@ -79,7 +79,7 @@ def test_a_late_frame_is_left_out_and_counted_and_a_clock_that_was_set_back_is_t
 
 @pytest.mark.parametrize("fps", [5.0, 15.0, 30.0, 90.0])
 def test_the_rate_is_that_of_the_times(fps):
-    rhythm = Rhythm()
+    rhythm = FrameTiming()
     for i in range(40):
         rhythm.admit(round(i * 1e9 / fps))
     assert rhythm.rate == pytest.approx(fps, rel=0.01) and rhythm.lost == pytest.approx(0.0, abs=0.01)
@@ -87,7 +87,7 @@ def test_the_rate_is_that_of_the_times(fps):
 
 @pytest.mark.parametrize("lost", [0.1, 0.3, 0.5])
 def test_lost_frames_are_counted_by_their_gaps(lost):
-    rhythm, random = Rhythm(), np.random.default_rng(0)
+    rhythm, random = FrameTiming(), np.random.default_rng(0)
     for i in range(400):
         if random.random() > lost:
             rhythm.admit(i * STEP + int(random.normal(0, 1e6)))

@@ -6,7 +6,7 @@ import pytest
 from enliven.person.body import Joint
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.people import follower
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.segment.segmentation import lying_on
@@ -23,7 +23,7 @@ def group(stagecraft, players=(), boxes=()):
     camera = WorkingCamera(s.CAMERA, s.CAMERA.width)
     z = s.Playground(*players, boxes=lambda time: boxes).frame(0.0).depth / 1000.0
     empty = s.Playground().frame(0.0).depth / 1000.0
-    view = View(0, z, world_points(z, camera.ray, s.MOUNT), camera, s.MOUNT)
+    view = FrameView(0, z, world_points(z, camera.ray, s.MOUNT), camera, s.MOUNT)
     before = (z > 0) & ((empty == 0) | (z < empty - 0.1))
     return view, before & (view.points[..., 1] > SETTINGS.scene.floor_band)
 

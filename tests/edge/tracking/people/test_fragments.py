@@ -13,12 +13,12 @@ from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.identity import Looks
 from enliven_edge.tracking.people.people import Crowd
 from enliven_edge.tracking.people.person import Person
-from enliven_edge.tracking.scene.room import UNSEEN, Room
+from enliven_edge.tracking.scene.room import UNSEEN, RoomModel
 from enliven_edge.tracking.segment.candidates import YOUNG, _reaches
 from enliven_edge.tracking.segment.segmentation import segmented
 from enliven_edge.tracking.settings import TrackerSettings
@@ -31,16 +31,16 @@ SHANK, BENCH = (0.4, 0.52, 0.25, 0.6), (0.35, 1.15, 0.1, 0.35)
 """Something small beside somebody, and something too large and too low to be anybody."""
 
 
-def drawn(*boxes) -> View:
+def drawn(*boxes) -> FrameView:
     """Flat boxes before nothing."""
     z = np.zeros((60, 80))
     x, y = CAMERA.ray[..., 0] * 2.4, 1.2 - CAMERA.ray[..., 1] * 2.4
     for left, right, bottom, top in boxes:
         z[(x > left) & (x < right) & (y > bottom) & (y < top)] = 2.4
-    return View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+    return FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
 
 
-def held(view: View, somebody_at: float | None, age: float = 0.0) -> np.ndarray:
+def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.ndarray:
     """(h, w) what the room is not to learn, with somebody followed so many metres to the right, or nobody."""
     settings = TrackerSettings(estimator=False)
     fitter = Fitter(settings.fit)
@@ -48,7 +48,7 @@ def held(view: View, somebody_at: float | None, age: float = 0.0) -> np.ndarray:
     if somebody_at is not None:
         posture = Posture(np.array([somebody_at, 0.95, -2.4]), standing(), lengths_for_height(1.75))
         crowd.people.append(Person(1, Follower(settings, fitter, posture), Looks(), 0))
-    room = Room(view.z.shape)
+    room = RoomModel(view.z.shape)
     room.age = age
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
     return crowd.look(view, kind, segmented(view, kind, []), room, believe=False)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.people.identity import Looks, Register, percentile
-from enliven_edge.tracking.scene.zone import Lock, Zone
+from enliven_edge.tracking.scene.zone import Zone, ZoneLock
 from enliven_edge.tracking.settings import PeopleSettings
 
 SECOND = 1_000_000_000
@@ -114,7 +114,7 @@ def test_a_hollow_in_a_zone_is_outside():
 
 
 def test_a_lock_admits_who_was_named():
-    lock = Lock()
+    lock = ZoneLock()
     assert lock.admits(5)
     assert not lock.closed
     lock.ids = frozenset({1})

@@ -14,7 +14,7 @@ from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.people import follower
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.settings import FitSettings, TrackerSettings
@@ -30,7 +30,7 @@ def scene():
     posture = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), lengths_for_height(1.7))
     z, mask = picture(posture)
     camera = WorkingCamera(Intrinsics(160, 120, *CAMERA), 160)
-    return View(0, z, world_points(z, camera.ray, MOUNT), camera, MOUNT), mask, posture
+    return FrameView(0, z, world_points(z, camera.ray, MOUNT), camera, MOUNT), mask, posture
 
 
 @pytest.fixture

@@ -16,14 +16,14 @@ from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.people import person, search
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.identity import Looks
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.search import Found, Search
 from enliven_edge.tracking.scene.room import BEFORE, UNLIKELY
-from enliven_edge.tracking.segment.candidates import Newcomer, _unions, measured
+from enliven_edge.tracking.segment.candidates import Candidate, _unions, measured
 from enliven_edge.tracking.segment.person_shape import shape_of
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import whole
@@ -42,30 +42,30 @@ def posture_of(rotations: np.ndarray) -> Posture:
     return Posture(np.array([0.0, 0.95, -2.5]), rotations, lengths_for_height(1.7))
 
 
-def view_of(z: np.ndarray) -> View:
+def view_of(z: np.ndarray) -> FrameView:
     camera = WorkingCamera(Intrinsics(160, 120, *CAMERA), 160)
-    return View(0, z, world_points(z, camera.ray, MOUNT), camera, MOUNT)
+    return FrameView(0, z, world_points(z, camera.ray, MOUNT), camera, MOUNT)
 
 
-def newcomer(view: View, pixels: np.ndarray) -> Newcomer:
+def newcomer(view: FrameView, pixels: np.ndarray) -> Candidate:
     """A group of pixels as it is found in the first frame."""
-    made = Newcomer(view.points[pixels].mean(0), 0)
+    made = Candidate(view.points[pixels].mean(0), 0)
     area = area_of(view, pixels)
     made.update(pixels, made.centre, shape_of(view, pixels, area), area, (0.0, 1.0), 0)
     return made
 
 
-def area_of(view: View, pixels: np.ndarray) -> float:
+def area_of(view: FrameView, pixels: np.ndarray) -> float:
     """Square metres towards the sensor."""
     return measured(view, pixels, np.zeros(pixels.shape, np.uint8))[1]
 
 
-def halves(view: View, mask: np.ndarray) -> list[np.ndarray]:
+def halves(view: FrameView, mask: np.ndarray) -> list[np.ndarray]:
     left = view.points[..., 0] < 0.0
     return [mask & left, mask & ~left]
 
 
-def searched(view: View, newcomers: list[Newcomer]):
+def searched(view: FrameView, newcomers: list[Candidate]):
     made: list[Found] = []
     whole(looking().found(view, newcomers, made, alone=True))
     return made
@@ -176,11 +176,11 @@ def test_the_network_is_asked_where_its_answer_tells(scene):
     raised = newcomer(view, pixels)
     raised.shape = replace(raised.shape, head=1.0)
     assert not raised.convincing
-    assert [raised.puzzles(ns) for ns in (0, 100_000_000, 300_000_000)] == [True, False, True]
+    assert [raised.needs_recognition(ns) for ns in (0, 100_000_000, 300_000_000)] == [True, False, True]
     raised.recognised = True
     assert raised.convincing
     panel = newcomer(view, pixels)
     panel.shape = replace(panel.shape, head=1.0, thickness=0.01, wide=0.5)
-    assert not panel.puzzles(0)
+    assert not panel.needs_recognition(0)
     panel.recognised = True
     assert not panel.convincing

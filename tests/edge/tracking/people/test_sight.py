@@ -13,7 +13,7 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.fit.gauss_newton import stepped
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.people.person import heights_beside, mean_point, sight, trunk_shown
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 50, 48, 39.2, 29.7), 80)
@@ -23,7 +23,7 @@ TRUNK = (model.PELVIS, model.CHEST, model.HEAD)
 
 
 def view_of(z, mount=MOUNT):
-    return View(0, z, world_points(z, CAMERA.ray, mount), CAMERA, mount)
+    return FrameView(0, z, world_points(z, CAMERA.ray, mount), CAMERA, mount)
 
 
 def person(z=-2.5, x=0.0):
@@ -43,7 +43,7 @@ def random_person(random) -> Posture:
     )
 
 
-def random_view(random) -> View:
+def random_view(random) -> FrameView:
     """Depth of anything, and holes, seen by a sensor that is turned a little."""
     z = random.uniform(0.3, 4.0, SHAPE) * (random.random(SHAPE) > 0.2)
     mount = MOUNT.copy()
@@ -53,7 +53,7 @@ def random_view(random) -> View:
     return view_of(z, mount)
 
 
-def samples_slowly(view: View, posture: Posture, pixels, frames=range(13)):
+def samples_slowly(view: FrameView, posture: Posture, pixels, frames=range(13)):
     """(S,) of the ends and the middle of the frames' capsules: in the image, behind something, on pixels."""
     made = []
     camera_from_world = np.linalg.inv(view.world_from_camera)

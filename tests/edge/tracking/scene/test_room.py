@@ -8,16 +8,25 @@ from scipy import ndimage
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
-from enliven_edge.tracking.scene.room import BEFORE, ROOM, UNLIKELY, UNSEEN, Room, _classify, _guard, widened
-from enliven_edge.tracking.scene.room_prior import filled, guessed
+from enliven_edge.tracking.frame.view import FrameView
+from enliven_edge.tracking.scene.room import (
+    BEFORE,
+    ROOM,
+    UNLIKELY,
+    UNSEEN,
+    RoomModel,
+    _classify,
+    _guard,
+    widened,
+)
+from enliven_edge.tracking.scene.room_prior import background_fill, filled
 from enliven_edge.tracking.settings import RoomSettings
 
 FRAME = 1 / 30
 NOBODY = np.zeros((8, 8), bool)
 
 
-def in_front(room: Room, z: np.ndarray, *, guess: bool) -> np.ndarray:
+def in_front(room: RoomModel, z: np.ndarray, *, guess: bool) -> np.ndarray:
     """(h, w) pixels before the room; where it was never seen, as deep as about there, or else anywhere."""
     known = filled(room.z) if guess else room.z
     return (z > 0) & ((known == 0) | (z < known - (0.05 + 0.012 * z * z)))
@@ -39,7 +48,7 @@ def picture(metres):
 def test_only_what_is_known_can_differ(seed, held):
     """What is held back for somebody and was never seen is compared with nothing: the sensor did not move."""
     random = np.random.default_rng(seed)
-    room, still = Room((8, 8)), np.round(random.uniform(1.0, 4.0, (8, 8)), 3)
+    room, still = RoomModel((8, 8)), np.round(random.uniform(1.0, 4.0, (8, 8)), 3)
     hold = random.random((8, 8)) < held
     for n in range(5):
         agreement = room.learn(still, NOBODY, round(n * FRAME * 1e9), hold)
@@ -53,7 +62,7 @@ def test_only_what_is_known_can_differ(seed, held):
 
 @pytest.mark.parametrize("rate", [5, 30])
 def test_furniture_that_was_moved_in_is_absorbed_within_the_stated_time(rate):
-    room = Room((8, 8), RoomSettings(absorb_after=6.0))
+    room = RoomModel((8, 8), RoomSettings(absorb_after=6.0))
     now = learn(room, picture(3.0), 2.0, rate=rate)
     now = learn(room, picture(2.0), 5.0, now, rate=rate)
     assert in_front(room, picture(2.0), guess=True).all()
@@ -62,28 +71,28 @@ def test_furniture_that_was_moved_in_is_absorbed_within_the_stated_time(rate):
 
 
 def test_what_was_taken_away_is_forgotten_soon():
-    room = Room((8, 8))
+    room = RoomModel((8, 8))
     now = learn(room, picture(2.0), 1.0)
     learn(room, picture(3.0), 0.8, now)
     assert in_front(room, picture(2.0), guess=True).all()
 
 
 def test_a_flickering_edge_is_no_foreground():
-    room, random = Room((8, 8)), np.random.default_rng(0)
+    room, random = RoomModel((8, 8)), np.random.default_rng(0)
     for i in range(600):
         room.learn(np.where(random.random((8, 8)) < 0.5, 2.0, 3.0), NOBODY, round(i * FRAME * 1e9))
     assert in_front(room, picture(2.0), guess=True).mean() < 0.05
 
 
 def test_who_stands_still_is_never_absorbed():
-    room = Room((8, 8))
+    room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0)
     learn(room, picture(2.0), 120.0, now, person=np.ones((8, 8), bool))
     assert in_front(room, picture(2.0), guess=True).all()
 
 
 def test_who_was_lost_where_they_stand_is_not_absorbed_until_seen_elsewhere():
-    room, ids, mine = Room((8, 8)), np.array([7]), np.zeros((8, 8), np.int64)
+    room, ids, mine = RoomModel((8, 8)), np.array([7]), np.zeros((8, 8), np.int64)
     now = learn(room, picture(3.0), 1.0)
     room.guard(mine, ids, picture(2.0))
     now = learn(room, picture(2.0), 60.0, now)
@@ -94,7 +103,7 @@ def test_who_was_lost_where_they_stand_is_not_absorbed_until_seen_elsewhere():
 
 
 def test_the_wall_behind_somebody_who_left_is_the_room():
-    room, somebody = Room((20, 20)), np.zeros((20, 20), bool)
+    room, somebody = RoomModel((20, 20)), np.zeros((20, 20), bool)
     somebody[5:15, 8:12] = True
     room.learn(np.full((20, 20), 3.0), somebody)
     assert not in_front(room, np.full((20, 20), 3.0), guess=True).any()
@@ -103,7 +112,7 @@ def test_the_wall_behind_somebody_who_left_is_the_room():
 
 
 def test_what_may_become_somebody_is_not_learnt_at_once():
-    room, hold = Room((8, 8)), np.zeros((8, 8), bool)
+    room, hold = RoomModel((8, 8)), np.zeros((8, 8), bool)
     hold[:, :4] = True
     room.learn(picture(2.0), NOBODY, 0, hold)
     assert (room.z[:, :4] == 0).all()
@@ -123,7 +132,7 @@ def with_blob(left, metres=2.0):
 
 def dark_hall(seconds=0.2):
     """The room of an empty hall after everything in it has been new for long, and the time."""
-    room = Room(HALL)
+    room = RoomModel(HALL)
     return room, learn(room, np.zeros(HALL), seconds, person=np.zeros(HALL, bool))
 
 
@@ -163,7 +172,7 @@ def with_dark(columns, metres=3.0):
 
 @pytest.mark.parametrize("rate", [5, 30])
 def test_where_nothing_is_measured_any_more_the_room_is_forgotten_after_a_while(rate):
-    room = Room((8, 8))
+    room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0, rate=rate)
     now = learn(room, with_dark(3), 1.8, now, rate=rate)
     np.testing.assert_array_equal(room.z, picture(3.0))
@@ -172,7 +181,7 @@ def test_where_nothing_is_measured_any_more_the_room_is_forgotten_after_a_while(
 
 
 def test_what_is_measured_now_and_then_is_not_forgotten():
-    room = Room((8, 8))
+    room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0)
     for _ in range(5):
         now = learn(room, with_dark(3), 1.5, now)
@@ -182,7 +191,7 @@ def test_what_is_measured_now_and_then_is_not_forgotten():
 
 @pytest.mark.parametrize("columns", [5, 8])
 def test_a_covered_lens_forgets_nothing(columns):
-    room = Room((8, 8))
+    room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0)
     now = learn(room, with_dark(columns), 10.0, now)
     np.testing.assert_array_equal(room.z, picture(3.0))
@@ -193,7 +202,7 @@ def test_a_covered_lens_forgets_nothing(columns):
 
 
 def test_what_was_forgotten_is_learnt_anew_there_alone():
-    room, where = Room((8, 8)), np.zeros((8, 8), bool)
+    room, where = RoomModel((8, 8)), np.zeros((8, 8), bool)
     where[2:5, 1:4] = True
     now = learn(room, picture(2.0), 1.0)
     now = learn(room, picture(1.0), 0.5, now)  # on its way to be absorbed
@@ -208,11 +217,11 @@ def view_of(z):
     camera = WorkingCamera(Intrinsics(8, 8, 100, 100, 3.5, 3.5), 8)
     mount = np.diag([1.0, -1.0, -1.0, 1.0])
     mount[1, 3] = 1.0
-    return View(0, z, world_points(z, camera.ray, mount), camera, mount)
+    return FrameView(0, z, world_points(z, camera.ray, mount), camera, mount)
 
 
 def test_every_pixel_is_told_apart():
-    room = Room((8, 8))
+    room = RoomModel((8, 8))
     somebody = np.zeros((8, 8), bool)
     somebody[:, 5:] = True
     room.learn(picture(3.0), somebody, 0)
@@ -323,7 +332,7 @@ def floor_of(mount):
 
 
 def guess(z, mount):
-    return guessed(z, HALL_CAMERA.ray, mount, FLOOR_BAND)
+    return background_fill(z, HALL_CAMERA.ray, mount, FLOOR_BAND)
 
 
 @given(st.integers(0, 1000), st.floats(0.0, 1.0))
@@ -399,7 +408,7 @@ def test_the_guess_is_that_of_the_slow_twin(seed, h, w, coarse):
     known = ndimage.gaussian_filter(random.standard_normal((h, w)), coarse) > random.uniform(-0.1, 0.1)
     z, ray = random.uniform(1, 4, (h, w)) * known, random.standard_normal((h, w, 2))
     mount = world_from_level_camera(random.uniform(0.5, 2.5), random.uniform(-0.5, 0.5))
-    np.testing.assert_allclose(guessed(z, ray, mount, 0.08), guessed_slowly(z, ray, mount, 0.08))
+    np.testing.assert_allclose(background_fill(z, ray, mount, 0.08), guessed_slowly(z, ray, mount, 0.08))
 
 
 @given(st.integers(0, 1000), st.integers(0, 3))

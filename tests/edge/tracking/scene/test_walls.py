@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.scene.walls import _best_line, without_walls
 
 CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
@@ -22,7 +22,7 @@ def standing(*places, wall=3.4):
         inside = (np.abs(off) < radius) & (y < 1.75)
         z[inside] = depth - np.sqrt(radius**2 - off[inside] ** 2)
     noise = 0.004 * np.random.default_rng(0).standard_normal(z.shape) * z
-    return View(0, z + noise, world_points(z + noise, CAMERA.ray, MOUNT), CAMERA, MOUNT), z < wall
+    return FrameView(0, z + noise, world_points(z + noise, CAMERA.ray, MOUNT), CAMERA, MOUNT), z < wall
 
 
 def test_who_stands_before_a_wall_is_left_and_the_wall_is_not():

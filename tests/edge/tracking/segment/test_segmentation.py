@@ -12,9 +12,9 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.scene.room import ROOM, UNLIKELY, UNSEEN
-from enliven_edge.tracking.segment.pixel_labels import _span, claim, image_boxes
+from enliven_edge.tracking.segment.pixel_labels import _span, image_boxes, label_pixels
 from enliven_edge.tracking.segment.segmentation import REACH, SPECKLE, loose_groups, segmented
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
@@ -22,7 +22,7 @@ MOUNT = world_from_level_camera(1.2)
 
 
 def view_of(z):
-    return View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+    return FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
 
 
 def person(x, z=-2.5, **pose):
@@ -50,7 +50,7 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
     owner, distance = np.full((60, 80), -1), np.full((60, 80), np.inf)
     kind = np.full((60, 80), UNSEEN, np.uint8)
     boxes = image_boxes(view, ends, radii, REACH)
-    claim(view.points, kind, boxes, ends, radii, np.zeros(2), REACH, 0.08, owner, distance)
+    label_pixels(view.points, kind, boxes, ends, radii, np.zeros(2), REACH, 0.08, owner, distance)
     exact = np.stack([surface_distance(view.points, p) for p in postures]).clip(0.0)
     clear = np.abs(exact[0] - exact[1]) > 0.03  # on both surfaces, either may have it
     clear &= np.abs(exact.min(0) - REACH) > 1e-6  # at the end of its reach, rounding decides
@@ -69,8 +69,8 @@ def test_claims_are_those_of_the_slow_twin(seed, handicap):
     ends, radii = (np.stack(x) for x in zip(*(p.capsules() for p in postures), strict=True))
     kind, weaker = random.integers(0, 4, shape).astype(np.uint8), np.array([0.0, handicap, 0.0])
     owner, distance = np.full(shape, -1), np.full(shape, np.inf)
-    claim(view.points, kind, image_boxes(view, ends, radii, REACH), ends, radii, weaker, REACH, 0.08, owner,
-          distance)  # fmt: skip
+    boxes = image_boxes(view, ends, radii, REACH)
+    label_pixels(view.points, kind, boxes, ends, radii, weaker, REACH, 0.08, owner, distance)
     away = np.stack([surface_distance(view.points, p) for p in postures]).clip(0.0) + weaker[:, None, None]
     limit = np.where(kind == ROOM, 0.0, np.where(kind == UNLIKELY, 0.08, REACH))
     least, second = np.sort(away, axis=0)[:2]

@@ -13,7 +13,7 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.segment.segmentation import lying_on
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
@@ -24,7 +24,7 @@ LOWER_LEGS = [Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_R
 
 
 def view_of(z):
-    return View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+    return FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
 
 
 def person(x, z=-2.5, **pose):

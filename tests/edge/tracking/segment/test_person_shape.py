@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import View
+from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.segment.columns import parted
 from enliven_edge.tracking.segment.person_shape import _flattened, outline, shape_of
 
@@ -24,7 +24,7 @@ def drawn(*boxes, wall=4.0):
         inside = (x > left) & (x < right) & (y > bottom) & (y < top)
         bulge = 0.12 * np.sin(np.pi * np.clip((x - left) / (right - left), 0, 1))
         z[inside] = np.minimum(z, depth - bulge)[inside]
-    return View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+    return FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
 
 
 def shape(view, mask):
@@ -46,7 +46,7 @@ def test_a_head_above_shoulders_is_human():
 def test_a_flat_panel_and_a_post_are_not_upright_people():
     z = np.full((120, 160), 4.0)
     z[20:110, 50:90] = 2.5
-    panel = View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+    panel = FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
     assert not shape(panel, panel.z < 3.0).human
     post = drawn((-0.15, 0.15, 0.1, 1.8, 2.5))
     assert not shape(post, post.z < 3.0).upright
@@ -204,7 +204,7 @@ def test_a_thin_body_with_a_head_is_no_panel():
         (slice(70, 90), slice(44, 108)),
     ):
         z[v, u] = 2.5
-    flat = View(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
+    flat = FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
     found = shape(flat, flat.z > 0)
     assert found.thickness < 0.022 and found.wide > 0.35
     assert found.upright

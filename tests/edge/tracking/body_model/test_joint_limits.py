@@ -63,3 +63,8 @@ def test_what_a_posture_costs_its_mirror_image_costs(seed):
 
 def test_who_just_stands_there_costs_nothing():
     assert cost(joint_limits.RELAXED) == 0.0
+
+
+def test_a_weight_by_frame_is_the_usual_one_but_where_another_is_given():
+    made = model.by_frame(1.5, {model.PELVIS: 0.0, model.FOOT_R: 3.0})
+    np.testing.assert_array_equal(made, [0.0, *[1.5] * 11, 3.0])

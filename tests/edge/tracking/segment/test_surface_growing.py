@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.segment.surface_growing import given_back, grown
+from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_detached
 
 PEOPLE = 3
 SHAPE = (14, 18)
@@ -33,7 +33,7 @@ def scene(seed: int, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
 def after(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
     """(owner, counts) of what was given back."""
     made = owner.copy()
-    counts = given_back(made, z, np.bincount(owner[owner >= 0], minlength=people))
+    counts = return_detached(made, z, np.bincount(owner[owner >= 0], minlength=people))
     return made, counts
 
 
@@ -200,7 +200,7 @@ def contested(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray
     random = np.random.default_rng([seed, 1])
     distance = np.where(random.random(SHAPE) < 0.3, 0.02, 0.15)
     made = owner.copy()
-    grown(made, distance, z)
+    grow_surfaces(made, distance, z)
     return owner, distance, z, made
 
 
@@ -256,5 +256,5 @@ def test_held_hands_are_parted_in_the_middle():
     """An arm each, plain at the shoulders only, and all of both claimed by the one whose fit is nearer."""
     owner, distance = np.full((1, 20), 0), np.full((1, 20), 0.15)
     owner[0, 17:], distance[0, :3], distance[0, 17:] = 1, 0.0, 0.0
-    grown(owner, distance, np.full((1, 20), 2.0))
+    grow_surfaces(owner, distance, np.full((1, 20), 2.0))
     assert (owner[0, :10] == 0).all() and (owner[0, 10:] == 1).all()
