@@ -111,7 +111,7 @@ class SmoothingSettings:
 
 
 @dataclass(frozen=True)
-class ContactSettings:
+class FootContactSettings:
     """When a foot is said to stand on the floor."""
 
     lift: float = setting(
@@ -141,7 +141,7 @@ class OutputSettings:
         unit="s", low=0.0, high=0.3,
     )  # fmt: skip
     mirror: bool = setting(False, "Show the performers as in a mirror: left and right exchanged.")
-    contact: ContactSettings = setting(ContactSettings, "The feet on the floor.")
+    contact: FootContactSettings = setting(FootContactSettings, "The feet on the floor.")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import View
 from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
-from enliven_edge.tracking.people import Crowd, Person
+from enliven_edge.tracking.people import MultiPersonTracker, Person
 from enliven_edge.tracking.scene import Mounting, Room
 from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
@@ -36,7 +36,7 @@ class Tracker:
     def __init__(self, settings: TrackerSettings | None = None, colour: ColourEye | None = None) -> None:
         self.settings = settings or TrackerSettings()
         self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
-        self._crowd = Crowd(self.settings, Fitter(self.settings.fit))
+        self._people = MultiPersonTracker(self.settings, Fitter(self.settings.fit))
         self._room: Room | None = None
         self._owner: Int | None = None
         self._view: View | None = None
@@ -51,12 +51,12 @@ class Tracker:
     @property
     def performers(self) -> list[Person]:
         """Who is followed and may perform, those who were found first come first."""
-        return self._crowd.performers
+        return self._people.performers
 
     @property
     def bystanders(self) -> int:
         """How many people are in view who are no performers: out of the zone, or locked out."""
-        return self._crowd.bystanders
+        return self._people.bystanders
 
     @property
     def state(self) -> TrackerState:
@@ -80,43 +80,43 @@ class Tracker:
         """What the last frame shows of each performer's surface, by id; mirrored as the bodies are."""
         if self._view is None or self._owner is None:
             return {}
-        found = seen_surfaces(self._view, self._owner, self._crowd.indexed())
+        found = seen_surfaces(self._view, self._owner, self._people.segment_ids())
         if self.settings.output.mirror:
             return mirrored_surfaces(found, *mirror_of(self.world_from_camera))
         return found
 
     def lock(self, ids: Iterable[int] | None = None) -> None:
         """Only these people, or all who are followed now, are performers; newcomers are bystanders."""
-        self._crowd.lock_to(ids)
+        self._people.lock_to(ids)
 
     @property
     def locked(self) -> bool:
         """Whether newcomers are bystanders."""
-        return self._crowd.lock.ids is not None
+        return self._people.lock.ids is not None
 
     def unlock(self) -> None:
         """Newcomers may be performers again."""
-        self._crowd.unlock()
+        self._people.unlock()
 
     def forget(self) -> None:
         """Drops everybody who is followed or remembered; the room and the sensor's place stay."""
-        self._crowd.forget()
+        self._people.forget()
         self.output.forget()
 
     def track(self, frame: DepthFrame) -> list[Body]:
         """The bodies in a frame, world frame; empty where nobody is seen."""
-        view = self._mounting.view(frame, nobody=not self._crowd.people)
+        view = self._mounting.view(frame, nobody=not self._people.people)
         room = self._room_of(view)
         if self._mounting.falling:
             self._view = None
             return []
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
-        segments = self._crowd.follow(view, kind)
-        hold = self._crowd.look(view, kind, segments, room, believe=not self._mounting.suspected)
+        segments = self._people.follow(view, kind)
+        hold = self._people.find_new(view, kind, segments, room, believe=not self._mounting.suspected)
         self._owner, self._view = segments.owner, view
-        room.guard(segments.owner, self._crowd.owners(), view.z)
-        somebody = (segments.owner >= 0) | self._crowd.sought(view)
+        room.guard(segments.owner, self._people.travelled_ids(), view.z)
+        somebody = (segments.owner >= 0) | self._people.searched_pixels(view)
         agreement = room.learn(view.z, somebody, view.time_ns, hold)
         self._take_back(room, view)
         self._mounting.watch(view, agreement, somebody)
@@ -124,7 +124,7 @@ class Tracker:
 
     def _take_back(self, room: Room, view: View) -> None:
         """Who was there when the room was first seen may be taken for it in part: a leg below a hole."""
-        people = [p.follower.posture for p in self._crowd.people if not p.travelled]
+        people = [p.follower.posture for p in self._people.people if not p.travelled]
         if people and room.age < _YOUNG:
             room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
 
@@ -132,7 +132,7 @@ class Tracker:
         """The room, a new one where the sensor was moved or exchanged."""
         mounting = self._mounting
         if mounting.new_camera or (mounting.new_place and mounting.far_away):
-            self._crowd.misplaced(view.time_ns)
+            self._people.sensor_moved(view.time_ns)
         if self._room is None or mounting.new_camera or mounting.new_place:
             self._room = Room(view.z.shape, self.settings.room)
         return self._room

@@ -12,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float32, UInt8
 from enliven.person import Limb
-from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, Crop, Part, crop_person, facing_of
+from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, BodyPart, Crop, crop_person, facing_of
 from enliven_synthesis.training.rendering import Picture, Studio
 
 Dice = np.random.Generator
@@ -24,7 +24,14 @@ _FLOOR_OFF = 0.02
 """Metres, one deviation, by which the floor is off;"""
 _IN_THE_AIR, _HIGHEST = 0.1, 0.6
 """and the share of pictures in which people jump, or stand on something, and how high at most."""
-_LOST = (Part.HAND_LEFT, Part.FOREARM_LEFT, Part.UPPER_ARM_LEFT, Part.FOOT_LEFT, Part.SHANK_LEFT, Part.HEAD)
+_LOST = (
+    BodyPart.HAND_LEFT,
+    BodyPart.FOREARM_LEFT,
+    BodyPart.UPPER_ARM_LEFT,
+    BodyPart.FOOT_LEFT,
+    BodyPart.SHANK_LEFT,
+    BodyPart.HEAD,
+)
 _THINGS = 0.12
 """Share of the lessons that are about no person."""
 _LOSES, _TAKES_IN, _SHREDS = 0.1, 0.1, 0.03
@@ -90,7 +97,7 @@ def lesson(studio: Studio, dice: Dice, frontal: float) -> Lesson:
 def _lost_limb(picture: Picture, dice: Dice) -> Bool:
     """(h, w) the pixels of one part of the body."""
     part = int(_LOST[int(dice.integers(len(_LOST)))])
-    return np.asarray(picture.label == (part if part == Part.HEAD else part + int(dice.integers(2))))
+    return np.asarray(picture.label == (part if part == BodyPart.HEAD else part + int(dice.integers(2))))
 
 
 def _shreds(mask: Bool, dice: Dice) -> Bool:
