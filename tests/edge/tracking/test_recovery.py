@@ -1,4 +1,4 @@
-"""Joints that are seen elsewhere: the fit keeps near them, and second thoughts bring a lost limb there."""
+"""Joints that are seen elsewhere: the fit keeps near them, and recovery brings a lost limb there."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ def off(posture: Posture, truth: Posture, joints) -> float:
 
 
 def reconsidered(observation: Observation, start: Posture, seen) -> Posture:
-    """A posture after so many frames of second thoughts, all its capsules sure of themselves."""
+    """A posture after so many frames of recovery, all its capsules sure."""
     fitter = Fitter(FitSettings())
-    thoughts = PoseRecovery(fitter)
+    pose_recovery = PoseRecovery(fitter)
     posture, report = fitter.fit(observation, start)
     for _ in range(TURNS):
-        posture, report = thoughts.reconsider(observation, posture, report, SURE, seen)
+        posture, report = pose_recovery.reconsider(observation, posture, report, SURE, seen)
     return posture
 
 

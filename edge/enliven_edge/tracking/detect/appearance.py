@@ -1,5 +1,4 @@
-"""The network's estimate at the points that the fit uses: body parts, facing, and agreement with a
-posture."""
+"""The network's estimate at the points that the fit uses: body parts, facing and agreement."""
 
 from __future__ import annotations
 
@@ -45,8 +44,11 @@ CARRIES = _capsule_parts()
 _CARRY = CARRIES.T.astype(np.float32)
 _CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
 _TO_THE_SENSOR = 0.5
-"""Log probability of facing the sensor before anything is seen, and minus that of facing away: people look at
-it."""
+"""Log probability for facing the sensor, and against facing away, by habit: people look at it."""
+
+
+DISAGREEMENT = 4.0
+"""Square centimetres a point: cost where the network takes all points for other parts, as of a bad fit."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,7 @@ class EstimateAtPoints:
         return out
 
     def affinity(self, metres: float) -> Float32:
-        """Returns (20, M) metres to add to a point's distance from each capsule: ``metres`` for a part of
-        another."""
+        """Returns (20, M) metres to add to a point's distance from a capsule that it does not look like."""
         return np.ascontiguousarray((np.float32(metres) * (1.0 - self.likelihood)).T)
 
     def sideless_affinity(self, metres: float) -> Float32:
@@ -168,8 +169,7 @@ def _facing(rotations, place, eye):  # type: ignore[no-untyped-def]
 
 
 def turned_about(posture: Posture) -> Posture:
-    """Returns the posture turned by 180 degrees about its trunk's axis, with left and right limbs
-    exchanged."""
+    """Returns the posture turned by 180 degrees about its trunk's axis, left and right limbs exchanged."""
     made = posture.copy()
     made.rotations = joint_limits.mirrored(posture.rotations)
     made.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)

@@ -13,7 +13,13 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_edge.tracking.body_model import Posture, model
-from enliven_edge.tracking.detect.appearance import EstimateAtPoints, agreement, facing_score, turned_about
+from enliven_edge.tracking.detect.appearance import (
+    DISAGREEMENT,
+    EstimateAtPoints,
+    agreement,
+    facing_score,
+    turned_about,
+)
 from enliven_edge.tracking.detect.extremities import extremities
 from enliven_edge.tracking.detect.facing_side import backward
 from enliven_edge.tracking.detect.hypotheses import banked_starts, standing_starts
@@ -27,17 +33,13 @@ _REFINED = 3
 """Hypotheses that are refined. Of eight, wrongly turned ones won on real shots: coarse fits tell front from
 back better."""
 _SAME = 0.12
-"""Metres: two hypotheses with every pair of joints nearer than this are one; both would end in the same
-fit."""
+"""Metres: hypotheses with every pair of joints nearer than this would end in the same fit."""
 _LIKELIEST = 3
-"""Facings that the network is conditioned on, besides none and the opposite of the likeliest: each costs a
-run."""
+"""Likeliest facings to condition the network on, besides none and the opposite: each costs a run."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
-"""(12,) weights that hold the lengths during a refinement: loosely, because the person is not measured
-yet."""
+"""(12,) weights that hold the lengths in a refinement: loosely, as the person is not measured yet."""
 _COARSE_POINTS = 160
-"""Points of the coarse fits of a person who is followed already: a third of all, as the fit is only
-compared."""
+"""Points of the coarse fits of a followed person: a third of all, as the fits are only compared."""
 _COARSE_STEPS = 8
 """Steps of a coarse fit: with four to six the tuning set lost half a percent of its joints."""
 _WIDE = 0.25
@@ -55,13 +57,9 @@ _HALF_WIDTH = 0.12
 _HALF_AFFINITY = 0.4
 """Share of the affinity in the first half of a refinement: the surface takes over from the network."""
 _PROMISING = 1.0
-"""Share of the present posture's cost below which another one is refined: one no better then hardly ever
-wins."""
+"""Share of the present cost below which a hypothesis is refined: one no better hardly ever wins."""
 _AFFINITY = 0.15
 """Metres: how far the part that a point looks like outweighs its place in coarse fits."""
-_DISAGREEMENT = 4.0
-"""Square centimetres a point: cost where all points are of other parts than the network says, as of a bad
-fit."""
 _FACING = 0.6
 """Square centimetres a point: cost of a less likely facing, for each unit of log probability."""
 _BACKWARD = 12.0
@@ -297,12 +295,11 @@ def _oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height
     if seen is None:
         return stature
     facing = facing_score(seen, posture, eye)
-    return stature + _DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING * facing
+    return stature + DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING * facing
 
 
 def quality(report: FitReport) -> float:
-    """Returns the share of the points explained less the share of the model that was seen through, up to
-    1."""
+    """Returns the share of points explained less the share of the model seen through, up to 1."""
     return report.explained - float(report.violated.mean())
 
 

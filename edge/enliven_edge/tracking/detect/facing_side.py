@@ -31,8 +31,7 @@ about without strong evidence."""
 _WRONG_ALL_THE_SAME = -3.5
 """The same for a facing that was settled before, which needs more evidence yet."""
 _STROLL = 0.45
-"""Metres a second from which walking says something of the facing: slower, people also step sideways and
-back."""
+"""Metres a second from which walking tells the facing: slower, people also step sideways and back."""
 _WALK = 0.9
 """Metres a second from which walking says all it can: a slow walk ahead."""
 _FORWARD = 4.5

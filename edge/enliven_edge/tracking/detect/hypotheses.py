@@ -21,16 +21,14 @@ _ARMS = (
 _LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
 _RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
-"""Radians from facing the sensor of the two standing postures turned aside: at a right angle one arm is
-hidden."""
+"""Radians from facing the sensor of the two postures turned aside: short of hiding an arm."""
 _YAWS = (0.0, 1.57, 3.14, -1.57)
 """Radians from facing the sensor that each posture of the bank is tried at: a quarter turn apart."""
 _THINNED = 100
 """Points that a posture of the bank is compared with: enough to rank it."""
 _FARTHEST_POINT = 0.4
-"""Metres at which a point's distance from a posture is clipped: beyond, it belongs to another posture
-anyway."""
-_BEHIND = 0.1
+"""Metres at which a point's distance from a posture is clipped: one stray point must not decide."""
+BEHIND_SURFACE = 0.1
 """Metres from the seen surface back to the middle of a standing body: half of a trunk's depth."""
 _BEHIND_POINTS = 0.08
 """Metres from the median of all points back to the middle of a body in another posture."""
@@ -164,7 +162,7 @@ def _under_crown(observation: Observation, centre: Float, rotations: Float, leng
     away = centre - observation.view[4][:3, 3]
     away[1] = 0.0
     head[2] = centre[2]
-    posture.position = head + _BEHIND * away / max(1e-6, float(np.linalg.norm(away)))
+    posture.position = head + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))
     return posture
 
 

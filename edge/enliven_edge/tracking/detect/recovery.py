@@ -13,8 +13,9 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_edge.tracking.body_model import Posture, mirrored, model, rotation, standing
-from enliven_edge.tracking.detect.appearance import EstimateAtPoints, agreement, turned_about
+from enliven_edge.tracking.detect.appearance import DISAGREEMENT, EstimateAtPoints, agreement, turned_about
 from enliven_edge.tracking.detect.backoff import Backoff
+from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE
 from enliven_edge.tracking.detect.posing import aligned_to, posed
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
@@ -50,8 +51,7 @@ _SURE = 0.9
 _BETTER = 0.985
 """Share of the cost that a moved limb must fall below: less is the noise of the fit."""
 _MUCH_BETTER = 0.8
-"""Share of the cost that a moved body must fall below: a body in another place explains by chance now and
-then."""
+"""Share of the cost that a moved body must fall below: a wrong one is better by chance now and then."""
 _LOSES = 0.03
 """Share of the points that a better posture may leave unexplained more than before: a leg that is seen was
 given up because the network, which knew no such kick, put it elsewhere."""
@@ -62,17 +62,11 @@ _WIDE_STEPS = 6
 _WIDE = 0.25
 """Metres: the robust width of the wide fit, as a limb of a proposal may be off by as much."""
 _RAREST = 4
-"""Frames between two proposals of a whole body that explain nothing better, at most: a fall must be caught
-soon."""
-_DISAGREEMENT = 4.0
-"""Square centimetres a point: cost where all points are of other parts than the network says, as of a bad
-fit."""
+"""Frames between two whole bodies proposed in vain, at most: a person who falls must be caught soon."""
 _BADLY = 0.9
 """Share of the points explained (less what was seen through) below which the whole body is doubted."""
 _YAWS = (0.8, -0.8)
 """Radians by which a whole body is tried turned: half a right angle to either side, never to the back."""
-_BEHIND = 0.1
-"""Metres from the median of the points back to the middle of a standing body: half of a trunk's depth."""
 _ANKLE = 0.04
 """Metres above the floor of the lowest joint, a foot's, of a body that is put there standing."""
 
@@ -143,8 +137,7 @@ class PoseRecovery:
         return after < share * before and same.explained - tried[1].explained <= _LOSES
 
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
-        """Returns the limbs that explain little of the frame; remembers the pose of each that explains
-        much."""
+        """Returns the limbs that explain little of the frame; remembers the poses of the sure ones."""
         doubtful: list[tuple[int, ...]] = []
         sure_of = confidence.tolist()
         for limb, capsules in _OUTER.items():
@@ -188,9 +181,8 @@ class PoseRecovery:
 
 
 def cost(report: FitReport, posture: Posture, seen: EstimateAtPoints | None) -> float:
-    """Returns square centimetres a point: the fit's energy, and the cost of other parts than the network
-    sees."""
-    return report.energy + (0.0 if seen is None else _DISAGREEMENT * (1.0 - agreement(seen, posture)))
+    """Returns square centimetres a point: the fit's energy and the disagreement with the network."""
+    return report.energy + (0.0 if seen is None else DISAGREEMENT * (1.0 - agreement(seen, posture)))
 
 
 def whole_bodies(
@@ -228,7 +220,7 @@ def _standing_at(observation: Observation, posture: Posture, facing: float) -> P
     centre = np.median(observation.points.astype(float), axis=0)
     away = centre - observation.view[4][:3, 3]
     away[1] = 0.0
-    made.position = centre + _BEHIND * away / max(1e-6, float(np.linalg.norm(away)))
+    made.position = centre + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))
     lowest = made.joints()[:, 1].min() - made.position[1]
     made.position[1] = _ANKLE - lowest
     return made

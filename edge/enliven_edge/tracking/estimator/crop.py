@@ -16,10 +16,9 @@ from enliven.kernels import njit
 from enliven.masks import pixels_of
 
 ROWS = 80
-"""Cells from top to bottom of a crop: at 2 to 3.6 cm each, a person with raised arms fits. Fixed by the
-network."""
+"""Cells from top to bottom of a crop, fixed by the network: a person with raised arms fits."""
 COLUMNS = 64
-"""Cells from left to right of a crop: at 2 to 3.6 cm each, outstretched arms fit. Fixed by the network."""
+"""Cells from left to right of a crop, fixed by the network: outstretched arms fit."""
 _SMALLEST = 0.02
 """Metres a cell at the person's depth, at least: a finer crop shows no more than the sensor measures."""
 _LARGEST = 0.036
@@ -29,15 +28,13 @@ _MARGIN = 1.2
 CHANNELS = 4
 """Channels of a crop: the person, the depth, the height above the floor, and where nothing is known."""
 _SAMPLES = 500
-"""Pixels that a person's place and size are found by: enough for percentiles, few enough to sort in no
-time."""
+"""Pixels that a person's place and size are found by: enough for percentiles, and quick to sort."""
 _OUTLIERS = 0.01
 """Share of these samples left out at each end, against stray depth at edges."""
 _HANGING_LEVEL = 0.2
 """Length in the image of the world's unit up vector below which no direction is upright: seen from above."""
 _BEFORE = 0.1
-"""Metres before the person's middle from which other depth may hide the person: nearer it may stand
-beside."""
+"""Metres before the person's middle from which depth may hide the person; nearer, it is beside."""
 _GROUND = 0.08
 """Metres above the floor below which depth hides no person: it is the floor before the feet."""
 
@@ -71,8 +68,7 @@ class Crop:
         return np.concatenate([flat, points[:, 2:] - self.depth], 1)
 
     def cells(self, rays: Float) -> Float:
-        """Returns where (N, 2) rays, x/z and y/z, meet the crop: (N, 2) cells right of and below its
-        middle."""
+        """Returns (N, 2) cells right and down from the crop's middle for (N, 2) rays, x/z and y/z."""
         return np.asarray((rays @ self.axes.T - self.centre) * (self.depth / self.cell))
 
     def to_camera(self, points: Float) -> Float:
@@ -122,8 +118,7 @@ def _upright(world_from_camera: Float) -> Float:
 
 
 def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Float, float]:
-    """Returns the (2,) least and (2,) greatest of the person along the axes at unit depth, and the median
-    depth."""
+    """Returns the person's (2,) least and (2,) greatest along the axes at unit depth, and median depth."""
     ordered = np.sort(_samples(z, mask, camera, axes), axis=1)
     count = ordered.shape[1]
     first = int(_OUTLIERS * count)

@@ -81,8 +81,7 @@ class Estimate:
         return bool(_apart(joints, self.joints, self.spread))
 
     def parts_at(self, rays: Float) -> Float32:
-        """Returns (M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z, interpolated between four
-        cells."""
+        """Returns (M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z, between four cells."""
         rows, columns = self.parts.shape[1:]
         cells = _cells_of_parts(self.crop.cells(rays), rows, columns)
         return np.asarray(_between_cells(self.parts, cells))
@@ -115,8 +114,7 @@ def _apart(joints, seen, spread):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _cells_of_parts(cells, rows, columns):  # type: ignore[no-untyped-def]
-    """Turns (M, 2) cells as of :meth:`Crop.cells` into (M, 2) columns and rows of the part map, clipped to
-    it."""
+    """Returns (M, 2) columns and rows in the part map, clipped, of (M, 2) cells as of :meth:`Crop.cells`."""
     out, share = np.empty(cells.shape), columns / COLUMNS
     for i in range(len(cells)):
         out[i, 0] = min(columns - 1.001, max(0.0, cells[i, 0] * share + columns / 2 - 0.5))
@@ -190,8 +188,7 @@ class PoseEstimator:
     def estimate(
         self, z: Float, mask: Bool, camera: Float, world_from_camera: Float, facing: float | None
     ) -> Estimate:
-        """Runs the network on the masked person; arguments as of :func:`crop_person`, and the facing in
-        radians."""
+        """Runs the network on the masked person; arguments as of :func:`crop_person`, facing in radians."""
         crop = crop_person(z, mask, camera, world_from_camera)
         return self.estimates(crop, world_from_camera, [facing])[0]
 

@@ -10,17 +10,14 @@ from enliven_edge.sensors import Condition
 from enliven_edge.tracking.health.alarm import Alarms
 
 _COOLER = 5.0
-"""Degrees Celsius below its limit at which a device is called hot, and by which it must cool again: time to
-act."""
+"""Degrees Celsius below its limit at which a device is called hot, early enough to act."""
 _LEVEL = 4.0
-"""Degrees between floor and accelerometer below which they agree again: mounting and bias are 1 to 3
-degrees."""
+"""Degrees between floor and accelerometer below which they agree again: mounting and bias are 1 to 3."""
 _TILTED = 6.0
 """Degrees between floor and accelerometer above which they disagree: a ramp or a table's edge was taken for
 the floor."""
 _OVERHEAD = -0.5
-"""Cosine between the assumed downwards and gravity below which a sensor hangs the other way up: 120
-degrees."""
+"""Cosine between assumed and measured gravity below which a sensor hangs upside down: 120 degrees."""
 
 
 def judge_condition(

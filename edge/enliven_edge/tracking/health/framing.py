@@ -11,11 +11,9 @@ from enliven.person import Body, Joint
 _TOUCH = 0.12
 """Metres between joints of two people below which they touch: half of two limbs and a little air."""
 _ARMS_LENGTHS = 2.5
-"""Metres between two people's hips, along each axis, beyond which no joints can touch: two reaches with a
-lean."""
+"""Metres between two people's hips, along each axis, beyond which no joints can touch."""
 _NEAREST = 0.05
-"""Metres along the optical axis that a joint is projected from at least: nearer, it has no place in the
-image."""
+"""Metres along the optical axis, at least, for projecting a joint: it must not divide by 0."""
 WATCHED = np.array([Joint.HIP_CENTER, Joint.HEAD, Joint.FOOT_LEFT, Joint.FOOT_RIGHT])
 """The joints that must be in the image."""
 _NAMES = ("hips", "head", "feet", "feet")
@@ -23,8 +21,7 @@ _NAMES = ("hips", "head", "feet", "feet")
 
 
 def touching(bodies: list[Body]) -> tuple[int, ...]:
-    """Returns the ids of the first two people with a joint at a joint of the other; empty without such
-    two."""
+    """Returns the ids of the first two people with touching joints; empty without such two."""
     for i, one in enumerate(bodies):
         for other in bodies[i + 1 :]:
             if np.abs(one.joints[0] - other.joints[0]).max() < _ARMS_LENGTHS:
@@ -35,8 +32,7 @@ def touching(bodies: list[Body]) -> tuple[int, ...]:
 
 
 def cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
-    """Returns the name of a watched joint (4, 3), camera frame, outside the image, and the border; else
-    empty."""
+    """Returns a watched joint outside the image, of (4, 3) camera frame, and the border; else empty."""
     z = np.maximum(local[:, 2], _NEAREST)
     u = camera.fx * local[:, 0] / z + camera.cx
     v = camera.fy * local[:, 1] / z + camera.cy

@@ -18,8 +18,7 @@ from enliven_edge.tracking.health.device_health import judge_condition
 from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching
 
 _FROZEN_FRAMES = 4
-"""Equal images in a row above which a sensor may be frozen: two equal ones come by chance from some
-drivers."""
+"""Equal images in a row above which a sensor may be frozen: fewer may be chance."""
 _REPEATED = 8
 """Frames in a row with the same time from which a sensor is frozen: it sends one frame again and again."""
 _NORMAL_FALLS = 60.0
@@ -51,8 +50,7 @@ _DEPTH_BACK = 0.1
 _UNCLEAR_MARGIN = 0.1
 """Mean confidence above the limit at which a performer is clear again."""
 _PLACE_MARGIN = 0.1
-"""Metres beyond a limit of the distance at which a performer stands well again: bodies sway by
-centimetres."""
+"""Metres inside a limit of the distance at which a performer stands well again: bodies sway."""
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,11 @@ _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Join
 _ABOVE = np.array([0.0, 0.06])
 """(2,) metres of ball and ankle above the ball of a foot that stands."""
 _FORGETS = 0.03
-"""Metres a second by which the height where a foot stands is forgotten, so that one low frame is not
-final."""
+"""Metres a second by which the height of a standing foot may rise, so that one low frame is not final."""
 _SPEED_CUTOFF = 6.0
 """Hz of the low-pass on the speed of a foot: under the fit's noise, but a step begins within a few frames."""
 _STEEP = 5.0
-"""Slope of the logistic from how far a foot is from its limits to a probability: 0.5 on them, 0.92 at
-half."""
+"""Slope of the logistic from a foot's share of its limits to a probability: 0.92 at half of them."""
 _LONGEST_GAP = 1.0
 """Seconds without a frame after which nothing of the feet before holds."""
 _SEEN = 0.1

@@ -19,11 +19,9 @@ from enliven_edge.tracking.output.speed_limit import SpeedLimit, finite_joints, 
 from enliven_edge.tracking.settings import TrackerSettings
 
 _FORGOTTEN_NS = 10_000_000_000
-"""Nanoseconds after which a person out of view is forgotten: filters begin anew long before, this frees
-memory."""
+"""Nanoseconds after which a person out of view is forgotten: it frees memory, filters reset before."""
 _LONGEST_LATENCY = 0.3
-"""Seconds of measured latency that are predicted at most, as of the setting ``predict``: farther is a
-guess."""
+"""Seconds of measured latency that are predicted at most, the bound of the setting ``predict``."""
 _LEAST = 1e-3
 """Amounts of smoothing below this are 0: the filter divides by the amount."""
 
@@ -135,8 +133,7 @@ class _Person:
 
 
 def mirror_of(world_from_camera: Float | None) -> tuple[Float, Float]:
-    """Returns a (3,) point and the (3,) unit normal of the upright plane through the sensor's line of
-    sight."""
+    """Returns a (3,) point and (3,) unit normal of the upright plane through the sensor's line of sight."""
     if world_from_camera is None:
         return np.zeros(3), np.array([1.0, 0.0, 0.0])
     forward = world_from_camera[:3, 2] * np.array([1.0, 0.0, 1.0])

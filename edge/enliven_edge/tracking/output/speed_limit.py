@@ -36,8 +36,7 @@ def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple
 
 @njit(cache=True, nogil=True)
 def _known(joints, confidence):  # type: ignore[no-untyped-def]
-    """Returns (J,) whether each joint is finite, (J,) confidence in [0, 1], 0 where not, and whether all
-    are."""
+    """Returns (J,) whether a joint is finite, (J,) confidence in [0, 1], 0 if not, and whether all are."""
     known, sure, every = np.empty(len(joints), np.bool_), np.zeros(len(joints)), True
     for j in range(len(joints)):
         known[j] = np.isfinite(joints[j, 0]) and np.isfinite(joints[j, 1]) and np.isfinite(joints[j, 2])

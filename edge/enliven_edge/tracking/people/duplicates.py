@@ -10,8 +10,7 @@ from enliven.person import Joint
 from enliven_edge.tracking.people.person import Person
 
 _SAME_PLACE = 0.2
-"""Metres between two hip centres, and on average between two trunks, below which they are one: people are
-wider."""
+"""Metres between two hip centres, and on average between two trunks, below which they are one person."""
 _FRAMES = 6
 """Frames for which two fits must share a place: people who squeeze past each other do so for fewer."""
 _TRUNK = [Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.HEAD]
@@ -24,8 +23,7 @@ class Duplicates:
         self._doubts: dict[tuple[int, int], int] = {}
 
     def found(self, people: Sequence[Person]) -> list[Person]:
-        """Returns the people who have been in the place of another, found earlier, for more than some
-        frames."""
+        """Returns the people who have shared the place of one found earlier for some frames."""
         ordered = sorted((p for p in people if not p.hidden), key=lambda p: p.found_ns)
         together, duplicates = set(), []
         for i, first in enumerate(ordered):

@@ -34,21 +34,17 @@ NAMES = (
 network's estimate and are 0 without one."""
 _COUNT = len(NAMES)
 _CLOSE = 0.02
-"""Metres added to the distance of a joint from the network's: below this a smaller distance says little
-more."""
+"""Metres added to the distance of a joint from the network's: a smaller distance than this says little."""
 _ENOUGH = 0.35
-"""Share of the points expected on a capsule that support it fully: parts of a body hide others, so a
-third."""
+"""Share of the points expected on a capsule that support it fully: a third, as parts hide others."""
 _SAMPLES = 5
 """Samples along a capsule for what is visible of it: about 8 cm apart on a thigh."""
 _SAME = 0.07
-"""Metres between the model's surface and the observed one that still are the same: clothes and the fit's
-error."""
+"""Metres between the model's surface and the observed one that are the same: clothes, and the fit's error."""
 
 
 def _beside() -> tuple[Float, Float]:
-    """Returns two (20, C) weights that average over capsules: of the bone ending at a joint, and of the part
-    beside."""
+    """Returns two (20, C) averages over capsules: of the bone ending at a joint, and of that beside."""
     first, second = np.zeros((20, 20)), np.zeros((20, 20))
     pelvis, chest, girdle, neck, head = [0, 3], [1, 4], [2, 5], [6], [7]
     for joint, near, next_to in ((0, pelvis, chest), (1, chest, pelvis), (2, girdle, neck), (3, head, neck)):

@@ -34,12 +34,10 @@ from enliven_edge.tracking.work_budget import LOOK, Budget, Spread, Steps, whole
 _GOOD = 0.68
 """Quality in [0, 1], see :func:`detection.quality`, from which a detected body is believed to be a person."""
 _ACCEPTABLE = 0.45
-"""Quality up to which a frame counts as bad: less than for a new body, because a known one may be half
-hidden."""
+"""Quality up to which a frame is bad: less than for a new body, as a known one may be half hidden."""
 _SUPPORT, _VISIBLE = NAMES.index("support"), NAMES.index("visible")
 _EXPLAINED = 0.93
-"""Share of the points below which a frame is fitted a second time, more widely: a fast limb leaves some
-over."""
+"""Share of the points below which a frame is fitted a second time, more widely: a limb was too fast."""
 _WIDE = 0.25
 """Metres: the robust width of the second fit, about what a fast hand moves in a frame."""
 _DOUBTED = 8.5
@@ -47,14 +45,11 @@ _DOUBTED = 8.5
 _CLEARLY = 0.8
 """Share of the present cost that a new detection may have at most: a smaller gain may be chance."""
 _EARLY = (4, 14)
-"""Frames after a person was found in which detection runs again, because one frame may show a stranger
-badly."""
+"""Frames after a person was found in which detection runs again: one frame may show a stranger badly."""
 _AGAIN_AFTER = 15
-"""Frames between two detections of a doubtful person at first: half a second, as each takes several
-frames."""
+"""Frames between two detections of a doubtful person at first: each takes several frames."""
 _LONGEST = 60
-"""Frames between two detections at most: the wait doubles, up to two seconds, while nothing better is
-found."""
+"""Frames between two detections at most: the wait doubles up to this while nothing better is found."""
 _WORSE = 1.2
 """Times the cost of the last detection in vain from which the wait starts short again."""
 _KNOWN_AFTER = 120
@@ -117,8 +112,7 @@ class Follower:
     def found(
         cls, view: View, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
-        """Returns a person in the (h, w) ``pixels`` and how well they are explained (up to 1); None without
-        one."""
+        """Returns a person in the (h, w) ``pixels`` and their quality, up to 1; None without a person."""
         return whole(cls.sought(view, pixels, settings, fitter))
 
     @classmethod
@@ -207,8 +201,7 @@ class Follower:
     def _fitted_to(
         self, observation: Observation, predicted: Posture, proportions: Float | None
     ) -> tuple[Posture, FitReport]:
-        """Returns the better of two fits: from the predicted posture, and from a wider fit around the last
-        one."""
+        """Returns the better of two fits: from the prediction, and after a wider fit from the last one."""
         fit = self._fitter.fit
         best = fit(observation, predicted, predicted=predicted, proportions=proportions)
         if best[1].explained > _EXPLAINED:

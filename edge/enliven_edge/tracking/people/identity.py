@@ -59,8 +59,7 @@ class Looks:
     _crowns: list[float] = field(default_factory=list)
 
     def see(self, lengths: Float, crown: float | None) -> None:
-        """Takes in a frame: (12,) lengths of the fit, and the crown's metres above the floor if it is
-        seen."""
+        """Takes in (12,) lengths of a frame's fit, and the seen crown's metres above the floor."""
         self.weight = min(self.weight + 1.0, _MOST_FRAMES)
         self.lengths = self.lengths + (lengths - self.lengths) / self.weight
         if crown is not None:
@@ -114,8 +113,7 @@ class Register:
         return self._last
 
     def leave(self, identity: int, looks: Looks, place: Float | None, time_ns: int) -> None:
-        """Remembers a person who is out of view, last seen at ``place`` (3,), or None where that says
-        nothing."""
+        """Remembers a person who is out of view; ``place`` (3,) is None where it says nothing."""
         self.absent.append(Absent(identity, looks, place, time_ns))
 
     def forget_old(self, time_ns: int, keep: frozenset[int]) -> None:

@@ -27,8 +27,7 @@ _COVERED = 0.55
 _OUTSIDE = 0.85
 """Share of a body outside the image from which the few pixels left do not make a person hidden but gone."""
 _HANDICAP = 0.06
-"""Metres that a hidden person's capsules count as farther from each pixel: people in sight have the first
-claim."""
+"""Metres added to a pixel's distance from a hidden person: people in sight have the first claim."""
 _DARK = 0.01
 """Share of the pixels with depth below which the lens is covered: such a lens still shows a few."""
 _LONG_BLIND_NS = 250_000_000
@@ -36,19 +35,16 @@ _LONG_BLIND_NS = 250_000_000
 _DOUBT_NS = 4_000_000_000
 """Nanoseconds within which a doubted person must move to be believed: few people stand still that long."""
 _WHOLE = 0.12
-"""Share of a body that may be covered, or outside the image, for the frame to show it whole: a hand or a
-foot."""
+"""Share of a body, a hand or a foot say, that may be covered or outside the image of a whole body."""
 _ZONE_MARGIN = 0.15
 """Metres outside the zone at which a performer has left it: the border must not flicker."""
 _REDETECTION = 1 / 4
-"""Share of a frame's search budget that detecting followed people again may cost; new people need the
-rest."""
+"""Share of a frame's search budget for detecting followed people again; new people need the rest."""
 
 
 @dataclass
 class _Visibility:
-    """The pixels of a person in a frame, whether the person is hidden, and whether all of the body is
-    seen."""
+    """The pixels of a person in a frame, whether the person is hidden, and whether seen whole."""
 
     person: Person
     pixels: Bool

@@ -19,8 +19,7 @@ from enliven_edge.tracking.work_budget import Budget
 _LOOSE = 0.4
 """Share of a newcomer's outline that nothing surrounds from which its pixels are kept out of the room."""
 _FRAGMENT = 0.12
-"""Square metres that a fragment of a person shows at most: a shank with its foot, seen apart from the
-thigh."""
+"""Square metres that a fragment of a person shows at most: a shank seen apart from its thigh."""
 _FRAGMENT_NEAR = 0.6
 """Metres in plan from a person within which a small group of pixels is a fragment of that person."""
 _LEAST = 6
@@ -33,8 +32,7 @@ is seen of the person."""
 
 
 class PeopleFinder:
-    """Watches newcomers until they convince, and searches them for bodies, a part of the work in each
-    frame."""
+    """Watches newcomers until they convince, and searches them for bodies over several frames."""
 
     def __init__(self, settings: TrackerSettings, fitter: Fitter, roster: Roster) -> None:
         self.settings = settings
@@ -121,8 +119,7 @@ class PeopleFinder:
         ]
 
     def _start_search(self, due: list[Newcomer], view: View) -> None:
-        """Begins a search for bodies in newcomers, while fewer people are followed than the settings
-        allow."""
+        """Begins to search newcomers for bodies, unless as many people are followed as the settings allow."""
         sure = [n for n in due if n.convincing or n.proven]
         most = self.settings.people.most - len(self._roster.people)
         if due and most > 0:
@@ -152,8 +149,7 @@ class PeopleFinder:
 
 
 def _fragments(segments: Segments, places: list[Float]) -> Bool:
-    """Returns the (h, w) small groups of pixels near (3,) places of people: a shank apart from its thigh,
-    say."""
+    """Returns the (h, w) small groups of pixels near (3,) places of people, a shank apart from its thigh."""
     made = np.zeros(segments.labels.shape, bool)
     for group in segments.loose:
         beside = any(float(np.linalg.norm((group.centre - at)[[0, 2]])) < _FRAGMENT_NEAR for at in places)

@@ -15,8 +15,7 @@ from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.identity import Looks, percentile
 
 _LOOK_EVERY = 5
-"""Frames between two measurements of a known person's proportions: they change slowly, and each costs
-time."""
+"""Frames between two measurements of a known person's proportions: each costs time."""
 _LOOK_OFTEN = 10
 """Frames for which a new person is measured in every one, to be told from others soon."""
 _TRAVELLED = 0.15
@@ -28,15 +27,13 @@ _FASTEST = 2.0
 _SLOWING = 0.5
 """Seconds in which the speed of a hidden person falls to 1/e: people stop or turn behind things."""
 _LONGEST_STEP = 0.2
-"""Seconds that a hidden person is carried on in one frame at most: after a longer gap the speed says
-nothing."""
+"""Seconds that a hidden person moves on in one frame at most: after a longer gap the speed is stale."""
 _SPEED_MEMORY = 0.15
 """Seconds over which a person's velocity is averaged: a few frames, against the fit's noise."""
 _LONGEST_GAP = 0.5
 """Seconds between two good frames beyond which no velocity is taken from them."""
 _COASTED = 0.15
-"""Metres that the pixels' middle may carry an unfitted person in a frame: an arm that appears moves it
-too."""
+"""Metres that the pixels' middle may move an unfitted person in a frame: a new arm moves it too."""
 _UNSURE = 0.35
 """Metres within which a person is at once when no longer seen: about a body's width."""
 _SPREADING = 0.7
@@ -54,8 +51,7 @@ _DOUBT = 0.2
 _THING = 0.4
 """Mean probability of being a person below which a new body is none: 95 % of things found are below 0.43."""
 _MAYBE = 0.8
-"""Mean probability of being a person below which a body that was hardly seen is not waited for when
-hidden."""
+"""Mean probability of being a person below which a hardly seen body is dropped when it is hidden."""
 _HARDLY_SEEN = 3
 """Frames with the whole body in sight below which a body counts as hardly seen."""
 _PLAIN = 0.85
@@ -160,8 +156,7 @@ class Person:
         self._centre = centre
 
     def hide(self, time_ns: int) -> None:
-        """Takes in a frame without the person: moves on at the last speed, slower and slower, confidence
-        0."""
+        """Takes in a frame without the person: moves on, slower and slower, with confidence 0."""
         if self.hidden_ns is None:
             self.hidden_ns = time_ns
         seconds = min(_LONGEST_STEP, max(0.0, (time_ns - self._time_ns) * 1e-9))
@@ -209,8 +204,7 @@ class Person:
             self.doubted = False
 
     def _crown(self, view: View, pixels: Bool) -> float | None:
-        """Returns the metres from the floor to the top of the head of a person standing, hands below it; else
-        None."""
+        """Returns the crown's metres above the floor; None unless upright with the hands below it."""
         joints, sure = self.follower.posture.joints(), self.follower.confidence
         head = joints[Joint.HEAD]
         risen = head - joints[Joint.HIP_CENTER]
@@ -243,8 +237,7 @@ def mean_point(points, pixels):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def heights_beside(points, pixels, place, radius):  # type: ignore[no-untyped-def]
-    """Returns (N,) heights of the (h, w, 3) points on the (h, w) pixels within a radius of a place in
-    plan."""
+    """Returns (N,) heights of (h, w, 3) points on (h, w) pixels within a radius of a place in plan."""
     heights, count = np.empty(np.count_nonzero(pixels)), 0
     for v in range(pixels.shape[0]):
         for u in range(pixels.shape[1]):
@@ -260,8 +253,7 @@ def heights_beside(points, pixels, place, radius):  # type: ignore[no-untyped-de
 _SAMPLES = 3
 """Samples along a capsule: its ends and its middle tell whether it is covered."""
 _BEFORE = 0.12
-"""Metres before a capsule's surface from which something hides it: nearer depth may be clothes or the fit's
-error."""
+"""Metres before a capsule's surface from which something hides it: nearer depth may be clothes."""
 _NEAREST = 0.1
 """Metres before the sensor below which a sample is not projected into the image."""
 _FEWEST_DUE = 0.25

@@ -17,13 +17,11 @@ from enliven_edge.tracking.segment import Newcomer
 from enliven_edge.tracking.settings import TrackerSettings
 
 _DECIDE_NS = 1_500_000_000
-"""Nanoseconds after which a new person gets an id even if the match with the absent is not sure: users
-wait."""
+"""Nanoseconds after which a new person gets an id, sure or not: a performer must not wait longer."""
 _ABOUT = 1.5
 """Metres in plan within which a lost person is awaited: two steps from the place of leaving."""
 _TALLER = 0.12
-"""Metres that a crown may be above a hidden person's stature: shoes, a hat and noise, and no taller
-person."""
+"""Metres that a crown may be above a hidden person's stature: a hat, and noise."""
 _WELL_KNOWN = 10
 """Frames after which a person's proportions are known well enough to search with."""
 _SHORTEST = 0.5
@@ -160,8 +158,7 @@ class Roster:
         return person
 
     def decide(self, time_ns: int) -> None:
-        """Gives ids to new people: of an absent person who has come back, once that is clear, or a new
-        one."""
+        """Gives new people ids: of an absent person who has come back, once that is clear, or new ones."""
         undecided = [p for p in self.people if p.id == UNDECIDED]
         if not undecided:
             return

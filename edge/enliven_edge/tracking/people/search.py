@@ -17,31 +17,25 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Steps
 
 TRIES = 3
-"""Groups of pixels that one search looks at while no person is followed, else one: the others need the
-time."""
+"""Groups of pixels in one search while no person is followed, else one: the fits need the time."""
 _CLEARLY = 0.05
 """Share of explained points by which a less likely group of pixels must beat a likelier one."""
 _SHOWN = 0.6
-"""Share of a guessed body's trunk that the pixels must show: a person hides behind things, a trunk seldom
-wholly."""
+"""Share of a guessed body's trunk that the pixels must show: people behind things mostly show it."""
 _FAINT = 0.36
 """Mean confidence that the joints of a guessed body must exceed: with less, few of its joints are seen."""
 _HIGH = 1.3
-"""Metres above the floor from which the hip centre of a guessed body is a wall's or a shelf's: none stands so
-high."""
+"""Metres above the floor from which a guessed body's hip centre is none: it is a wall, or a shelf."""
 _CERTAIN = 0.8
-"""Share of the points explained, and of the trunk shown, from which an unlikely group of pixels is a
-person."""
+"""Share of points explained, and of trunk shown, from which an unlikely group of pixels is a person."""
 _CLEAR = 0.68
-"""Mean confidence of the joints from which it is: false bodies in a room with people cost more than late
-ones."""
+"""Mean confidence of the joints that this takes too: a false body does more harm than a late one."""
 _PERSON = 0.8
 """Probability by the network from which a body is a person's: of people nearly all exceed 0.85."""
 _PLAINLY = 0.9
 """Share of the points explained that makes up for a lower one, where a head is seen above shoulders."""
 _ONE = 0.9
-"""Probability that parts are one person, and share of them that one body explains, from which they are
-one."""
+"""Probability of being one person, and share explained by one body, from which split parts are one."""
 _SAME = 0.25
 """Metres between two hip centres below which both are of one person: raised arms were found as another."""
 _MOSTLY = 0.5
