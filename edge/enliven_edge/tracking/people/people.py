@@ -15,8 +15,9 @@ from enliven_edge.tracking.frame import View
 from enliven_edge.tracking.people.duplicates import Duplicates
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.people_finder import PeopleFinder
-from enliven_edge.tracking.people.person import Person, sight
+from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.roster import Roster
+from enliven_edge.tracking.people.visibility import hidden_shares
 from enliven_edge.tracking.scene import Lock, Room
 from enliven_edge.tracking.segment import Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
@@ -213,7 +214,7 @@ class MultiPersonTracker:
         self, person: Person, expected: Posture, k: int, view: View, segments: Segments
     ) -> _Visibility:
         """Judges by the expected posture how much of a person, index ``k`` of the segments, a frame shows."""
-        covered, outside = sight(view, expected, segments.owner, k)
+        covered, outside = hidden_shares(view, expected, segments.owner, k)
         few = bool(segments.counts[k] < 2 * FEWEST_PIXELS)
         behind = covered > _COVERED or (few and covered > 0.5 * _COVERED and outside < _OUTSIDE)
         whole = covered < _WHOLE and outside < _WHOLE

@@ -10,8 +10,8 @@ from enliven.arrays import Bool
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import View
 from enliven_edge.tracking.people.follower import Follower
-from enliven_edge.tracking.people.person import trunk_shown
 from enliven_edge.tracking.people.recognition import likelihood
+from enliven_edge.tracking.people.visibility import trunk_shown
 from enliven_edge.tracking.segment import Newcomer
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Steps
