@@ -164,7 +164,7 @@ class Edge:
                 self.health.judge(frame, bodies, tracker.world_from_camera, tracker.state)
                 if tracker.world_from_camera is not None:
                     known = tracker.state.floor_known
-                    self.health.fares(condition_of(self.sensor), tracker.world_from_camera, known)
+                    self.health.judge_device(condition_of(self.sensor), tracker.world_from_camera, known)
             case BodyFrame():
                 self._by_depth = False
                 fused = isinstance(self.sensor, FusedSensors)

@@ -55,7 +55,7 @@ class Inspector:
             stand, state = self._tracker.world_from_camera, self._tracker.state
             self._health.judge(frame, self.bodies, stand, state)
             if stand is not None:
-                self._health.fares(condition, stand, state.floor_known)
+                self._health.judge_device(condition, stand, state.floor_known)
         scale = self._width / frame.intrinsics.width
         picture = depth_picture(frame.depth, *self._settled_span(frame))
         if self._tracker.owner is not None and self.bodies:

@@ -14,7 +14,7 @@ from enliven.health import HealthKind, HealthState
 from enliven.recording import Recorder
 from enliven.wire import CharacterMessage
 from enliven_edge.recording.disk_sync import DiskSync
-from enliven_edge.tracking.health import COMPLAINTS
+from enliven_edge.tracking.health import HEALTH_MESSAGES
 
 log = logging.getLogger(__name__)
 
@@ -100,12 +100,12 @@ class Take:
             self._end()
 
     def _say(self, kind: HealthKind, error: EnlivenError, **facts: object) -> None:
-        """Sets a health state from now on; it is logged once."""
-        complaint = COMPLAINTS[kind]
-        what = complaint.what.format(why=error.what, **facts)
+        """What is wrong from now on; logged once."""
+        message = HEALTH_MESSAGES[kind]
+        what = message.what.format(why=error.what, **facts)
         before = self._health_states.get(kind)
         since = self._now_ns if before is None else before.since_ns
-        self._health_states[kind] = HealthState(kind, complaint.severity, since, what, complaint.mend)
+        self._health_states[kind] = HealthState(kind, message.severity, since, what, message.mend)
         if before is None:
             log.warning("%s", self._health_states[kind])
 

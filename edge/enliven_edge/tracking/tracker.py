@@ -14,7 +14,7 @@ from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
-from enliven_edge.tracking.people import Crowd, Person
+from enliven_edge.tracking.people import MultiPersonTracker, Person
 from enliven_edge.tracking.scene import Mounting, RoomModel
 from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
@@ -41,7 +41,7 @@ class Tracker:
     ) -> None:
         self.settings = settings or TrackerSettings()
         self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
-        self._crowd = Crowd(self.settings, Fitter(self.settings.fit))
+        self._people = MultiPersonTracker(self.settings, Fitter(self.settings.fit))
         self._room: RoomModel | None = None
         self._owner: Int | None = None
         self._view: FrameView | None = None
@@ -56,12 +56,12 @@ class Tracker:
     @property
     def performers(self) -> list[Person]:
         """The followed people who may perform, in the order in which they were found."""
-        return self._crowd.performers
+        return self._people.performers
 
     @property
     def bystanders(self) -> int:
         """The number of people in view that are no performers: out of the zone, or locked out."""
-        return self._crowd.bystanders
+        return self._people.bystanders
 
     @property
     def state(self) -> TrackerState:
@@ -85,43 +85,43 @@ class Tracker:
         """The surface points of each performer in the last frame, by id; mirrored as the bodies are."""
         if self._view is None or self._owner is None:
             return {}
-        found = seen_surfaces(self._view, self._owner, self._crowd.indexed())
+        found = seen_surfaces(self._view, self._owner, self._people.segment_ids())
         if self.settings.output.mirror:
             return mirrored_surfaces(found, *mirror_of(self.world_from_camera))
         return found
 
     def lock(self, ids: Iterable[int] | None = None) -> None:
         """Makes these people, or all that are followed now, the only performers; others are bystanders."""
-        self._crowd.lock_to(ids)
+        self._people.lock_to(ids)
 
     @property
     def locked(self) -> bool:
         """Whether new people are bystanders."""
-        return self._crowd.lock.ids is not None
+        return self._people.lock.ids is not None
 
     def unlock(self) -> None:
         """Lets new people be performers again."""
-        self._crowd.unlock()
+        self._people.unlock()
 
     def forget(self) -> None:
         """Drops all followed and remembered people; the room and the sensor's pose stay."""
-        self._crowd.forget()
+        self._people.forget()
         self.output.forget()
 
     def track(self, frame: DepthFrame) -> list[Body]:
         """The bodies in a frame, world frame; empty without people."""
-        view = self._mounting.view(frame, no_people=not self._crowd.people)
+        view = self._mounting.view(frame, no_people=not self._people.people)
         room = self._room_of(view)
         if self._mounting.falling:
             self._view = None
             return []
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
-        segments = self._crowd.follow(view, kind)
-        hold = self._crowd.look(view, kind, segments, room, believe=not self._mounting.suspected)
+        segments = self._people.follow(view, kind)
+        hold = self._people.find_new(view, kind, segments, room, believe=not self._mounting.suspected)
         self._owner, self._view = segments.owner, view
-        room.guard(segments.owner, self._crowd.owners(), view.z)
-        people = (segments.owner >= 0) | self._crowd.sought(view)
+        room.guard(segments.owner, self._people.travelled_ids(), view.z)
+        people = (segments.owner >= 0) | self._people.searched_pixels(view)
         agreement = room.learn(view.z, people, view.time_ns, hold)
         self._take_back(room, view)
         self._mounting.watch(view, agreement, people)
@@ -129,7 +129,7 @@ class Tracker:
 
     def _take_back(self, room: RoomModel, view: FrameView) -> None:
         """Forgets the parts of the first frames' people that were learnt as the room: a leg below a hole."""
-        people = [p.follower.posture for p in self._crowd.people if not p.travelled]
+        people = [p.follower.posture for p in self._people.people if not p.travelled]
         if people and room.age < _YOUNG:
             room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
 
@@ -137,7 +137,7 @@ class Tracker:
         """The room model, a new one where the sensor was moved or exchanged."""
         mounting = self._mounting
         if mounting.new_camera or (mounting.new_place and mounting.far_away):
-            self._crowd.misplaced(view.time_ns)
+            self._people.sensor_moved(view.time_ns)
         if self._room is None or mounting.new_camera or mounting.new_place:
             self._room = RoomModel(view.z.shape, self.settings.room)
         return self._room

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int, UInt8
 from enliven.person import Limb
-from enliven_edge.tracking.estimator import PARTS, Part
+from enliven_edge.tracking.estimator import PARTS, BodyPart
 from enliven_synthesis.body import PIECES, Figure
 
 _TRUNK_MIDDLE = 0.04
@@ -16,8 +16,8 @@ _TRUNK_MIDDLE = 0.04
 def _part_of_limb() -> Int:
     """Returns (16,) the part of every limb; -1 for the limbs of the trunk."""
     parts = np.full(len(Limb), -1)
-    parts[Limb.SKULL] = Part.HEAD
-    parts[Limb.UPPER_ARM_LEFT :] = np.arange(Part.UPPER_ARM_LEFT, PARTS)
+    parts[Limb.SKULL] = BodyPart.HEAD
+    parts[Limb.UPPER_ARM_LEFT :] = np.arange(BodyPart.UPPER_ARM_LEFT, PARTS)
     return parts
 
 
@@ -42,5 +42,5 @@ def label_pixels(pieces: UInt8, points: Float, figure: Figure, scale: float) -> 
     local = (points[trunk] - spine[:, 3]) @ spine[:, :3]
     belly = local[:, 1] < _TRUNK_MIDDLE * scale
     right = local[:, 0] < 0.0
-    labels[trunk] = np.where(belly, Part.BELLY_LEFT, Part.CHEST_LEFT) + right
+    labels[trunk] = np.where(belly, BodyPart.BELLY_LEFT, BodyPart.CHEST_LEFT) + right
     return labels.astype(np.uint8)

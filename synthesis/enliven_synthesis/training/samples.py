@@ -13,7 +13,7 @@ from numpy.random import Generator
 
 from enliven.arrays import Bool, Float32, UInt8
 from enliven.person import Limb
-from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, Crop, Part, crop_person, facing_of
+from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, BodyPart, Crop, crop_person, facing_of
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 LABEL_ROWS, LABEL_COLUMNS = ROWS // 2, COLUMNS // 2
@@ -27,7 +27,14 @@ _IN_THE_AIR = 0.1
 """Share of the samples in which people jump, or stand on something."""
 _HIGHEST = 0.6
 """Metres that people jump, or stand above the floor, at most: a high jump, or a chair."""
-_LOST = (Part.HAND_LEFT, Part.FOREARM_LEFT, Part.UPPER_ARM_LEFT, Part.FOOT_LEFT, Part.SHANK_LEFT, Part.HEAD)
+_LOST = (
+    BodyPart.HAND_LEFT,
+    BodyPart.FOREARM_LEFT,
+    BodyPart.UPPER_ARM_LEFT,
+    BodyPart.FOOT_LEFT,
+    BodyPart.SHANK_LEFT,
+    BodyPart.HEAD,
+)
 """The parts, of the left side or the head, that a tracker may lose."""
 _CLUTTER = 0.12
 """Share of the samples that show no person: one in eight."""
@@ -97,7 +104,7 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
 def _lost_limb(rendered: RenderedPerson, rng: Generator) -> Bool:
     """Returns (h, w) the pixels of a random part of the body."""
     part = int(_LOST[int(rng.integers(len(_LOST)))])
-    return np.asarray(rendered.label == (part if part == Part.HEAD else part + int(rng.integers(2))))
+    return np.asarray(rendered.label == (part if part == BodyPart.HEAD else part + int(rng.integers(2))))
 
 
 def _shreds(mask: Bool, rng: Generator) -> Bool:

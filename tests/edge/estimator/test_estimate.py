@@ -13,7 +13,7 @@ from scipy.ndimage import map_coordinates
 from scipy.special import log_softmax, softmax
 
 from enliven_edge.tracking.estimator.crop import COLUMNS, ROWS, crop_person
-from enliven_edge.tracking.estimator.estimator import TRUST, Estimate, _told
+from enliven_edge.tracking.estimator.estimator import TRUST, Estimate, _decoded
 from enliven_edge.tracking.estimator.labels import PARTS
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS
 
@@ -100,7 +100,7 @@ def test_what_the_network_says_is_read_as_it_was_learnt(seed):
     here, spread = dice.normal(size=(20, 3)), dice.normal(-3, 2, 20).astype(np.float32)
     facing, pose = dice.normal(0, 4, 9).astype(np.float32), np.eye(4)
     pose[:3, :3], pose[:3, 3] = np.linalg.qr(dice.normal(size=(3, 3)))[0], dice.normal(size=3)
-    world, off, ways, somebody = _told(here, spread, facing, pose)
+    world, off, ways, somebody = _decoded(here, spread, facing, pose)
     np.testing.assert_allclose(world, here @ pose[:3, :3].T + pose[:3, 3], atol=1e-12)
     np.testing.assert_allclose(off, np.minimum(1.0, 3.0 * np.exp(spread.astype(float))), rtol=1e-12)
     np.testing.assert_allclose(ways, log_softmax(facing[:8].astype(float)), atol=1e-12)

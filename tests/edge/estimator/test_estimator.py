@@ -73,12 +73,14 @@ def test_the_way_to_face_is_told():
 def test_people_are_told_from_things():
     """Of fresh pictures of both, at the probability from which the tracker believes that it is somebody."""
     studio = PersonRenderer()
-    people = [fresh(n).estimate(False).somebody for n in range(PICTURES)]
+    people = [fresh(n).estimate(False).person_probability for n in range(PICTURES)]
     things = []
     for n in range(PICTURES):
         p = studio.render_clutter(np.random.default_rng([77, n]))
         z = np.where(p.z > 0, p.z, p.around).astype(np.float64)
-        things.append(shipped_estimator().estimate(z, p.z > 0, p.camera, p.world_from_camera, None).somebody)
+        things.append(
+            shipped_estimator().estimate(z, p.z > 0, p.camera, p.world_from_camera, None).person_probability
+        )
     assert np.mean(np.array(people) > BELIEVED) > PEOPLE_BELIEVED
     assert np.mean(np.array(things) > BELIEVED) < THINGS_BELIEVED
 

@@ -9,20 +9,20 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.person.body import Joint
-from enliven_edge.tracking.estimator.labels import MIRRORED, NOBODY, Part
+from enliven_edge.tracking.estimator.labels import MIRRORED, NOBODY, BodyPart
 from enliven_synthesis.training import dataset
 from enliven_synthesis.training.dataset import Batch, Dataset, render_dataset
 from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, TrainingSample, training_sample
 
 OWN_PARTS = {
-    Joint.HEAD: (Part.HEAD,),
-    Joint.ELBOW_LEFT: (Part.UPPER_ARM_LEFT, Part.FOREARM_LEFT),
-    Joint.ELBOW_RIGHT: (Part.UPPER_ARM_RIGHT, Part.FOREARM_RIGHT),
-    Joint.WRIST_LEFT: (Part.FOREARM_LEFT, Part.HAND_LEFT),
-    Joint.WRIST_RIGHT: (Part.FOREARM_RIGHT, Part.HAND_RIGHT),
-    Joint.KNEE_LEFT: (Part.THIGH_LEFT, Part.SHANK_LEFT),
-    Joint.KNEE_RIGHT: (Part.THIGH_RIGHT, Part.SHANK_RIGHT),
+    Joint.HEAD: (BodyPart.HEAD,),
+    Joint.ELBOW_LEFT: (BodyPart.UPPER_ARM_LEFT, BodyPart.FOREARM_LEFT),
+    Joint.ELBOW_RIGHT: (BodyPart.UPPER_ARM_RIGHT, BodyPart.FOREARM_RIGHT),
+    Joint.WRIST_LEFT: (BodyPart.FOREARM_LEFT, BodyPart.HAND_LEFT),
+    Joint.WRIST_RIGHT: (BodyPart.FOREARM_RIGHT, BodyPart.HAND_RIGHT),
+    Joint.KNEE_LEFT: (BodyPart.THIGH_LEFT, BodyPart.SHANK_LEFT),
+    Joint.KNEE_RIGHT: (BodyPart.THIGH_RIGHT, BodyPart.SHANK_RIGHT),
 }
 """What is seen where a joint is, unless something is before it."""
 
@@ -109,7 +109,7 @@ def test_a_lesson_is_of_somebody_and_its_numbers_are_sound(lessons):
         assert np.isfinite(made.image).all() and np.isfinite(made.joints).all()
         assert ((person >= 0) & (unknown >= 0) & (person + unknown <= 1)).all()
         assert person.any() and not depth[person == 0].any() and not height[person == 0].any()
-        assert set(np.unique(made.parts)) <= {*range(len(Part)), NOBODY}
+        assert set(np.unique(made.parts)) <= {*range(len(BodyPart)), NOBODY}
     assert np.median([np.abs(made.joints).max() for made in lessons]) < 1.5, "joints are about the person"
 
 
@@ -157,8 +157,8 @@ def test_mirroring_swaps_left_and_right_of_those_asked_for(folder):
     assert np.array_equal(made.joints[some, Joint.HAND_LEFT, 1:], was.joints[some, Joint.HAND_RIGHT, 1:])
     assert np.array_equal(made.facing[some], -was.facing[some], equal_nan=True)
     assert np.array_equal(made.image[some], was.image[some][..., ::-1])
-    hands = (was.parts == Part.HAND_RIGHT)[some][..., ::-1]
-    assert np.array_equal(made.parts[some] == Part.HAND_LEFT, hands)
+    hands = (was.parts == BodyPart.HAND_RIGHT)[some][..., ::-1]
+    assert np.array_equal(made.parts[some] == BodyPart.HAND_LEFT, hands)
     assert same(*([each[~some] for each in astuple(batch)] for batch in (made, was)))
 
 

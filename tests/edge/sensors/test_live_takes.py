@@ -115,7 +115,7 @@ def lived(sensor) -> list[tuple]:
             return said
         health.admit(frame)
         condition = condition_of(sensor)
-        health.fares(condition, np.eye(4), floor_known=True)
+        health.judge_device(condition, np.eye(4), floor_known=True)
         image = (
             frame.depth.tobytes(),
             frame.intrinsics,

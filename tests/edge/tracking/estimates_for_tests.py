@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.detect.appearance import Seen, facing
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing
 from enliven_edge.tracking.estimator.crop import Crop
 from enliven_edge.tracking.estimator.estimator import Estimate
 from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
@@ -29,9 +29,9 @@ def estimate_of(joints, spread=0.03, ways: np.ndarray | None = None) -> Estimate
     return Estimate(np.array(joints, float), np.full(20, spread) * 1.0, told, parts, _NO_CROP)
 
 
-def seen_as(estimate: Estimate, points=None, probabilities=None) -> Seen:
+def seen_as(estimate: Estimate, points=None, probabilities=None) -> EstimateAtPoints:
     """What is seen where an estimate is all, and where points are of parts."""
     if points is None:
         points, probabilities = np.zeros((1, 3)), np.ones((1, PARTS)) / PARTS
     points, shown = np.asarray(points, np.float32), np.asarray(probabilities, np.float32)
-    return Seen(estimate, points, shown, np.zeros((len(points), 2)))
+    return EstimateAtPoints(estimate, points, shown, np.zeros((len(points), 2)))

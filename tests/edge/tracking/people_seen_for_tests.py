@@ -10,8 +10,8 @@ from functools import cache
 import numpy as np
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.detect.appearance import Seen, looked_at
-from enliven_edge.tracking.detect.detection import supposing
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, estimate_at_points
+from enliven_edge.tracking.detect.detection import estimates_by_facing
 from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
 from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points
 from enliven_synthesis.body.performer import Figure, Performer
@@ -59,8 +59,8 @@ def seen_person(name: str, seed: int) -> tuple[Observation, Figure]:
     return observe(z, world_points(z, camera.ray, pose), mask, camera, pose, 900), picture.figure
 
 
-def seen_in(observation: Observation, facing: float | None = None) -> tuple[Seen, list[Estimate]]:
+def seen_in(observation: Observation, facing: float | None = None) -> tuple[EstimateAtPoints, list[Estimate]]:
     """What the shipped network says of an observation, and what it sees for each way to face."""
     z, mask, _, camera, pose = observation.view
     estimate = shipped_estimator().estimate(z, mask, camera, pose, facing)
-    return looked_at(observation, estimate), supposing(shipped_estimator(), estimate, pose)
+    return estimate_at_points(observation, estimate), estimates_by_facing(shipped_estimator(), estimate, pose)

@@ -140,5 +140,5 @@ class Watcher(SensorThread):
             )
         bodies = self._tracker.track(dataclasses.replace(frame, world_from_camera=camera))
         self._health.judge(frame, bodies, camera, self._tracker.state)
-        self._health.fares(condition_of(self.sensor), camera, floor_known=True)
+        self._health.judge_device(condition_of(self.sensor), camera, floor_known=True)
         return bodies

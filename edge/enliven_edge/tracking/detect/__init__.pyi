@@ -1,20 +1,20 @@
-from .appearance import Seen, facing, looked_at, turned_about
-from .detection import cost, detect, detect_another, quality, supposing
+from .appearance import EstimateAtPoints, estimate_at_points, facing, turned_about
+from .detection import cost, detect, detect_another, estimates_by_facing, quality
 from .facing_side import Facing
-from .posing import drawn
-from .recovery import SecondThoughts
+from .posing import aligned_to
+from .recovery import PoseRecovery
 
 __all__ = [
+    "EstimateAtPoints",
     "Facing",
-    "SecondThoughts",
-    "Seen",
+    "PoseRecovery",
+    "aligned_to",
     "cost",
     "detect",
     "detect_another",
-    "drawn",
+    "estimate_at_points",
+    "estimates_by_facing",
     "facing",
-    "looked_at",
     "quality",
-    "supposing",
     "turned_about",
 ]

@@ -1,4 +1,4 @@
-"""What a frame looks like to the network, at the points that the fit uses: parts, the way to face, joints."""
+"""The network's estimate at the points that the fit uses: body parts, facing and agreement."""
 
 from __future__ import annotations
 
@@ -17,44 +17,48 @@ from enliven_edge.tracking.body_model import (
     nearest_capsules,
     rotation,
 )
-from enliven_edge.tracking.estimator import FACINGS, MIRRORED, PARTS, Estimate, Part, facing_in_plan
+from enliven_edge.tracking.estimator import FACINGS, MIRRORED, PARTS, BodyPart, Estimate, facing_in_plan
 from enliven_edge.tracking.frame import Observation
 
 
 def _capsule_parts() -> Float:
-    """(C, 17) 1 where a capsule carries a part."""
+    """Returns (C, 17): 1 where a capsule carries a part, else 0."""
     carries = np.zeros((len(model.CAPSULES.frame), PARTS))
     for right in (0, 1):
         pelvis, chest, girdle = 3 * right, 3 * right + 1, 3 * right + 2
         arm, leg = 8 + 3 * right, 14 + 3 * right
-        carries[pelvis, Part.BELLY_LEFT + right] = 1.0
-        carries[chest, [Part.CHEST_LEFT + right, Part.BELLY_LEFT + right]] = 1.0
-        carries[girdle, Part.CHEST_LEFT + right] = 1.0
-        carries[6, [Part.CHEST_LEFT + right, Part.HEAD]] = 1.0
-        for k, part in enumerate((Part.UPPER_ARM_LEFT, Part.FOREARM_LEFT, Part.HAND_LEFT)):
+        carries[pelvis, BodyPart.BELLY_LEFT + right] = 1.0
+        carries[chest, [BodyPart.CHEST_LEFT + right, BodyPart.BELLY_LEFT + right]] = 1.0
+        carries[girdle, BodyPart.CHEST_LEFT + right] = 1.0
+        carries[6, [BodyPart.CHEST_LEFT + right, BodyPart.HEAD]] = 1.0
+        for k, part in enumerate((BodyPart.UPPER_ARM_LEFT, BodyPart.FOREARM_LEFT, BodyPart.HAND_LEFT)):
             carries[arm + k, part + right] = 1.0
-        for k, part in enumerate((Part.THIGH_LEFT, Part.SHANK_LEFT, Part.FOOT_LEFT)):
+        for k, part in enumerate((BodyPart.THIGH_LEFT, BodyPart.SHANK_LEFT, BodyPart.FOOT_LEFT)):
             carries[leg + k, part + right] = 1.0
-    carries[7, Part.HEAD] = 1.0
+    carries[7, BodyPart.HEAD] = 1.0
     return carries
 
 
 CARRIES = _capsule_parts()
-"""(20, 17) which parts each capsule of the model carries."""
+"""(20, 17): 1 where a capsule of the model carries a part, else 0."""
 _CARRY = CARRIES.T.astype(np.float32)
 _CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
 _TO_THE_SENSOR = 0.5
-"""What facing the sensor is worth before anything is seen, as a log probability; facing away costs it."""
+"""Log probability for facing the sensor, and against facing away, by habit: people look at it."""
+
+
+DISAGREEMENT = 4.0
+"""Square centimetres a point: cost where the network takes all points for other parts, as of a bad fit."""
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What the network says of one observation.
+class EstimateAtPoints:
+    """The network's estimate of one observation, sampled at its points.
 
     Attributes:
-        estimate: where the joints are, and the rest.
-        points: (M, 3) metres, world frame: the observation's.
-        probabilities: (M, 17) float32 of the parts at the observation's points.
+        estimate: joints, spread, facing and parts.
+        points: (M, 3) metres, world frame, of the observation.
+        probabilities: (M, 17) float32 of the parts at these points.
         rays: (M, 2) x/z and y/z of the points in the image.
     """
 
@@ -63,18 +67,18 @@ class Seen:
     probabilities: Float32
     rays: Float
 
-    def of(self, estimate: Estimate) -> Seen:
-        """What another estimate of the same frame says at the same points."""
+    def of(self, estimate: Estimate) -> EstimateAtPoints:
+        """Returns another estimate of the same frame at the same points."""
         return replace(self, estimate=estimate, probabilities=estimate.parts_at(self.rays))
 
-    def thinned(self, step: int) -> Seen:
-        """The same of every ``step``-th point."""
+    def thinned(self, step: int) -> EstimateAtPoints:
+        """Returns the same with every ``step``-th point."""
         points, shown = np.ascontiguousarray(self.points[::step]), self.probabilities[::step]
         return replace(self, points=points, probabilities=np.ascontiguousarray(shown), rays=self.rays[::step])
 
     @cached_property
     def likelihood(self) -> Float32:
-        """(M, 20) how likely each point is on each capsule of the model."""
+        """(M, 20) probability that each point is on a part that each capsule carries."""
         return np.asarray(self.probabilities @ _CARRY)
 
     @cached_property
@@ -85,24 +89,24 @@ class Seen:
         return out
 
     def affinity(self, metres: float) -> Float32:
-        """(20, M) metres by which a point is farther from a capsule than it seems, at most ``metres``."""
+        """Returns (20, M) metres to add to a point's distance from a capsule that it does not look like."""
         return np.ascontiguousarray((np.float32(metres) * (1.0 - self.likelihood)).T)
 
     def sideless_affinity(self, metres: float) -> Float32:
-        """The same where a left part is as good as a right one."""
+        """Returns the same with left and right parts taken for one."""
         either = np.minimum(1.0, self.probabilities @ _CARRY_EITHER)
         return np.ascontiguousarray((np.float32(metres) * (1.0 - either)).T, np.float32)
 
 
-def looked_at(observation: Observation, estimate: Estimate) -> Seen:
-    """What an estimate of the same frame says at the points of an observation."""
+def estimate_at_points(observation: Observation, estimate: Estimate) -> EstimateAtPoints:
+    """Samples an estimate of the same frame at the points of an observation."""
     rays = _rays(observation.pixels, observation.view[3])
-    return Seen(estimate, observation.points, estimate.parts_at(rays), rays)
+    return EstimateAtPoints(estimate, observation.points, estimate.parts_at(rays), rays)
 
 
 @njit(cache=True, nogil=True)
 def _rays(pixels, camera):  # type: ignore[no-untyped-def]
-    """(M, 2) x/z and y/z of (M, 2) rows and columns."""
+    """Returns (M, 2) x/z and y/z of (M, 2) rows and columns."""
     rays = np.empty((len(pixels), 2))
     for i in range(len(pixels)):
         rays[i, 0] = (pixels[i, 1] - camera[2]) / camera[0]
@@ -110,17 +114,17 @@ def _rays(pixels, camera):  # type: ignore[no-untyped-def]
     return rays
 
 
-def agreement(seen: Seen, posture: Posture) -> float:
-    """The mean probability, over the points, of the part that the posture has there: in [0, 1].
+def agreement(seen: EstimateAtPoints, posture: Posture) -> float:
+    """Returns the mean probability, over the points, of the part that the posture has there, in [0, 1].
 
-    The agreement of a posture and of one turned about tells front from back, and left from right.
+    Comparing it for a posture and the same turned about tells front from back, and left from right.
     """
     return float(_agreement(seen.surface, seen.likelihood, *posture.capsules()))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _agreement(surface, likelihood, ends, radii):  # type: ignore[no-untyped-def]
-    """See :func:`agreement`, :attr:`Seen.surface`, :attr:`Seen.likelihood` and :meth:`Posture.capsules`."""
+    """See :func:`agreement`; arguments as of :class:`EstimateAtPoints` and :meth:`Posture.capsules`."""
     which = np.empty(len(likelihood), np.int32)
     nearest_capsules(which, surface, np.zeros((0, 0), np.float32), ends, radii, np.float32(0.0))
     total = 0.0
@@ -129,11 +133,11 @@ def _agreement(surface, likelihood, ends, radii):  # type: ignore[no-untyped-def
     return total / len(which)
 
 
-def facing_score(seen: Seen, posture: Posture, eye: Float) -> float:
-    """How likely it is that somebody seen so faces as the posture does: 0 for the likeliest way, else less.
+def facing_score(seen: EstimateAtPoints, posture: Posture, eye: Float) -> float:
+    """Returns how likely the posture's facing is by the network: 0 for the likeliest way, else less.
 
-    A log probability, interpolated between the eight ways that the network tells. Who might as well face
-    either way faces the sensor.
+    A log probability, interpolated between the eight ways that the network tells apart. Of two equally likely
+    ways the one towards the sensor scores higher.
     """
     return float(likely_to_face(seen.estimate.facing, facing(posture, eye)))
 
@@ -154,7 +158,7 @@ def likely_to_face(ways, angle):  # type: ignore[no-untyped-def]
 
 
 def facing(posture: Posture, eye: Float) -> float:
-    """Radians in plan from facing the sensor to the way the chest faces, anticlockwise from above."""
+    """Returns the radians in plan from facing the sensor to the chest's facing, anticlockwise from above."""
     return float(_facing(posture.rotations, posture.position, eye))
 
 
@@ -165,7 +169,7 @@ def _facing(rotations, place, eye):  # type: ignore[no-untyped-def]
 
 
 def turned_about(posture: Posture) -> Posture:
-    """The posture turned half about its trunk's axis, the limbs of either side where the other's were."""
+    """Returns the posture turned by 180 degrees about its trunk's axis, left and right limbs exchanged."""
     made = posture.copy()
     made.rotations = joint_limits.mirrored(posture.rotations)
     made.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)

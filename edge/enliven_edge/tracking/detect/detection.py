@@ -1,8 +1,8 @@
-"""Finding a person's posture with no memory: several hypotheses are fitted, the best explanation wins.
+"""Detection: finds a person's posture in one frame by fitting several hypotheses and keeping the best.
 
-Where the network is at hand, what it sees for each way that somebody may face gives the first hypotheses, and
-it has a say in the ranking; else, or besides, standing postures and a bank of others are brought to the
-extremities of the surface.
+With the network, its estimates for each likely facing are the first hypotheses, and it takes part in the
+ranking. Without it, or in addition, standing postures and a bank of others are brought to the extremities of
+the surface.
 """
 
 from __future__ import annotations
@@ -13,7 +13,13 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_edge.tracking.body_model import Posture, model
-from enliven_edge.tracking.detect.appearance import Seen, agreement, facing_score, turned_about
+from enliven_edge.tracking.detect.appearance import (
+    DISAGREEMENT,
+    EstimateAtPoints,
+    agreement,
+    facing_score,
+    turned_about,
+)
 from enliven_edge.tracking.detect.extremities import extremities
 from enliven_edge.tracking.detect.facing_side import backward
 from enliven_edge.tracking.detect.hypotheses import banked_starts, standing_starts
@@ -24,38 +30,64 @@ from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.work_budget import Steps
 
 _REFINED = 3
-"""Hypotheses that are refined. With more of them those win that are turned about: ranking by coarse fits
-tells front from back better."""
+"""Hypotheses that are refined. Of eight, wrongly turned ones won on real shots: coarse fits tell front from
+back better."""
 _SAME = 0.12
-"""Metres: hypotheses all of whose joints are this near to each other's are one."""
+"""Metres: hypotheses with every pair of joints nearer than this would end in the same fit."""
 _LIKELIEST = 3
-"""Ways to face that are supposed, besides not saying how, and the opposite of the likeliest."""
+"""Likeliest facings to condition the network on, besides none and the opposite: each costs a run."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
-_COARSE_POINTS, _COARSE_STEPS, _WIDE = 160, 8, 0.25
-"""Points and steps of the coarse fits of who is followed already, and all coarse fits' width in metres."""
+"""(12,) weights that hold the lengths in a refinement: loosely, as the person is not measured yet."""
+_COARSE_POINTS = 160
+"""Points of the coarse fits of a followed person: a third of all, as the fits are only compared."""
+_COARSE_STEPS = 8
+"""Steps of a coarse fit: with four to six the tuning set lost half a percent of its joints."""
+_WIDE = 0.25
+"""Metres: the robust width of coarse fits, as a limb of a hypothesis may be off by as much."""
 _GLANCE = 2
-"""Steps after which the worse half of the hypotheses is left."""
-_MIDDLE_POINTS, _LEFT = 250, 1.6
-"""Points of the first half of a refinement, and how many times the least energy makes one be left then."""
+"""Steps after which the worse half of the hypotheses is dropped: it hardly ever wins."""
+_MIDDLE_POINTS = 250
+"""Points of the first half of a refinement of a followed person: half of all tell which one is hopeless."""
+_LEFT = 1.6
+"""Times the least energy from which a half refined hypothesis is dropped as hopeless."""
+_HALF_STEPS = 15
+"""Steps of either half of a refinement: the fit has settled by then."""
+_HALF_WIDTH = 0.12
+"""Metres: the robust width of the first half, between that of a coarse fit and that of the ordinary one."""
+_HALF_AFFINITY = 0.4
+"""Share of the affinity in the first half of a refinement: the surface takes over from the network."""
 _PROMISING = 1.0
-"""Share of what the present posture costs below which another one is worth being refined."""
+"""Share of the present cost below which a hypothesis is refined: one no better hardly ever wins."""
 _AFFINITY = 0.15
-"""Metres: how far, at first, what a point looks like outweighs where it is."""
-_DISAGREEMENT = 4.0
-"""Square centimetres a point that it costs to be of other parts than the network says, all of them."""
+"""Metres: how far the part that a point looks like outweighs its place in coarse fits."""
 _FACING = 0.6
-"""Square centimetres a point that it costs to face another way than the likeliest, by log likelihood."""
+"""Square centimetres a point: cost of a less likely facing, for each unit of log probability."""
 _BACKWARD = 12.0
-"""Square centimetres a point that it costs to lean backward, a sine."""
-_STATURE, _SPREAD = 2.0, 0.15
-"""Square centimetres a point that the unlikeliest stature costs, a third of it one spread (metres) away."""
-_SHORTEST, _TALLEST, _ALIKE = 0.9, 2.1, 0.08
-"""Metres within which a person may just stand there, and the share by which statures are much the same."""
-_BANKED, _BANKED_BESIDES = 8, 3
-"""Hypotheses of the bank without a network, and besides one."""
-_POSED, _ENDS, _BANK, _REFINEMENT, _GLANCED = 1, 3, 4, 2, 1
-"""What the parts of a detection cost, in coarse fits: estimates made postures, extremities, the bank, half a
-refinement, and a look at a hypothesis."""
+"""Square centimetres a point: cost of leaning backward, times the sine: people bend forward."""
+_STATURE = 2.0
+"""Square centimetres a point: cost of the unlikeliest stature; less than of a posture that explains badly."""
+_SPREAD = 0.15
+"""Metres from the likeliest stature at which a third of that is paid: about two deviations of adults."""
+_SHORTEST = 0.9
+"""Metres: the least height of what is seen for it to be taken for a standing person's, a child's."""
+_TALLEST = 2.1
+"""Metres: the greatest height of what is seen for it to be a person's, and not raised arms."""
+_ALIKE = 0.08
+"""Share by which two statures may differ to be searched as one: 14 cm of 1.72 m, which a fit makes up for."""
+_BANKED = 8
+"""Hypotheses taken from the bank where there is no network, the most alike first: each costs a coarse fit."""
+_BANKED_BESIDES = 3
+"""Hypotheses taken from the bank beside the network's, which are better."""
+_POSED = 1
+"""Coarse fits: the cost of turning the network's estimates into postures of one build."""
+_ENDS = 3
+"""Coarse fits: the cost of the geodesic extremities."""
+_BANK = 4
+"""Coarse fits: the cost of comparing the bank with the points."""
+_REFINEMENT = 2
+"""Coarse fits: the cost of half a refinement of one hypothesis."""
+_GLANCED = 1
+"""Coarse fits: the cost of the first steps of one coarse fit."""
 
 
 def detect(
@@ -63,23 +95,23 @@ def detect(
     observation: Observation,
     eye: Float,
     height: float,
-    seen: Seen | None = None,
-    supposed: list[Estimate] | None = None,
+    seen: EstimateAtPoints | None = None,
+    by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport]]:
-    """The posture that explains the observation best from scratch, in parts.
+    """Finds the posture that explains an observation best, from no other frame; in parts.
 
     A short coarse fit of every hypothesis ranks them, and the best three are refined to all points.
 
     Args:
         eye: (3,) the sensor's position, world frame.
         height: metres, the person's height until it is measured.
-        seen: what the network says of this observation; None without one.
-        supposed: what it sees for each way that the person may face, see :func:`supposing`.
-        lengths: (12,) metres, the person's own where they are known already.
+        seen: the network's estimate of this observation; None without the network.
+        by_facing: its estimates for each likely facing, see :func:`estimates_by_facing`.
+        lengths: (12,) metres, of this person where they are known already.
     """
     coarse = _Coarse(fitter, observation, seen, eye, height)
-    starts = yield from _starts(observation, supposed or [], eye, height, lengths)
+    starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
     ranked = []
     for start in starts:
         ranked.append(coarse.fitted(start))
@@ -95,25 +127,25 @@ def detect(
 def detect_another(
     fitter: Fitter,
     observation: Observation,
-    seen: Seen | None,
+    seen: EstimateAtPoints | None,
     eye: Float,
     height: float,
     now: Posture,
-    supposed: list[Estimate] | None = None,
+    by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """A posture from scratch that may explain the observation better than ``now``, in parts; None: none may.
+    """Finds a posture that may explain an observation better than ``now``, in parts; None: there is none.
 
-    The present posture is fitted as coarsely as all others: what is no better than it then is hardly ever
-    better in the end, and is not refined.
+    The present posture is fitted as coarsely as all others. A hypothesis that is no better then is hardly
+    ever better in the end, so it is not refined.
 
     Args:
-        seen, supposed, eye, height, lengths: as of :func:`detect`.
+        seen, by_facing, eye, height, lengths: as of :func:`detect`.
     """
     coarse = _Coarse(fitter, observation, seen, eye, height, _COARSE_POINTS)
     mark, _ = coarse.fitted(now)
     yield 1
-    starts = yield from _starts(observation, supposed or [], eye, height, lengths)
+    starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
     ranked = yield from coarse.ranked(starts)
     promising = [pair for pair in ranked if pair[0] < _PROMISING * mark]
     if not promising:
@@ -124,13 +156,13 @@ def detect_another(
 
 
 class _Coarse:
-    """Short fits, to so many of the points, which tell good hypotheses from bad ones."""
+    """Fits hypotheses in a few steps, to some of the points, to tell good ones from bad ones."""
 
     def __init__(
         self,
         fitter: Fitter,
         observation: Observation,
-        seen: Seen | None,
+        seen: EstimateAtPoints | None,
         eye: Float,
         height: float,
         points: int | None = None,
@@ -141,9 +173,9 @@ class _Coarse:
         self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
 
     def ranked(self, starts: list[Posture]) -> Steps[list[tuple[float, Posture]]]:
-        """What the better half of some hypotheses costs, and their postures, in parts.
+        """Returns the costs and postures of the better half of some hypotheses, in parts.
 
-        Who is among the worse after a few steps hardly ever wins.
+        A hypothesis among the worse half after a few steps hardly ever wins.
         """
         glanced, ranked = [], []
         for start in starts:
@@ -163,7 +195,7 @@ class _Coarse:
 
 
 def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Posture]:
-    """The cheapest postures, leaving out those that are much like a cheaper one."""
+    """Returns the cheapest postures, leaving out each that is much like a cheaper one."""
     kept: list[tuple[Float, Posture]] = []
     for _, posture in sorted(ranked, key=lambda pair: pair[0]):
         joints = posture.joints()
@@ -174,8 +206,10 @@ def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Postu
     return [posture for _, posture in kept]
 
 
-def supposing(estimator: PoseEstimator, estimate: Estimate, world_from_camera: Float) -> list[Estimate]:
-    """What the network sees in the crop of an estimate, for each way in which the person may well face."""
+def estimates_by_facing(
+    estimator: PoseEstimator, estimate: Estimate, world_from_camera: Float
+) -> list[Estimate]:
+    """Runs the network on the crop of an estimate, conditioned on each likely facing."""
     ways = np.argsort(-estimate.facing)[:_LIKELIEST]
     turns = [float(way) for way in ways] + [float(ways[0]) + 0.5 * FACINGS]
     facings = [None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)]
@@ -183,20 +217,20 @@ def supposing(estimator: PoseEstimator, estimate: Estimate, world_from_camera: F
 
 
 def _starts(
-    observation: Observation, supposed: list[Estimate], eye: Float, height: float, lengths: Float | None
+    observation: Observation, by_facing: list[Estimate], eye: Float, height: float, lengths: Float | None
 ) -> Steps[list[Posture]]:
-    """Where to begin: as the network sees it, standing, and of the bank; in parts.
+    """Returns the hypotheses to begin from: by the network, standing, and of the bank; in parts.
 
     Args:
-        lengths: (12,) the person's own; None: the likeliest person's, and those of one who just stands there.
+        lengths: (12,) metres, of this person; None: of an average person, and of one as tall as what is seen.
     """
     z, mask, _, camera, pose = observation.view
     builds = [lengths] if lengths is not None else _builds(observation, height)
-    by_estimate = [posed(estimate, build) for build in builds for estimate in supposed]
+    by_estimate = [posed(estimate, build) for build in builds for estimate in by_facing]
     yield _POSED * len(builds)
     ends = extremities(z, mask, camera, pose)
     yield _ENDS
-    banked = banked_starts(observation, ends, eye, builds[0], _BANKED_BESIDES if supposed else _BANKED)
+    banked = banked_starts(observation, ends, eye, builds[0], _BANKED_BESIDES if by_facing else _BANKED)
     yield _BANK
     return [*by_estimate, *standing_starts(observation, eye, builds[-1]), *banked]
 
@@ -204,16 +238,16 @@ def _starts(
 def _refined(
     fitter: Fitter,
     observation: Observation,
-    seen: Seen | None,
+    seen: EstimateAtPoints | None,
     starts: list[Posture],
     height: float,
     points: int | None = None,
 ) -> Steps[tuple[float, Posture, FitReport]]:
-    """The best of some hypotheses fitted to the end, their proportions too, and what it costs; in parts.
+    """Fits some hypotheses to the end, lengths too; returns the best with its cost; in parts.
 
     Args:
-        points: of the first half of the fit, after which what is much worse than another is left; None: all,
-            and nothing is left.
+        points: how many the first half of the fit uses, after which a much worse one is dropped; None: all,
+            and none is dropped.
     """
     few, guide = observation, seen
     if points is not None:
@@ -221,54 +255,58 @@ def _refined(
         few, guide = observation.thinned(step), None if seen is None else seen.thinned(step)
     halfway = []
     for start in starts:
-        guided = _guided(few, guide, 0.4 * _AFFINITY)
-        posture, report = fitter.fit(guided, start, iterations=15, width=0.12, proportions=_LOOSE)
+        guided = _guided(few, guide, _HALF_AFFINITY * _AFFINITY)
+        posture, report = fitter.fit(
+            guided, start, iterations=_HALF_STEPS, width=_HALF_WIDTH, proportions=_LOOSE
+        )
         halfway.append((report.energy, posture))
         yield _REFINEMENT
     most = np.inf if points is None else _LEFT * min(energy for energy, _ in halfway)
     ready = []
     for energy, posture in halfway:
         if energy <= most:
-            posture, report = fitter.fit(observation, posture, iterations=15, proportions=_LOOSE)
+            posture, report = fitter.fit(observation, posture, iterations=_HALF_STEPS, proportions=_LOOSE)
             odd = _oddness(seen, posture, observation.view[4][:3, 3], height)
             ready.append((report.energy + odd, posture, report))
             yield _REFINEMENT
     return min(ready, key=lambda found: found[0])
 
 
-def _guided(observation: Observation, seen: Seen | None, metres: float) -> Observation:
-    """The observation whose points prefer the limbs that they look like, left or right."""
+def _guided(observation: Observation, seen: EstimateAtPoints | None, metres: float) -> Observation:
+    """Returns the observation with affinities: points prefer the limbs that they look like, left or right."""
     return observation if seen is None else replace(observation, affinity=seen.sideless_affinity(metres))
 
 
-def cost(report: FitReport, posture: Posture, seen: Seen | None, eye: Float, height: float) -> float:
-    """What a fitted posture costs in all, square centimetres a point; comparable within one frame."""
+def cost(
+    report: FitReport, posture: Posture, seen: EstimateAtPoints | None, eye: Float, height: float
+) -> float:
+    """Returns the whole cost of a fitted posture, square centimetres a point; comparable within one frame."""
     return report.energy + _oddness(seen, posture, eye, height)
 
 
-def _oddness(seen: Seen | None, posture: Posture, eye: Float, height: float) -> float:
-    """What a posture costs besides what the depth says.
+def _oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height: float) -> float:
+    """Returns the cost of a posture without depth, square centimetres a point.
 
-    For points that the network takes for other parts, for facing another way than it says, for leaning
-    backward, and for a stature that is far from the likeliest.
+    It adds up points that the network takes for other parts, a facing that it does not see, leaning backward,
+    and a stature far from the likeliest.
     """
     unlike = ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2
     stature = _STATURE * unlike / (unlike + 2.0) + _BACKWARD * backward(posture)
     if seen is None:
         return stature
     facing = facing_score(seen, posture, eye)
-    return stature + _DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING * facing
+    return stature + DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING * facing
 
 
 def quality(report: FitReport) -> float:
-    """The share of the person that is explained less the share of the model that was seen through."""
+    """Returns the share of points explained less the share of the model seen through, up to 1."""
     return report.explained - float(report.violated.mean())
 
 
 def _builds(observation: Observation, height: float) -> list[Float]:
-    """(12,) lengths of whom this may be: somebody of the likeliest height, and somebody as tall as is seen.
+    """Returns (12,) lengths of one or two builds: of the likeliest height, and of the height that is seen.
 
-    What reaches lower may be a child, or somebody who crouches; what reaches higher, somebody tall, or arms.
+    A lower height may be a child's, or an adult's who crouches; a higher one a tall person's, or raised arms.
     """
     seen = float(observation.crown[1]) + 0.01
     if observation.cut or not _SHORTEST < seen < _TALLEST:

@@ -1,6 +1,6 @@
-"""Which way somebody faces: front and back look alike, so it is decided over many frames.
+"""The facing of a person: front and back look alike, so evidence is averaged over many frames.
 
-Two things tell: what the network sees, and that people walk forward.
+The evidence is the network's estimate, the direction of walking, and that people bend forward.
 """
 
 from __future__ import annotations
@@ -16,31 +16,39 @@ from enliven_edge.tracking.body_model import (
     chest_axes_about,
     leaning_back,
 )
-from enliven_edge.tracking.detect.appearance import Seen, likely_to_face
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, likely_to_face
 from enliven_edge.tracking.estimator import facing_in_plan
 
-_MEMORY, _PATIENCE = 15.0, 12
-"""Frames over which the evidence is averaged, and before a first verdict."""
-_SETTLED, _WRONG, _WRONG_ALL_THE_SAME = 1.0, -2.6, -3.5
-"""Log probability by which the facing must be better than its opposite to be settled; below which it is
-wrong; and below which even a settled one is."""
-_STROLL, _WALK = 0.45, 0.9
-"""Metres a second from which walking says something, and from which it says all it can."""
+_MEMORY = 15.0
+"""Frames over which the evidence is averaged: half a second, longer than the network errs in one posture."""
+_FIRST_VERDICT = 12
+"""Frames of evidence before the first verdict: fewer say little of the mean."""
+_SETTLED = 1.0
+"""Log probability by which a facing must beat its opposite to be settled."""
+_WRONG = -2.6
+"""Log probability against its opposite below which a facing is wrong: far below 0, as no person may be turned
+about without strong evidence."""
+_WRONG_ALL_THE_SAME = -3.5
+"""The same for a facing that was settled before, which needs more evidence yet."""
+_STROLL = 0.45
+"""Metres a second from which walking tells the facing: slower, people also step sideways and back."""
+_WALK = 0.9
+"""Metres a second from which walking says all it can: a slow walk ahead."""
 _FORWARD = 4.5
-"""What walking ahead is worth, as a log probability."""
+"""Log probability of facing the way of a walk: more than makes a facing wrong, so that a walk decides."""
 _UPRIGHT = 15.0
-"""What it costs to lean backward, as a log probability a sine."""
+"""Log probability against leaning backward, times the sine: people bend forward, not backward."""
 
 
 class Facing:
-    """Watches whether a posture has been facing the wrong way."""
+    """Decides over many frames whether a posture faces the wrong way."""
 
     def __init__(self) -> None:
         self._advantage = 0.0
         self._frames = 0
         self._settled = False
 
-    def is_wrong(self, seen: Seen, posture: Posture, eye: Float, velocity: Float) -> bool:
+    def is_wrong(self, seen: EstimateAtPoints, posture: Posture, eye: Float, velocity: Float) -> bool:
         """Whether the posture has been facing the wrong way for a while.
 
         Args:
@@ -51,7 +59,7 @@ class Facing:
         advantage = float(_advantage(posture.rotations, posture.position, eye, velocity, ways))
         self._frames += 1
         self._advantage += max(1.0 / _MEMORY, 1.0 / self._frames) * (advantage - self._advantage)
-        if self._frames < _PATIENCE:
+        if self._frames < _FIRST_VERDICT:
             return False
         self._settled = self._settled or self._advantage > _SETTLED
         wrong = self._advantage < (_WRONG_ALL_THE_SAME if self._settled else _WRONG)
@@ -79,7 +87,7 @@ def _backward(rotations):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _advantage(rotations, place, eye, velocity, ways):  # type: ignore[no-untyped-def]
-    """Log probability by which one frame speaks for a posture's facing and against its opposite.
+    """Returns the log probability of a posture's facing less that of its opposite, by one frame.
 
     Args:
         rotations: (13, 3, 3) and
@@ -97,11 +105,11 @@ def _advantage(rotations, place, eye, velocity, ways):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _walking(velocity, ahead):  # type: ignore[no-untyped-def]
-    """In [-1, 1]: how plainly somebody walks the way they face.
+    """Returns how plainly a person walks ahead, in [-1, 1]; -1: plainly backward.
 
     Args:
         velocity: (3,) metres a second.
-        ahead: the unit (x, z) direction that they face.
+        ahead: the unit (x, z) direction of the facing.
     """
     speed = np.sqrt(velocity[0] ** 2 + velocity[2] ** 2)
     if speed < _STROLL:

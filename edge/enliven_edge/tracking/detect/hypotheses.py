@@ -1,4 +1,4 @@
-"""Postures to begin from where nothing is known: standing in many ways, and a bank of other ones."""
+"""Postures that a detection begins from: standing in many ways, and a bank of others."""
 
 from __future__ import annotations
 
@@ -17,13 +17,23 @@ _ARMS = (
     {"arm_raise": 1.4, "elbow": 0.1},
     {"arm_raise": 2.6, "elbow": 0.2},
 )
-"""Arms hanging, forearms forward, arms out, arms overhead."""
+"""Angles in radians: arms hanging, forearms forward, arms out, arms overhead."""
 _LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
 _RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
+"""Radians from facing the sensor of the two postures turned aside: short of hiding an arm."""
 _YAWS = (0.0, 1.57, 3.14, -1.57)
-_THINNED, _FARTHEST_POINT = 100, 0.4
-"""Points that a posture of the bank is judged by, and metres beyond which one is just far."""
+"""Radians from facing the sensor that each posture of the bank is tried at: a quarter turn apart."""
+_THINNED = 100
+"""Points that a posture of the bank is compared with: enough to rank it."""
+_FARTHEST_POINT = 0.4
+"""Metres at which a point's distance from a posture is clipped: one stray point must not decide."""
+BEHIND_SURFACE = 0.1
+"""Metres from the seen surface back to the middle of a standing body: half of a trunk's depth."""
+_BEHIND_POINTS = 0.08
+"""Metres from the median of all points back to the middle of a body in another posture."""
+_BEHIND_TIP = 0.04
+"""Metres from a seen extremity back to the middle of a hand, foot or head's top."""
 
 
 def _bent(
@@ -37,7 +47,7 @@ def _bent(
     arm_forward: float = 0.0,
     elbow: float = 0.4,
 ) -> Float:
-    """(13, 3, 3) a posture by the angles of trunk and legs, left and right, radians."""
+    """Returns the (13, 3, 3) posture of some angles of trunk and legs, left and right, radians."""
     rotations = standing(arm_raise=arm_raise, arm_forward=arm_forward, elbow=elbow)
     rotations[model.PELVIS], rotations[model.CHEST] = rotation(x=pitch), rotation(x=bend)
     for side, thigh in enumerate((model.THIGH_L, model.THIGH_R)):
@@ -48,7 +58,7 @@ def _bent(
 
 
 def _bank() -> list[Float]:
-    """Crouching, kneeling, sitting, reaching for the floor, one leg up, lunging."""
+    """Returns postures crouching, kneeling, sitting, reaching for the floor, one leg up, lunging."""
     both = [
         _bent(pitch=0.3, bend=0.3, thighs=(2.0, 2.0), knees=(2.2, 2.2), spread=(0.3, 0.3), arm_forward=0.8),
         _bent(pitch=0.3, bend=0.3, thighs=(1.2, 1.2), knees=(1.4, 1.4), spread=(0.2, 0.2), arm_forward=0.4),
@@ -69,15 +79,15 @@ def _bank() -> list[Float]:
 
 
 BANK = _bank()
-"""[(13, 3, 3)] facing +Z."""
+"""[(13, 3, 3)] postures that do not stand upright, facing +Z."""
 
 
 def standing_starts(observation: Observation, eye: Float, lengths: Float) -> list[Posture]:
-    """Standing under the crown: six ways to hold the arms facing the sensor, two turned to the sides.
+    """Returns standing postures under the crown: six ways to hold the arms, and two turned to the sides.
 
     Args:
         eye: (3,) the sensor's position, world frame.
-        lengths: (12,) the person's, or an average person's.
+        lengths: (12,) metres, of this person or an average one.
     """
     centre = np.median(observation.points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)
@@ -90,7 +100,7 @@ def standing_starts(observation: Observation, eye: Float, lengths: Float) -> lis
 def banked_starts(
     observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
 ) -> list[Posture]:
-    """The postures of the bank that are most like the points, brought to the extremities.
+    """Returns the postures of the bank that are most like the points, brought to the extremities.
 
     Args:
         most: how many are returned.
@@ -113,19 +123,19 @@ def banked_starts(
 
 
 def _towards(eye: Float, centre: Float) -> float:
-    """Radians about +Y from +Z to the direction of the eye."""
+    """Returns the radians about +Y from +Z to the direction of the eye."""
     return float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
 
 
 def _turned(rotations: Float, yaw: float) -> Float:
-    """(13, 3, 3) the posture turned about the vertical."""
+    """Returns the (13, 3, 3) posture turned about the vertical."""
     made = rotations.copy()
     made[model.PELVIS] = rotation(y=yaw) @ rotations[model.PELVIS]
     return made
 
 
 def _one_raised(limbs: list[int]) -> Float:
-    """(13, 3, 3) one arm up and out, the other hanging."""
+    """Returns the (13, 3, 3) posture with one arm up and out, the other hanging."""
     rotations = standing()
     rotations[limbs] = standing(arm_raise=2.2, elbow=0.2)[limbs]
     return rotations
@@ -136,11 +146,11 @@ _STANDING = [
     *((_one_raised(limbs), 0.0) for limbs in (_LEFT_ARM, _RIGHT_ARM)),
     *((RELAXED, yaw) for yaw in (_SIDE_YAW, -_SIDE_YAW)),
 ]
-"""Postures and radians from facing the sensor."""
+"""Postures, and their radians from facing the sensor."""
 
 
 def _under_crown(observation: Observation, centre: Float, rotations: Float, lengths: Float) -> Posture:
-    """A posture whose head's top, or raised hands, are at the top of the observed points."""
+    """Returns a posture with its highest end, head or raised hand, at the top of the observed points."""
     posture = Posture(np.zeros(3), rotations, lengths.copy())
     ends, radii = posture.capsules()
     tops = (ends[..., 1] + radii).max(1)
@@ -149,18 +159,17 @@ def _under_crown(observation: Observation, centre: Float, rotations: Float, leng
     # A head is the crown's neighbour sideways; a raised hand is not.
     under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
     head = np.array([under, crown[1] - tops[highest], 0.0])
-    behind_surface = 0.1
     away = centre - observation.view[4][:3, 3]
     away[1] = 0.0
     head[2] = centre[2]
-    posture.position = head + behind_surface * away / max(1e-6, float(np.linalg.norm(away)))
+    posture.position = head + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))
     return posture
 
 
 def _around(points: Float32, centre: Float, ends: Float, radii: Float, eye: Float) -> Float:
-    """(N, 3) where N postures have their middle, top and bottom where the points have theirs.
+    """Returns (N, 3) positions that bring middle, top and bottom of N postures to those of the points.
 
-    Behind the seen surface.
+    They are moved back from the seen surface.
 
     Args:
         ends: (N, C, 2, 3) the capsules of the postures about the origin, of (C, 2) radii.
@@ -168,14 +177,14 @@ def _around(points: Float32, centre: Float, ends: Float, radii: Float, eye: Floa
     away = centre - eye
     away[1] = 0.0
     away /= max(1e-6, float(np.linalg.norm(away)))
-    positions = centre + 0.08 * away - ends.mean((1, 2))
+    positions = centre + _BEHIND_POINTS * away - ends.mean((1, 2))
     low, high = (ends[..., 1] - radii).min((1, 2)), (ends[..., 1] + radii).max((1, 2))
     positions[:, 1] = 0.5 * (points[:, 1].min() + points[:, 1].max()) - 0.5 * (low + high)
     return np.asarray(positions)
 
 
 def _end_anchors() -> tuple[Int, Float]:
-    """(5,) frames and (5, 3, 12) offsets of the head's top, the hands and the feet."""
+    """Returns (5,) frames and (5, 3, 12) offsets of the head's top, the hands and the feet."""
     frames, local = np.zeros(5, np.int64), np.zeros((5, 3, len(model.LENGTHS)))
     frames[0], local[0, 1, model.NECK] = model.HEAD, 1.3
     for k, arm in enumerate((model.FOREARM_L, model.FOREARM_R)):
@@ -187,17 +196,20 @@ def _end_anchors() -> tuple[Int, Float]:
 
 _END_FRAMES, _ENDS = _end_anchors()
 _HIPS = np.zeros((1, 3, len(model.LENGTHS)))
+"""(1, 3, 12) the offset of the hip centre in the pelvis: none."""
 _FARTHEST = 0.45
+"""Metres that a limb is brought to an extremity at most: a forearm and a hand; beyond, it is another
+limb's."""
 
 
 def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:
-    """The posture with head, hands and feet at the extremities that each is nearest to."""
+    """Moves head, hands and feet of a posture to the extremities matched to them at the least distance."""
     if len(ends.points) == 0:
         return posture
     capsules, _ = posture.capsules()
     tips = capsules[[7, 10, 13, 16, 19], 1]
     away = ends.points - eye
-    targets = ends.points + 0.04 * away / np.linalg.norm(away, axis=1, keepdims=True)
+    targets = ends.points + _BEHIND_TIP * away / np.linalg.norm(away, axis=1, keepdims=True)
     distance = np.linalg.norm(tips[:, None] - targets[None], axis=2)
     limb, extremity = least_cost(np.minimum(distance, _FARTHEST))
     matched = distance[limb, extremity] < _FARTHEST

@@ -1,4 +1,4 @@
-"""The tracker's model in the posture of an estimate."""
+"""Brings the tracker's model to the joints of the network's estimate."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from enliven_edge.tracking.fit import align
 
 _WIDTH = 0.3
 """Metres beyond which a joint is doubted while the model is brought to it."""
-_STEPS, _ANEW = 10, 20
-"""Of the alignment of a posture that is near, and of one begun standing."""
+_STEPS = 10
+"""Steps of aligning a posture that is near."""
+_STEPS_FROM_STANDING = 20
+"""Steps of aligning a posture that begins relaxed: its limbs have farther to go."""
 
 
 def posed(estimate: Estimate, lengths: Float) -> Posture:
-    """A posture whose joints are at the estimate's, of (12,) lengths, with no other posture to begin from."""
+    """Returns a posture of (12,) lengths with its joints at the estimate's, begun from standing relaxed."""
     start = Posture(estimate.joints[Joint.HIP_CENTER].copy(), joint_limits.RELAXED.copy(), lengths.copy())
     start.rotations[model.PELVIS] = _trunk(estimate.joints)
-    return drawn(start, estimate, _ANEW)
+    return aligned_to(start, estimate, _STEPS_FROM_STANDING)
 
 
-def drawn(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Posture:
-    """A posture brought to the estimate's joints, by how sure each is; its lengths kept."""
+def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Posture:
+    """Brings a posture to the estimate's joints, weighted by how sure each is; keeps its lengths."""
     weights = estimate.landmarks[:, 3]
     made, _ = align(
         posture,
@@ -39,7 +41,7 @@ def drawn(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Posture:
 
 
 def _trunk(joints: Float) -> Float:
-    """(3, 3) the axes of a trunk whose hips and shoulders are these: left, up, ahead."""
+    """Returns the (3, 3) axes left, up and ahead, in columns, of the trunk between hips and shoulders."""
     left = joints[Joint.SHOULDER_LEFT] - joints[Joint.SHOULDER_RIGHT]
     left = left + joints[Joint.HIP_LEFT] - joints[Joint.HIP_RIGHT]
     up = joints[Joint.SHOULDER_CENTER] - joints[Joint.HIP_CENTER]

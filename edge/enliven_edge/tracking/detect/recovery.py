@@ -1,4 +1,4 @@
-"""Second thoughts: what explains the picture badly is tried elsewhere, one proposal a frame.
+"""Recovery: a limb or body that explains the frame badly is tried elsewhere, one proposal a frame.
 
 Nearest-surface fitting cannot bring back a limb that has been caught by another one, nor a body that faces
 the wrong way, because every pixel of the real one is explained by something else nearby. A proposal that
@@ -13,9 +13,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_edge.tracking.body_model import Posture, mirrored, model, rotation, standing
-from enliven_edge.tracking.detect.appearance import Seen, agreement, turned_about
-from enliven_edge.tracking.detect.backoff import Patience
-from enliven_edge.tracking.detect.posing import drawn, posed
+from enliven_edge.tracking.detect.appearance import DISAGREEMENT, EstimateAtPoints, agreement, turned_about
+from enliven_edge.tracking.detect.backoff import Backoff
+from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE
+from enliven_edge.tracking.detect.posing import aligned_to, posed
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
 
@@ -27,8 +28,8 @@ _ARM_POSES = (
     standing(arm_raise=2.5, elbow=0.4),
     standing(arm_raise=0.3, arm_forward=1.0, elbow=2.2),
 )
-"""Forearm forward, hanging, out, forward, overhead, hand at the face. Before these come the limb as it was
-when last sure, and the other side's mirror image."""
+"""Forearm forward, hanging, out, forward, overhead, hand at the face. The limb as it was when last sure, and
+the other side's mirror image, are tried before these."""
 _LEG_POSES = (
     standing(),
     standing(hip=1.4, knee=1.5),
@@ -43,30 +44,42 @@ _LEGS = (
 )
 _OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])).tolist() for limb in (*_ARMS, *_LEGS)}
 """The capsules of each limb beyond its first bone."""
-_DOUBTFUL, _SURE = 0.5, 0.9
-_BETTER, _MUCH_BETTER = 0.985, 0.8
-"""Share of the energy that a limb, and a whole body, must fall below to be moved elsewhere."""
+_DOUBTFUL = 0.5
+"""Confidence of a limb's outer capsules below which the limb is tried elsewhere."""
+_SURE = 0.9
+"""Confidence of a limb's outer capsules above which its pose is remembered as one to try."""
+_BETTER = 0.985
+"""Share of the cost that a moved limb must fall below: less is the noise of the fit."""
+_MUCH_BETTER = 0.8
+"""Share of the cost that a moved body must fall below: a wrong one is better by chance now and then."""
 _LOSES = 0.03
-"""Share of the points that no better posture leaves unexplained: a leg that the network does not know."""
+"""Share of the points that a better posture may leave unexplained more than before: a leg that is seen was
+given up because the network, which knew no such kick, put it elsewhere."""
 _STEPS = 6
-_WIDE_STEPS, _WIDE = 6, 0.25
+"""Steps of the fit of a proposal: as many as of the ordinary fit, to be compared with it."""
+_WIDE_STEPS = 6
+"""Steps of the wide fit before that, of a whole body."""
+_WIDE = 0.25
+"""Metres: the robust width of the wide fit, as a limb of a proposal may be off by as much."""
 _RAREST = 4
-"""Frames between two ideas of the whole body that explain nothing better, at most."""
-_DISAGREEMENT = 4.0
+"""Frames between two whole bodies proposed in vain, at most: a person who falls must be caught soon."""
 _BADLY = 0.9
 """Share of the points explained (less what was seen through) below which the whole body is doubted."""
 _YAWS = (0.8, -0.8)
+"""Radians by which a whole body is tried turned: half a right angle to either side, never to the back."""
+_ANKLE = 0.04
+"""Metres above the floor of the lowest joint, a foot's, of a body that is put there standing."""
 
 
-class SecondThoughts:
-    """Takes turns over the limbs and the whole body, and over the proposals for each."""
+class PoseRecovery:
+    """Proposes other places for doubtful limbs and for the whole body, in turn, one proposal a frame."""
 
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
         self._turn = 0
-        self._bodies = Patience(_RAREST)
+        self._bodies = Backoff(_RAREST)
         self._remembered: dict[tuple[int, ...], Float] = {}
-        self._ideas: Iterator[Posture] = iter(())
+        self._proposals: Iterator[Posture] = iter(())
 
     def reconsider(
         self,
@@ -74,13 +87,13 @@ class SecondThoughts:
         posture: Posture,
         report: FitReport,
         confidence: Float,
-        seen: Seen | None = None,
+        seen: EstimateAtPoints | None = None,
     ) -> tuple[Posture, FitReport]:
-        """The posture, or one with a doubtful part elsewhere where that explains the frame better.
+        """Returns the posture, or one with a doubtful part elsewhere if that explains the frame better.
 
         Args:
             confidence: (C,) of every capsule, in [0, 1].
-            seen: what the network says of the frame; None without one.
+            seen: the network's estimate of the frame; None without the network.
         """
         doubtful = self._doubtful(posture, confidence)
         badly = report.explained - report.violated.mean() < _BADLY
@@ -100,9 +113,9 @@ class SecondThoughts:
         return tried if self._is_better(tried, observation, posture, seen, _BETTER) else (posture, report)
 
     def _whole_body(
-        self, observation: Observation, posture: Posture, report: FitReport, seen: Seen | None
+        self, observation: Observation, posture: Posture, report: FitReport, seen: EstimateAtPoints | None
     ) -> tuple[Posture, FitReport]:
-        """The posture, or the next idea of the whole body where it is due and much better."""
+        """Returns the posture, or the next proposal of a whole body if it is due and much better."""
         if not self._bodies.is_due(report.energy):
             return posture, report
         tried = self._elsewhere(observation, posture, seen)
@@ -115,16 +128,16 @@ class SecondThoughts:
         tried: tuple[Posture, FitReport],
         observation: Observation,
         posture: Posture,
-        seen: Seen | None,
+        seen: EstimateAtPoints | None,
         share: float,
     ) -> bool:
-        """Whether a posture costs less than such a share of another, both without what time predicts."""
+        """Whether a posture costs less than ``share`` of another, both without the temporal term."""
         _, same = self._fitter.fit(observation, posture, iterations=1)
         before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
         return after < share * before and same.explained - tried[1].explained <= _LOSES
 
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
-        """The limbs that explain little of the picture; those that explain much are remembered."""
+        """Returns the limbs that explain little of the frame; remembers the poses of the sure ones."""
         doubtful: list[tuple[int, ...]] = []
         sure_of = confidence.tolist()
         for limb, capsules in _OUTER.items():
@@ -137,24 +150,24 @@ class SecondThoughts:
         return doubtful
 
     def _where_seen(
-        self, observation: Observation, posture: Posture, seen: Seen
+        self, observation: Observation, posture: Posture, seen: EstimateAtPoints
     ) -> tuple[Posture, FitReport]:
-        """The posture brought to where the network sees the joints, then fitted."""
-        return self._fitter.fit(observation, drawn(posture, seen.estimate), iterations=_STEPS)
+        """Brings the posture to the joints that the network sees, then fits it."""
+        return self._fitter.fit(observation, aligned_to(posture, seen.estimate), iterations=_STEPS)
 
     def _elsewhere(
-        self, observation: Observation, posture: Posture, seen: Seen | None
+        self, observation: Observation, posture: Posture, seen: EstimateAtPoints | None
     ) -> tuple[Posture, FitReport]:
-        """The next idea of how the whole body may be, fitted widely, then closely."""
-        idea = next(self._ideas, None)
-        if idea is None:
-            self._ideas = whole_bodies(observation, posture, seen)
-            idea = next(self._ideas)
-        wide, _ = self._fitter.fit(observation, idea, iterations=_WIDE_STEPS, width=_WIDE)
+        """Fits the next proposal of a whole body, widely, then closely."""
+        proposal = next(self._proposals, None)
+        if proposal is None:
+            self._proposals = whole_bodies(observation, posture, seen)
+            proposal = next(self._proposals)
+        wide, _ = self._fitter.fit(observation, proposal, iterations=_WIDE_STEPS, width=_WIDE)
         return self._fitter.fit(observation, wide, iterations=_STEPS)
 
     def _limb_elsewhere(self, posture: Posture, doubtful: list[tuple[int, ...]]) -> Posture:
-        """The posture with the next doubtful limb at the next place where it may be."""
+        """Returns the posture with the next doubtful limb in the next pose to try."""
         turn = self._turn // 2
         limb = doubtful[turn % len(doubtful)]
         index = list(limb)
@@ -167,15 +180,17 @@ class SecondThoughts:
         return start
 
 
-def cost(report: FitReport, posture: Posture, seen: Seen | None) -> float:
-    """Square centimetres a point: the fit's energy, and what it costs to be of other parts than are seen."""
-    return report.energy + (0.0 if seen is None else _DISAGREEMENT * (1.0 - agreement(seen, posture)))
+def cost(report: FitReport, posture: Posture, seen: EstimateAtPoints | None) -> float:
+    """Returns square centimetres a point: the fit's energy and the disagreement with the network."""
+    return report.energy + (0.0 if seen is None else DISAGREEMENT * (1.0 - agreement(seen, posture)))
 
 
-def whole_bodies(observation: Observation, posture: Posture, seen: Seen | None) -> Iterator[Posture]:
-    """Ideas of where the whole body may be: as the network sees it, turned a little, or standing anew.
+def whole_bodies(
+    observation: Observation, posture: Posture, seen: EstimateAtPoints | None
+) -> Iterator[Posture]:
+    """Yields proposals of a whole body: as the network sees it, turned a little, and standing.
 
-    Never half a turn: a body looks nearly the same from the back, and nobody turns that far in a frame.
+    Never half a turn: a body looks nearly the same from the back, and no person turns that far in a frame.
     """
     if seen is not None:
         proposed = posed(seen.estimate, posture.lengths)
@@ -200,12 +215,12 @@ def _same_way(one: Posture, other: Posture) -> bool:
 
 
 def _standing_at(observation: Observation, posture: Posture, facing: float) -> Posture:
-    """A person who stands where the points are, turned to ``facing`` radians."""
+    """Returns a person who stands where the points are, turned to ``facing`` radians."""
     made = Posture(posture.position.copy(), standing(facing), posture.lengths.copy())
     centre = np.median(observation.points.astype(float), axis=0)
     away = centre - observation.view[4][:3, 3]
     away[1] = 0.0
-    made.position = centre + 0.1 * away / max(1e-6, float(np.linalg.norm(away)))
-    soles = made.joints()[:, 1].min() - made.position[1]
-    made.position[1] = 0.04 - soles
+    made.position = centre + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))
+    lowest = made.joints()[:, 1].min() - made.position[1]
+    made.position[1] = _ANKLE - lowest
     return made

@@ -1,6 +1,6 @@
 from .crop import CHANNELS, COLUMNS, ROWS, Crop, crop_person
 from .estimator import Estimate, PoseEstimator, shipped_estimator
-from .labels import FACINGS, MIRRORED, NOBODY, PARTS, Part, facing_in_plan, facing_of
+from .labels import FACINGS, MIRRORED, NOBODY, PARTS, BodyPart, facing_in_plan, facing_of
 
 __all__ = [
     "CHANNELS",
@@ -10,9 +10,9 @@ __all__ = [
     "NOBODY",
     "PARTS",
     "ROWS",
+    "BodyPart",
     "Crop",
     "Estimate",
-    "Part",
     "PoseEstimator",
     "crop_person",
     "facing_in_plan",

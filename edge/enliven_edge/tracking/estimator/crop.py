@@ -1,4 +1,4 @@
-"""What the network sees of a person: an upright crop at the person's depth, as large as they need.
+"""The network's input: an upright crop around a person, metric at the person's depth.
 
 Four channels: the person, their depth, their height above the floor, and where nothing can be known because
 something nearer hides it, nothing was measured, or the image ends. Upright and in metres, so that people look
@@ -15,27 +15,33 @@ from enliven.arrays import Bool, Float, Float32
 from enliven.kernels import njit
 from enliven.masks import pixels_of
 
-ROWS, COLUMNS = 80, 64
-_SMALLEST, _LARGEST = 0.02, 0.036
-"""Metres a cell, at the person's depth."""
+ROWS = 80
+"""Cells from top to bottom of a crop, fixed by the network: a person with raised arms fits."""
+COLUMNS = 64
+"""Cells from left to right of a crop, fixed by the network: outstretched arms fit."""
+_SMALLEST = 0.02
+"""Metres a cell at the person's depth, at least: a finer crop shows no more than the sensor measures."""
+_LARGEST = 0.036
+"""Metres a cell at the person's depth, at most: 80 of them are a tall person's height with arms raised."""
 _MARGIN = 1.2
-"""How much larger a crop is than what is seen of the person."""
+"""Size of a crop in sizes of what is seen of the person: a limb that is missed at first still lies inside."""
 CHANNELS = 4
+"""Channels of a crop: the person, the depth, the height above the floor, and where nothing is known."""
 _SAMPLES = 500
-"""Pixels by which a person's place is found."""
+"""Pixels that a person's place and size are found by: enough for percentiles, and quick to sort."""
 _OUTLIERS = 0.01
-"""Share of them left out at each end."""
+"""Share of these samples left out at each end, against stray depth at edges."""
 _HANGING_LEVEL = 0.2
-"""Below this, the share of the world's up in the image says nothing of what is upright: seen from above."""
+"""Length in the image of the world's unit up vector below which no direction is upright: seen from above."""
 _BEFORE = 0.1
-"""Metres before the person's middle from which something else may hide them, and"""
+"""Metres before the person's middle from which depth may hide the person; nearer, it is beside."""
 _GROUND = 0.08
-"""metres above the floor below which it does not."""
+"""Metres above the floor below which depth hides no person: it is the floor before the feet."""
 
 
 @dataclass(frozen=True)
 class Crop:
-    """A person's crop, and how its coordinates lie in the camera's frame.
+    """A person's crop, and the place of its coordinates in the camera's frame.
 
     Crop coordinates are metres: right and down from the crop's middle, in the plane at ``depth``, and away
     from that plane.
@@ -56,16 +62,17 @@ class Crop:
     centre: Float
 
     def from_camera(self, points: Float) -> Float:
-        """(N, 3) crop coordinates of (N, 3) points in the camera's frame (x right, y down, z ahead)."""
+        """Returns (N, 3) crop coordinates of (N, 3) points in the camera's frame (x right, y down, z
+        ahead)."""
         flat = (points[:, :2] / points[:, 2:] @ self.axes.T - self.centre) * self.depth
         return np.concatenate([flat, points[:, 2:] - self.depth], 1)
 
     def cells(self, rays: Float) -> Float:
-        """(N, 2) how many cells right of and below the crop's middle (N, 2) rays, x/z and y/z, meet it."""
+        """Returns (N, 2) cells right and down from the crop's middle for (N, 2) rays, x/z and y/z."""
         return np.asarray((rays @ self.axes.T - self.centre) * (self.depth / self.cell))
 
     def to_camera(self, points: Float) -> Float:
-        """(N, 3) in the camera's frame of (N, 3) crop coordinates."""
+        """Returns (N, 3) points in the camera's frame of (N, 3) crop coordinates."""
         z = np.maximum(points[:, 2:] + self.depth, 0.1)
         return np.concatenate([(points[:, :2] / self.depth + self.centre) @ self.axes * z, z], 1)
 
@@ -78,7 +85,7 @@ def crop_person(
     shift: Float | None = None,
     raised: float = 0.0,
 ) -> Crop:
-    """The crop of the masked person.
+    """Returns the crop around the masked person.
 
     Args:
         z: (h, w) metres along the optical axis; 0 where nothing is known.
@@ -101,7 +108,7 @@ def crop_person(
 
 
 def _upright(world_from_camera: Float) -> Float:
-    """(2, 2) right and down in the image for somebody who stands upright in the world."""
+    """Returns (2, 2): right and down in the image of a person who stands upright in the world."""
     up = world_from_camera[1, :2]
     length = float(np.hypot(up[0], up[1]))
     if length < _HANGING_LEVEL:
@@ -111,7 +118,7 @@ def _upright(world_from_camera: Float) -> Float:
 
 
 def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Float, float]:
-    """(2,), (2,) and metres: the ends of the person along the axes at unit depth, and their median depth."""
+    """Returns the person's (2,) least and (2,) greatest along the axes at unit depth, and median depth."""
     ordered = np.sort(_samples(z, mask, camera, axes), axis=1)
     count = ordered.shape[1]
     first = int(_OUTLIERS * count)

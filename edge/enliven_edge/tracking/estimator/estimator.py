@@ -1,4 +1,4 @@
-"""The shipped network at work: from a frame the joints, how sure each is, the facing, the parts."""
+"""Runs the shipped network: from a frame the joints, the spread of each, the facing and the body parts."""
 
 from __future__ import annotations
 
@@ -17,36 +17,42 @@ from enliven_edge.tracking.estimator.crop import COLUMNS, Crop, crop_person
 from enliven_edge.tracking.estimator.labels import FACINGS
 
 _DISTANCE = 3.0
-"""The mean distance, in units of its scale, of the distribution that the network learns: density falls off
-exponentially with the distance, in space."""
+"""Mean distance, in units of its scale, of the distribution that the network learns: in space the density
+falls off exponentially with the distance, and the mean of that is 3."""
 
 _FARTHEST = 1.0
-"""Metres: the most that a joint is said to be off."""
-_SUREST, _USUAL = 0.03, 0.05
-"""Metres of spread below which a joint is not believed more, and at which its weight is one of twenty."""
+"""Metres of spread that are reported at most: a joint farther off than this is simply not known."""
+_SUREST = 0.03
+"""Metres of spread below which a joint's weight grows no more: the network is no better than that."""
+_USUAL = 0.05
+"""Metres of spread at which a joint weighs one twentieth of all."""
 _SUREST_BESIDE_DEPTH = 0.05
-"""And where the surface says better where a joint is: limbs of real people are off by more than is said."""
+"""The same as ``_SUREST`` beside depth, which knows better: limbs of real people are off by more than the
+spread says, and at 3 cm the network pulled elbows off arms that were seen."""
 TRUST = np.repeat([1.0, 0.4], [12, 8])
 """(20,) shares of that weight: legs are found by their surface, and a crouch is easily taken for a kneel."""
-_DOUBTED, _WIDTHS = 3.0, (0.12, 0.4)
-"""The robust width in spreads, and metres between which it is."""
-
-_APART, _SPREADS = 0.08, 1.5
-"""Metres, and times how far a joint is off on average, from which it is plainly elsewhere."""
+_DOUBTED = 3.0
+"""Spreads: the robust width of a joint, beyond which the network is taken to be wrong: three sigma."""
+_WIDTHS = (0.12, 0.4)
+"""Metres: least and greatest robust width, as the spread itself is off now and then."""
+_APART = 0.08
+"""Metres from the network's joint up to which a fitted one is not elsewhere: both are off by centimetres."""
+_SPREADS = 1.5
+"""Spreads from the network's joint from which a fitted one is plainly elsewhere."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What one frame shows of a person, as the network sees it.
+    """The network's estimate of one person in one frame.
 
     Attributes:
         joints: (20, 3) metres, world frame, ordered by :class:`enliven.person.body.Joint`.
-        spread: (20,) metres that each is off on average.
-        facing: (8,) log probabilities of the ways to face, see :func:`labels.facing_of`; whatever was told
-            of it.
+        spread: (20,) metres: the mean error of each joint that the network expects.
+        facing: (8,) log probabilities of the ways to face, see :func:`labels.facing_of`; they do not depend
+            on the facing that the estimate was conditioned on.
         parts: (17, 40, 32) logits of the parts at every second cell of the crop.
-        crop: what was looked at.
-        somebody: the probability that it is a person and no thing, in [0, 1]; whatever was told.
+        crop: the network's input.
+        person_probability: in [0, 1], that the crop shows a person and no thing.
     """
 
     joints: Float
@@ -54,28 +60,28 @@ class Estimate:
     facing: Float
     parts: Float32
     crop: Crop
-    somebody: float = 1.0
+    person_probability: float = 1.0
 
     @property
     def landmarks(self) -> Float:
-        """(20, 5) what a posture is to keep near, as ``terms.near_landmarks`` takes them."""
+        """(20, 5) places, weights and robust widths of the joints, as ``terms.near_landmarks`` takes them."""
         return self._landmarks(_SUREST)
 
     @property
     def guides(self) -> Float:
-        """(20, 5) the same beside depth, which has the last word."""
+        """(20, 5) the same for a fit to depth, which knows better where a joint is."""
         return self._landmarks(_SUREST_BESIDE_DEPTH)
 
     def _landmarks(self, surest: float) -> Float:
-        """(20, 5) no joint surer than so many metres."""
+        """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
         return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
 
     def apart_from(self, joints: Float) -> bool:
-        """Whether some of (20, 3) joints is plainly elsewhere than it is seen."""
+        """Whether any of (20, 3) joints, metres, is plainly elsewhere than the network sees it."""
         return bool(_apart(joints, self.joints, self.spread))
 
     def parts_at(self, rays: Float) -> Float32:
-        """(M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z; between cells by four of them."""
+        """Returns (M, 17) probabilities of the parts at (M, 2) rays, x/z and y/z, between four cells."""
         rows, columns = self.parts.shape[1:]
         cells = _cells_of_parts(self.crop.cells(rays), rows, columns)
         return np.asarray(_between_cells(self.parts, cells))
@@ -108,10 +114,7 @@ def _apart(joints, seen, spread):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _cells_of_parts(cells, rows, columns):  # type: ignore[no-untyped-def]
-    """(M, 2) column and row among the middles of the parts' cells, of (M, 2) as of :meth:`Crop.cells`.
-
-    What is beyond the outermost of them is put on them.
-    """
+    """Returns (M, 2) columns and rows in the part map, clipped, of (M, 2) cells as of :meth:`Crop.cells`."""
     out, share = np.empty(cells.shape), columns / COLUMNS
     for i in range(len(cells)):
         out[i, 0] = min(columns - 1.001, max(0.0, cells[i, 0] * share + columns / 2 - 0.5))
@@ -143,7 +146,7 @@ def _between_cells(logits, cells):  # type: ignore[no-untyped-def]
 
 
 class PoseEstimator:
-    """Runs a network by ONNX Runtime on one core; safe to call from several threads."""
+    """Runs a network with ONNX Runtime on one core; safe to call from several threads."""
 
     def __init__(self, path: Path) -> None:
         """Reads a network.
@@ -164,35 +167,35 @@ class PoseEstimator:
             ) from None
 
     def estimates(self, crop: Crop, world_from_camera: Float, facings: list[float | None]) -> list[Estimate]:
-        """What a crop shows, for each way in which the person may face.
+        """Runs the network on one crop, conditioned on each of some facings in turn.
 
         Args:
             facings: radians from facing the sensor, anticlockwise from above; None: not known.
         """
-        told = np.array(
+        condition = np.array(
             [[0.0, 0.0, crop.cell] if f is None else [np.cos(f), np.sin(f), crop.cell] for f in facings],
             np.float32,
         )
-        image = np.repeat(crop.image[None], len(told), 0)
-        joints, spread, facing, parts = self._session.run(None, {"image": image, "told": told})
+        image = np.repeat(crop.image[None], len(condition), 0)
+        joints, spread, facing, parts = self._session.run(None, {"image": image, "told": condition})
         made = []
-        for n in range(len(told)):
+        for n in range(len(condition)):
             here = crop.to_camera(joints[n].astype(np.float64))
-            world, off, ways, somebody = _told(here, spread[n], facing[n], world_from_camera)
-            made.append(Estimate(world, off, ways, parts[n], crop, somebody))
+            world, off, ways, person = _decoded(here, spread[n], facing[n], world_from_camera)
+            made.append(Estimate(world, off, ways, parts[n], crop, person))
         return made
 
     def estimate(
         self, z: Float, mask: Bool, camera: Float, world_from_camera: Float, facing: float | None
     ) -> Estimate:
-        """What a frame shows of the masked person; arguments as of :func:`crop_person`, and the facing."""
+        """Runs the network on the masked person; arguments as of :func:`crop_person`, facing in radians."""
         crop = crop_person(z, mask, camera, world_from_camera)
         return self.estimates(crop, world_from_camera, [facing])[0]
 
 
 @njit(cache=True, nogil=True)
-def _told(here, spread, facing, pose):  # type: ignore[no-untyped-def]
-    """What the network's numbers mean: joints, spread, facing and somebody, as of :class:`Estimate`.
+def _decoded(here, spread, facing, pose):  # type: ignore[no-untyped-def]
+    """Decodes the network's output: joints, spread, facing and person probability, as of :class:`Estimate`.
 
     Args:
         here: (20, 3) metres, the joints in the camera's frame.
@@ -206,8 +209,8 @@ def _told(here, spread, facing, pose):  # type: ignore[no-untyped-def]
             world[j, a] = pose[a, 0] * here[j, 0] + pose[a, 1] * here[j, 1] + pose[a, 2] * here[j, 2]
             world[j, a] += pose[a, 3]
         off[j] = min(_FARTHEST, _DISTANCE * np.exp(np.float64(spread[j])))
-    somebody = np.exp(_log_softmax(facing)[:FACINGS]).sum()
-    return world, off, _log_softmax(facing[:FACINGS]), somebody
+    person = np.exp(_log_softmax(facing)[:FACINGS]).sum()
+    return world, off, _log_softmax(facing[:FACINGS]), person
 
 
 @njit(cache=True, nogil=True)
@@ -219,7 +222,7 @@ def _log_softmax(logits):  # type: ignore[no-untyped-def]
 
 @lru_cache(maxsize=1)
 def shipped_estimator() -> PoseEstimator:
-    """The network trained by ``enliven train-estimator``.
+    """Returns the network that ``enliven train-estimator`` trained.
 
     Raises:
         InputError: where its file is missing or damaged.

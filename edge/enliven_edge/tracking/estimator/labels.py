@@ -1,4 +1,4 @@
-"""The parts that the network tells apart, the ways to face, and the part at each rendered pixel."""
+"""The labels that the network learns: body parts and ways to face."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 
 
-class Part(IntEnum):
+class BodyPart(IntEnum):
     """Regions of the body's surface; left and right are the person's own."""
 
     HEAD = 0
@@ -32,21 +32,21 @@ class Part(IntEnum):
     FOOT_RIGHT = 16
 
 
-PARTS = len(Part)
+PARTS = len(BodyPart)
 NOBODY = 255
-"""The label of a pixel that shows no part."""
+"""The label of a pixel that shows no part: the largest that fits a byte."""
 FACINGS = 8
-"""Ways to face that are told apart, every 45 degrees."""
+"""Ways to face that the network tells apart, every 45 degrees."""
 MIRRORED = np.array([0, *(p + 1 if p % 2 else p - 1 for p in range(1, PARTS))])
 """(17,) the part on the other side of the body."""
 
 
 def facing_of(left: Float, place: Float, eye: Float) -> float:
-    """Radians in plan from facing the sensor to the way somebody faces, anticlockwise from above.
+    """Returns the radians in plan from facing the sensor to the person's facing, anticlockwise from above.
 
     Args:
-        left: (3,) towards their left side, world frame: unlike the front it stays level when they bend.
-        place, eye: (3,) where they and the sensor are.
+        left: (3,) towards the person's left, world frame: unlike the front it stays level in a bend.
+        place, eye: (3,) metres, of the person and the sensor.
     """
     return float(facing_in_plan(left, place, eye))
 

@@ -1,4 +1,4 @@
 from .health import HealthMonitor, HealthSettings, TrackerState
-from .messages import COMPLAINTS
+from .messages import HEALTH_MESSAGES
 
-__all__ = ["COMPLAINTS", "HealthMonitor", "HealthSettings", "TrackerState"]
+__all__ = ["HEALTH_MESSAGES", "HealthMonitor", "HealthSettings", "TrackerState"]

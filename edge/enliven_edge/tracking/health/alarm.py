@@ -1,20 +1,20 @@
-"""Alarms that do not flicker: raised after a while of trouble, cleared after a while without."""
+"""Alarms with hysteresis in time: raised after a while of trouble, cleared after a while without."""
 
 from __future__ import annotations
 
 import logging
 
 from enliven.health import NO_PERFORMER, HealthKind, HealthState, Severity, worst_first
-from enliven_edge.tracking.health.messages import COMPLAINTS
+from enliven_edge.tracking.health.messages import HEALTH_MESSAGES
 
 log = logging.getLogger(__name__)
 
 Key = tuple[HealthKind, int]
-"""What is wrong, and with whom."""
+"""A kind of trouble, and the performer's id, or that of no performer."""
 
 
 class Alarm:
-    """Hysteresis in time.
+    """Raises and clears one alarm with hysteresis in time.
 
     Args:
         raise_after: seconds of trouble until it is raised.
@@ -33,10 +33,10 @@ class Alarm:
         self._right_ns: int | None = None
 
     def update(self, wrong: bool | None, time_ns: int) -> bool:
-        """Takes in a moment; whether the alarm is active now.
+        """Takes in a moment; returns whether the alarm is active now.
 
         Args:
-            wrong: None where it cannot be told, which leaves everything as it is.
+            wrong: whether there is trouble; None: it cannot be told, and nothing changes.
         """
         if wrong is None:
             return self.active
@@ -56,16 +56,16 @@ class Alarm:
 
 
 class Alarms:
-    """One alarm for each thing that may be wrong with anybody, told in the log when it comes and goes.
+    """Keeps an alarm for each kind of trouble and performer, and logs each when it comes and goes.
 
     Args:
-        sensor: what the sensor is called at the beginning of a sentence.
+        sensor: the name of the sensor at the beginning of a sentence.
     """
 
     def __init__(self, sensor: str) -> None:
         self._sensor = sensor
         self._held: dict[Key, tuple[Alarm, dict[str, object]]] = {}
-        self._told: set[Key] = set()
+        self._logged: set[Key] = set()
 
     @property
     def states(self) -> list[HealthState]:
@@ -75,18 +75,18 @@ class Alarms:
     def note(
         self, kind: HealthKind, wrong: bool | None, now: int, performer: int = NO_PERFORMER, **facts: object
     ) -> None:
-        """Takes in whether something is wrong at a moment; None: it cannot be told.
+        """Updates the alarm of one kind; ``wrong`` is None where it cannot be told.
 
         Args:
-            facts: what the sentence says, as it was when something was last wrong.
+            facts: the values in the message's sentence, kept from the last moment of trouble.
         """
         key = (kind, performer)
         held = self._held.get(key)
         if held is None:
             if not wrong:
                 return
-            complaint = COMPLAINTS[kind]
-            held = self._held[key] = (Alarm(complaint.raise_after, complaint.clear_after), {})
+            message = HEALTH_MESSAGES[kind]
+            held = self._held[key] = (Alarm(message.raise_after, message.clear_after), {})
         if wrong and facts:
             held[1].update(facts)
         held[0].update(wrong, now)
@@ -101,28 +101,28 @@ class Alarms:
         return value < (good if held is not None and held[0].active else bad)
 
     def tell(self) -> None:
-        """Logs what is new and what is over, once."""
+        """Logs each alarm that is new or over, once."""
         active = {key for key, held in self._held.items() if held[0].active}
-        for key in active - self._told:
+        for key in active - self._logged:
             state = self._state(key)
             log.log(logging.INFO if state.severity is Severity.NOTE else logging.WARNING, "%s", state)
-        for kind, performer in self._told - active:
+        for kind, performer in self._logged - active:
             log.info("over: %s%s", kind, "" if performer == NO_PERFORMER else f" (performer {performer})")
-        self._told = active
+        self._logged = active
 
     def keep(self, present: set[int]) -> None:
-        """Drops what was said of performers who are not there."""
+        """Drops the alarms of performers who are not present."""
         for key in [k for k in self._held if k[1] != NO_PERFORMER and k[1] not in present]:
             del self._held[key]
 
     def clear(self) -> None:
-        """Drops everything."""
+        """Drops all alarms."""
         self._held.clear()
 
     def _state(self, key: Key) -> HealthState:
         kind, performer = key
         alarm, facts = self._held[key]
-        complaint = COMPLAINTS[kind]
+        message = HEALTH_MESSAGES[kind]
         words = {**facts, "performer": f"Performer {performer}", "sensor": self._sensor}
-        what, mend = complaint.what.format(**words), complaint.mend.format(**words)
-        return HealthState(kind, complaint.severity, alarm.since_ns, what, mend, performer)
+        what, mend = message.what.format(**words), message.mend.format(**words)
+        return HealthState(kind, message.severity, alarm.since_ns, what, mend, performer)

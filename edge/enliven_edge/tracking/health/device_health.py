@@ -1,4 +1,4 @@
-"""What a device says of itself: its link, its temperature, and which way down is."""
+"""Health by what a device reports of itself: its link, its temperature, and the direction of gravity."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ from enliven_edge.sensors import Condition
 from enliven_edge.tracking.health.alarm import Alarms
 
 _COOLER = 5.0
-"""Degrees Celsius below its limit at which a device is called hot, and by which it must cool again."""
-_LEVEL, _TILTED = 4.0, 6.0
-"""Degrees between floor and accelerometer at which they agree again, and do not: mounting and bias of the
-accelerometers of depth cameras are 1 to 3 degrees, a ramp or a table's edge taken for the floor is more."""
+"""Degrees Celsius below its limit at which a device is called hot, early enough to act."""
+_LEVEL = 4.0
+"""Degrees between floor and accelerometer below which they agree again: mounting and bias are 1 to 3."""
+_TILTED = 6.0
+"""Degrees between floor and accelerometer above which they disagree: a ramp or a table's edge was taken for
+the floor."""
 _OVERHEAD = -0.5
-"""Cosine between what is taken for downwards and gravity below which a sensor hangs the other way up."""
+"""Cosine between assumed and measured gravity below which a sensor hangs upside down: 120 degrees."""
 
 
 def judge_condition(
     alarms: Alarms, condition: Condition, world_from_camera: Float, floor_known: bool, now: int
 ) -> None:
-    """Notes what is wrong with a device at a moment.
+    """Updates the alarms of a device.
 
     Args:
-        world_from_camera: (4, 4) where the sensor stands, by its floor or by the settings.
+        world_from_camera: (4, 4) pose of the sensor, by its floor or by the settings.
         floor_known: whether its floor was found.
     """
     alarms.note(HealthKind.SLOW_LINK, condition.slow_link, now, link=condition.link or "a slow link")
@@ -44,7 +46,7 @@ def judge_condition(
 
 
 def _direction(gravity: tuple[float, float, float] | None) -> Float | None:
-    """(3,) gravity's direction in the camera's frame; None where nothing usable was measured."""
+    """Returns the (3,) direction of gravity in the camera's frame; None where nothing usable was measured."""
     if gravity is None:
         return None
     length = float(np.linalg.norm(gravity))

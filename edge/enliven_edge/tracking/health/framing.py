@@ -1,4 +1,4 @@
-"""Where performers stand: in the image, and with each other."""
+"""Framing: whether performers touch, and whether the image cuts them off."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ from enliven.arrays import Float
 from enliven.camera import Intrinsics
 from enliven.person import Body, Joint
 
-_TOUCH, _ARMS_LENGTHS = 0.12, 2.5
-"""Metres between two people's joints that touch, and between their hips when any can."""
+_TOUCH = 0.12
+"""Metres between joints of two people below which they touch: half of two limbs and a little air."""
+_ARMS_LENGTHS = 2.5
+"""Metres between two people's hips, along each axis, beyond which no joints can touch."""
+_NEAREST = 0.05
+"""Metres along the optical axis, at least, for projecting a joint: it must not divide by 0."""
 WATCHED = np.array([Joint.HIP_CENTER, Joint.HEAD, Joint.FOOT_LEFT, Joint.FOOT_RIGHT])
 """The joints that must be in the image."""
 _NAMES = ("hips", "head", "feet", "feet")
+"""The name of each in a sentence."""
 
 
 def touching(bodies: list[Body]) -> tuple[int, ...]:
-    """The ids of the first two people of whom a joint of one is at a joint of the other; or nobody's."""
+    """Returns the ids of the first two people with touching joints; empty without such two."""
     for i, one in enumerate(bodies):
         for other in bodies[i + 1 :]:
             if np.abs(one.joints[0] - other.joints[0]).max() < _ARMS_LENGTHS:
@@ -27,8 +32,8 @@ def touching(bodies: list[Body]) -> tuple[int, ...]:
 
 
 def cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
-    """What of hips, head and feet (4, 3), camera frame, is out of the image, and beyond which border."""
-    z = np.maximum(local[:, 2], 0.05)
+    """Returns a watched joint outside the image, of (4, 3) camera frame, and the border; else empty."""
+    z = np.maximum(local[:, 2], _NEAREST)
     u = camera.fx * local[:, 0] / z + camera.cx
     v = camera.fy * local[:, 1] / z + camera.cy
     borders = (

@@ -1,4 +1,4 @@
-"""Says what is wrong: with the sensor, with what it sees, with where the performers stand."""
+"""The health monitor: tells what is wrong with the sensor, its images, and the places of the performers."""
 
 from __future__ import annotations
 
@@ -17,14 +17,45 @@ from enliven_edge.tracking.health.alarm import Alarms
 from enliven_edge.tracking.health.device_health import judge_condition
 from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching
 
-_FROZEN_FRAMES, _REPEATED = 4, 8
+_FROZEN_FRAMES = 4
+"""Equal images in a row above which a sensor may be frozen: fewer may be chance."""
+_REPEATED = 8
+"""Frames in a row with the same time from which a sensor is frozen: it sends one frame again and again."""
 _NORMAL_FALLS = 60.0
-"""Seconds in which less depth than before becomes the usual."""
+"""Seconds in which less depth than before becomes the usual: a changed scene is no fault for ever."""
+_NORMAL_RISES = 0.5
+"""Weight of a frame with more depth than usual in the usual: it becomes the usual within some frames."""
+_SLOW = 0.6
+"""Share of the promised frame rate below which a sensor is slow."""
+_FAST_AGAIN = 0.75
+"""Share of the promised frame rate above which it is not slow any more: the alarm must not flicker."""
+_DROPPED = 0.10
+"""Share of lost frames above which the message comes."""
+_DROPPED_AGAIN = 0.05
+"""Share of lost frames below which the message goes: the alarm must not flicker."""
+_LATE_NS = 2_000_000_000
+"""Nanoseconds for which frames out of order are reported after the last of them: long enough to read."""
+_MOVED_NS = 3_000_000_000
+"""Nanoseconds for which a moved sensor is reported after the last motion: long enough to read."""
+_COVERED = 0.04
+"""Share of usable depth below which the lens is covered: such a lens still shows some pixels."""
+_UNCOVERED = 0.10
+"""Share of usable depth above which the lens is free again."""
+_SPECKLE = 0.09
+"""Share of small holes in the depth above which depth is missing: sunlight or another sensor's pattern."""
+_SPECKLE_GONE = 0.05
+"""Share of small holes in the depth below which the message goes."""
+_DEPTH_BACK = 0.1
+"""Share of the usual depth that must be back above the limit for the message to go."""
+_UNCLEAR_MARGIN = 0.1
+"""Mean confidence above the limit at which a performer is clear again."""
+_PLACE_MARGIN = 0.1
+"""Metres inside a limit of the distance at which a performer stands well again: bodies sway."""
 
 
 @dataclass(frozen=True)
 class HealthSettings:
-    """When something is said to be wrong."""
+    """The limits beyond which something is reported to be wrong."""
 
     frame_rate: float = setting(
         30.0, "Frames a second that the sensor promises, where it does not say.", unit="Hz", low=0.1
@@ -42,13 +73,13 @@ class HealthSettings:
 
 @dataclass(frozen=True)
 class TrackerState:
-    """What the tracker says of itself after a frame.
+    """What the tracker reports of itself after a frame.
 
     Attributes:
-        floor_known: whether the floor was found, or told.
+        floor_known: whether the floor was found, or is in the settings.
         room_age: seconds for which the room has been learnt.
         moved: whether this frame showed that the sensor was moved.
-        joined: the ids of performers that cannot be told apart.
+        joined: the ids of performers who cannot be told apart.
     """
 
     floor_known: bool = True
@@ -58,7 +89,7 @@ class TrackerState:
 
 
 class HealthMonitor:
-    """Looks at every frame before the tracker does, and at the bodies after.
+    """Checks every frame before the tracker, and the bodies after it.
 
     Args:
         fps: frames a second that the sensor promises; None: the settings' number.
@@ -66,8 +97,8 @@ class HealthMonitor:
         name: of the sensor, for edges with several.
 
     Attributes:
-        late: frames that came out of order so far, and were to be dropped.
-        fault: why the last frame or read was of no use, one sentence; empty where it was, or came late.
+        late: frames out of order so far, which were not admitted.
+        fault: why the last frame or read was of no use, one sentence; empty if it was of use, or came late.
     """
 
     def __init__(
@@ -102,14 +133,13 @@ class HealthMonitor:
         return self._alarms.states
 
     def admit(self, frame: Frame, fps: float | None = None) -> bool:
-        """Looks at a frame before the tracker does.
+        """Checks a frame before the tracker uses it.
 
         Args:
             fps: frames a second that the sensor promises now; None: as before.
 
         Returns:
-            whether the tracker should see it: False for one that is out of order, or came before, and for
-            one that cannot be used.
+            whether the tracker should use it: False for a frame that is out of order, repeated or unusable.
         """
         self._fps = fps or self._fps
         flaw = self._check.flaw(frame)
@@ -156,12 +186,12 @@ class HealthMonitor:
         world_from_camera: Float | None = None,
         tracker: TrackerState | None = None,
     ) -> None:
-        """Looks at what the tracker made of a frame.
+        """Judges the tracker's result of a frame.
 
         Args:
             bodies: the performers, world frame, not mirrored.
-            world_from_camera: (4, 4) where the sensor stands; None: nothing is said of where they stand.
-            tracker: what the tracker says of itself.
+            world_from_camera: (4, 4) pose of the sensor; None: the places of the performers are not judged.
+            tracker: what the tracker reports of itself.
         """
         now = frame.time_ns
         if tracker is not None:
@@ -169,7 +199,7 @@ class HealthMonitor:
         together = (tracker.joined if tracker is not None else ()) or touching(bodies)
         names = " and ".join(str(i) for i in sorted(together))
         self._alarms.note(HealthKind.JOINED, len(together) > 1, now, names=names)
-        # What sensors that track people themselves, or fused ones, are sure of is not for this one to judge.
+        # Confidence of sensors that track people themselves, or of fused ones, is not judged here.
         if isinstance(frame, DepthFrame):
             for body in bodies:
                 self._judge_body(body, now)
@@ -178,11 +208,11 @@ class HealthMonitor:
         self._alarms.keep({body.id for body in bodies})
         self._alarms.tell()
 
-    def fares(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
-        """Takes in how the device says it fares; None: it says nothing.
+    def judge_device(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
+        """Judges what the device reports of itself; None: it reports nothing.
 
         Args:
-            world_from_camera: (4, 4) where the sensor stands, by its floor or by the settings.
+            world_from_camera: (4, 4) pose of the sensor, by its floor or by the settings.
             floor_known: whether its floor was found.
         """
         if condition is not None:
@@ -191,7 +221,7 @@ class HealthMonitor:
     # --- the sensor ----------------------------------------------------------------------------------------
 
     def _note_fault(self, kind: HealthKind | None, why: str, mend: str = "") -> None:
-        """The last frame or read was of no use, or was (None)."""
+        """Updates the alarms of unusable frames and reads; ``kind`` None: the last one was of use."""
         self.fault, do = why, mend or CHECK_IT
         for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
             # A frame of any kind shows that the sensor is there; a lost sensor says nothing of its frames.
@@ -201,15 +231,16 @@ class HealthMonitor:
 
     def _judge_rhythm(self, now: int) -> None:
         rate, lost = self._rhythm.rate, self._rhythm.lost
-        slow = self._alarms.between(HealthKind.SLOW, rate, 0.75 * self._fps, 0.6 * self._fps)
+        slow = self._alarms.between(HealthKind.SLOW, rate, _FAST_AGAIN * self._fps, _SLOW * self._fps)
         self._alarms.note(HealthKind.SLOW, slow, now, rate=rate or 0.0, promised=self._fps)
-        dropped = None if rate is None else self._alarms.between(HealthKind.DROPPED, -lost, -0.05, -0.10)
+        limits = (-_DROPPED_AGAIN, -_DROPPED)
+        dropped = None if rate is None else self._alarms.between(HealthKind.DROPPED, -lost, *limits)
         self._alarms.note(HealthKind.DROPPED, dropped, now, percent=100 * lost)
-        late = self._late_ns is not None and 0 <= now - self._late_ns < 2_000_000_000
+        late = self._late_ns is not None and 0 <= now - self._late_ns < _LATE_NS
         self._alarms.note(HealthKind.OUT_OF_ORDER, late, now, count=self._rhythm.late)
 
     def _judge_freeze(self, seen: DepthSurvey | None, now: int) -> None:
-        """The same image again and again, or the same time."""
+        """Judges whether the same image, or the same time, comes again and again."""
         if seen is not None:
             same = seen.mark == self._mark and seen.usable > 0
             self._same, self._same_ns = (self._same + 1, self._same_ns) if same else (1, now)
@@ -218,18 +249,18 @@ class HealthMonitor:
         self._alarms.note(HealthKind.FROZEN, still or self._rhythm.repeated >= _REPEATED, now)
 
     def _judge_image(self, seen: DepthSurvey, now: int) -> None:
-        covered = self._alarms.between(HealthKind.COVERED, seen.usable, 0.10, 0.04)
+        covered = self._alarms.between(HealthKind.COVERED, seen.usable, _UNCOVERED, _COVERED)
         self._alarms.note(HealthKind.COVERED, covered, now)
         if covered:
             return
         rate = self._rhythm.rate or self._fps
-        share = 0.5 if seen.known > self._normal else 1.0 / (rate * _NORMAL_FALLS)
+        share = _NORMAL_RISES if seen.known > self._normal else 1.0 / (rate * _NORMAL_FALLS)
         self._normal += share * (seen.known - self._normal)
         enough = 1.0 - self.settings.missing
         least = self._alarms.between(
-            HealthKind.MISSING_DEPTH, seen.known, (enough + 0.1) * self._normal, enough * self._normal
+            HealthKind.MISSING_DEPTH, seen.known, (enough + _DEPTH_BACK) * self._normal, enough * self._normal
         )
-        holes = self._alarms.between(HealthKind.MISSING_DEPTH, -seen.speckle, -0.05, -0.09)
+        holes = self._alarms.between(HealthKind.MISSING_DEPTH, -seen.speckle, -_SPECKLE_GONE, -_SPECKLE)
         self._alarms.note(HealthKind.MISSING_DEPTH, least or holes, now, percent=100 * (1 - seen.known))
 
     # --- the tracker and the performers --------------------------------------------------------------------
@@ -237,7 +268,7 @@ class HealthMonitor:
     def _judge_tracker(self, tracker: TrackerState, now: int) -> None:
         if tracker.moved:
             self._moved_ns = now
-        moved = self._moved_ns is not None and 0 <= now - self._moved_ns < 3_000_000_000
+        moved = self._moved_ns is not None and 0 <= now - self._moved_ns < _MOVED_NS
         self._alarms.note(HealthKind.MOVED, moved, now)
         self._alarms.note(HealthKind.NO_FLOOR, not tracker.floor_known, now)
         self._alarms.note(HealthKind.LEARNING_ROOM, tracker.room_age < self.settings.learning, now)
@@ -245,23 +276,23 @@ class HealthMonitor:
     def _judge_body(self, body: Body, now: int) -> None:
         sure = float(body.confidence.mean())
         limit = self.settings.unclear
-        unclear = self._alarms.between(HealthKind.UNCLEAR, sure, limit + 0.1, limit, body.id)
+        unclear = self._alarms.between(HealthKind.UNCLEAR, sure, limit + _UNCLEAR_MARGIN, limit, body.id)
         self._alarms.note(HealthKind.UNCLEAR, unclear, now, body.id)
 
     def _judge_place(self, body: Body, camera: Intrinsics, world_from_camera: Float, now: int) -> None:
-        """Too near, too far, or cut off by the image's border."""
+        """Judges whether a performer is too near, too far, or cut off by the image's border."""
         local = (body.joints[WATCHED] - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
         distance = float(local[0, 2])
         near, far = self.settings.near, self._far - self.settings.far_margin
-        close = self._alarms.between(HealthKind.TOO_NEAR, distance, near + 0.1, near, body.id)
+        close = self._alarms.between(HealthKind.TOO_NEAR, distance, near + _PLACE_MARGIN, near, body.id)
         self._alarms.note(HealthKind.TOO_NEAR, close, now, body.id, metres=distance)
-        away = self._alarms.between(HealthKind.TOO_FAR, -distance, 0.1 - far, -far, body.id)
+        away = self._alarms.between(HealthKind.TOO_FAR, -distance, _PLACE_MARGIN - far, -far, body.id)
         self._alarms.note(HealthKind.TOO_FAR, away, now, body.id, metres=distance)
         what, side = cut_off(local, camera)
         self._alarms.note(HealthKind.CUT_OFF, bool(what), now, body.id, what=what, side=side)
 
     def _forget_times(self) -> None:
-        """The sensor's clock was set back: nothing that was measured by it holds."""
+        """Drops what was measured by the sensor's clock: it was set back."""
         self._alarms.clear()
         self._late_ns = self._moved_ns = None
         self._same = 0

@@ -1,4 +1,4 @@
-"""Which feet stand on the floor: low, slow, and for long enough to be believed."""
+"""Foot contacts: the feet that stand on the floor, by height and speed, with hysteresis."""
 
 from __future__ import annotations
 
@@ -10,22 +10,28 @@ from enliven.person import Joint
 from enliven_edge.tracking.settings import FootContactSettings
 
 _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])
-"""(2, 2) ball and ankle of each foot: a foot stands on either."""
+"""(2, 2) joints at ball and ankle of each foot: a foot stands on either."""
 _ABOVE = np.array([0.0, 0.06])
-"""Metres that an ankle is above the ball of a foot that stands."""
+"""(2,) metres of ball and ankle above the ball of a foot that stands."""
 _FORGETS = 0.03
-"""Metres a second by which the place where a foot stands is forgotten, so that one low frame is not final."""
+"""Metres a second by which the height of a standing foot may rise, so that one low frame is not final."""
 _SPEED_CUTOFF = 6.0
+"""Hz of the low-pass on the speed of a foot: under the fit's noise, but a step begins within a few frames."""
 _STEEP = 5.0
+"""Slope of the logistic from a foot's share of its limits to a probability: 0.92 at half of them."""
 _LONGEST_GAP = 1.0
+"""Seconds without a frame after which nothing of the feet before holds."""
 _SEEN = 0.1
+"""Confidence of a foot's joints from which its contact counts fully; below, in proportion."""
+_LOW = 0.6
+"""Share of the greatest height below which a foot is taken to stand in its first frame."""
 
 
-class Contacts:
-    """The probability that each foot of one person stands on the floor.
+class FootContacts:
+    """Gives the probability that each foot of one person stands on the floor.
 
     A foot's height is taken from where it stood before, because the fit puts soles a few centimetres too high
-    or too low. Hysteresis: what stands must be clearly lifted or moved to leave.
+    or too low. Hysteresis: a foot that stands must be clearly lifted or moved to leave.
     """
 
     def __init__(self, settings: FootContactSettings) -> None:
@@ -56,14 +62,14 @@ class Contacts:
 def step_feet(  # type: ignore[no-untyped-def]
     joints, confidence, last, speed, ground, stands, seconds, floor, lift, fastest, hysteresis
 ):
-    """(2,) see :meth:`Contacts.__call__`; what is known of the feet is moved on by a frame, in place.
+    """Returns (2,), see :meth:`FootContacts.__call__`; updates the state of the feet by a frame, in place.
 
     Args:
-        last: (2, 2, 3) metres, where the points of the feet were.
-        speed: (2, 2) metres a second, of late.
-        ground: (2, 2) metres, how high they are while they stand.
+        last: (2, 2, 3) metres, the last places of the points of the feet.
+        speed: (2, 2) metres a second, low-passed.
+        ground: (2, 2) metres, the height of the points while they stand.
         stands: (2,) whether each foot stood.
-        seconds: since the last frame; 0 where nothing is known of one.
+        seconds: since the last frame; 0 where there is none.
         floor, lift, fastest, hysteresis: as of :class:`FootContactSettings`.
     """
     out = np.empty(2)
@@ -88,18 +94,18 @@ def step_feet(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _begin(joints, speed, ground, stands, floor):  # type: ignore[no-untyped-def]
-    """What is taken of the feet at first: what is low stands, and stands where it is."""
+    """Sets the state of the feet in a first frame: a low foot stands, and stands where it is."""
     for foot in range(2):
         stands[foot] = False
         for k in range(2):
             height, highest = joints[_POINTS[foot, k], 1], floor + _ABOVE[k]
             ground[foot, k], speed[foot, k] = min(height, highest), 0.0
-            stands[foot] |= height < 0.6 * highest
+            stands[foot] |= height < _LOW * highest
 
 
 @njit(cache=True, nogil=True)
 def _go_on(joints, last, speed, ground, seconds, floor):  # type: ignore[no-untyped-def]
-    """The speed of the feet, low-passed, and the lowest that they were of late."""
+    """Updates the low-passed speed of the feet, and the lowest height that they were at of late."""
     follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _SPEED_CUTOFF * seconds))
     for foot in range(2):
         for k in range(2):

@@ -1,7 +1,7 @@
-"""From the fits of the people in view to the bodies that leave the tracker.
+"""Turns the fits of the people in view into the bodies that leave the tracker.
 
-A body goes: take out what is no number, limit the speed, smooth, say which feet stand, look ahead, mirror.
-Every step is per person and may be off; with smoothing 0 and nothing else asked for, what leaves is the fit.
+The steps: replace NaN, limit the speed, smooth, detect foot contacts, predict, mirror. Every step is per
+person and may be off; with smoothing 0 and no other step on, the fit leaves unchanged.
 """
 
 from __future__ import annotations
@@ -12,25 +12,27 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import Body, mirrored
-from enliven_edge.tracking.output.contact import Contacts
-from enliven_edge.tracking.output.prediction import Ahead
+from enliven_edge.tracking.output.contact import FootContacts
+from enliven_edge.tracking.output.prediction import Predictor
 from enliven_edge.tracking.output.smoothing import OneEuro, OneEuroTurns
 from enliven_edge.tracking.output.speed_limit import SpeedLimit, finite_joints, finite_turns
 from enliven_edge.tracking.settings import TrackerSettings
 
 _FORGOTTEN_NS = 10_000_000_000
-"""Nanoseconds after which somebody who is not in view is not remembered."""
+"""Nanoseconds after which a person out of view is forgotten: it frees memory, filters reset before."""
 _LONGEST_LATENCY = 0.3
+"""Seconds of measured latency that are predicted at most, the bound of the setting ``predict``."""
 _LEAST = 1e-3
-"""Less smoothing than this is none."""
+"""Amounts of smoothing below this are 0: the filter divides by the amount."""
 
 
 class Output:
-    """What leaves the tracker, or any other source of bodies, for as many people as there are.
+    """Smooths, predicts and mirrors the bodies of the tracker or of any other source, for any number of
+    people.
 
     Attributes:
-        latency: seconds from the sensor's frame to the published pose, as the edge measures them; looked
-            ahead by where the settings say so.
+        latency: seconds from the sensor's frame to the published pose, as the edge measures them; predicted
+            by where the settings say so.
     """
 
     def __init__(self, settings: TrackerSettings | None = None) -> None:
@@ -41,7 +43,7 @@ class Output:
         self._time_ns: int | None = None
 
     def smooth(self, person: int, amount: float | None) -> None:
-        """Another amount of smoothing for one performer from now on; None: the settings' own."""
+        """Sets the amount of smoothing of one performer from now on; None: the settings' own."""
         self._amounts.pop(person, None)
         if amount is not None:
             self._amounts[person] = max(0.0, amount)
@@ -49,25 +51,25 @@ class Output:
             self._people[person].set_amount(self.amount(person))
 
     def amount(self, person: int) -> float:
-        """How much a performer is smoothed; 0 is off."""
+        """Returns the amount of smoothing of a performer; 0 is off."""
         amount = self._amounts.get(person, self.settings.smoothing.amount)
         return amount if amount >= _LEAST else 0.0
 
     @property
     def ahead(self) -> float:
-        """Seconds that are looked ahead."""
+        """Seconds by which the joints are predicted."""
         wanted = self.settings.output.predict
         return min(max(self.latency, 0.0), _LONGEST_LATENCY) if wanted == "measured" else float(wanted)
 
     def __call__(
         self, bodies: list[Body], time_ns: int, world_from_camera: Float | None = None
     ) -> list[Body]:
-        """The bodies as they are reported.
+        """Returns the bodies as they leave the tracker.
 
         Args:
             bodies: the fits of one frame, world frame.
             time_ns: the sensor's clock.
-            world_from_camera: (4, 4) where the sensor stands, for the mirror; None: the world's origin.
+            world_from_camera: (4, 4) pose of the sensor, for the mirror; None: the world's origin.
         """
         self._forget(time_ns)
         made = [self._person(body.id)(body, time_ns, self.ahead) for body in bodies]
@@ -77,7 +79,7 @@ class Output:
         return made
 
     def forget(self) -> None:
-        """Forgets everybody; what is next is not smoothed with what was."""
+        """Forgets all people; the next bodies are not smoothed with earlier ones."""
         self._people.clear()
 
     def _person(self, person: int) -> _Person:
@@ -86,7 +88,7 @@ class Output:
         return self._people[person]
 
     def _forget(self, time_ns: int) -> None:
-        """Lets go of who was not in view for long; of everybody where the clock was set back."""
+        """Forgets people out of view for long; all people where the clock was set back."""
         if self._time_ns is not None and time_ns < self._time_ns:
             self._people.clear()
         self._time_ns = time_ns
@@ -96,15 +98,15 @@ class Output:
 
 
 class _Person:
-    """The memory of one person's output."""
+    """The filters of one person."""
 
     def __init__(self, settings: TrackerSettings, amount: float) -> None:
         self.time_ns = 0
         self._limit = SpeedLimit(settings.output)
         self._joints = OneEuro(settings.smoothing, amount)
         self._turns = OneEuroTurns(settings.smoothing, amount)
-        self._contacts = Contacts(settings.output.contact)
-        self._ahead = Ahead()
+        self._contacts = FootContacts(settings.output.contact)
+        self._predictor = Predictor()
         self._last: Float | None = None
         self._last_turns: Float | None = None
 
@@ -112,7 +114,7 @@ class _Person:
         self._joints.amount = self._turns.amount = amount
 
     def __call__(self, body: Body, time_ns: int, ahead: float) -> Body:
-        """One frame of this person."""
+        """Filters one frame of this person."""
         self.time_ns = time_ns
         joints, confidence = finite_joints(body.joints, body.confidence, self._last)
         turns = None if body.orientations is None else finite_turns(body.orientations, self._last_turns)
@@ -124,14 +126,14 @@ class _Person:
         turns = None if turns is None else self._turns(turns, time_ns)
         contacts = self._contacts(joints, confidence, time_ns)
         if ahead > 0.0:
-            joints, turns = self._ahead(joints, turns, time_ns, ahead)
+            joints, turns = self._predictor(joints, turns, time_ns, ahead)
         return dataclasses.replace(
             body, joints=joints, confidence=confidence, orientations=turns, contacts=contacts
         )
 
 
 def mirror_of(world_from_camera: Float | None) -> tuple[Float, Float]:
-    """A point and the unit normal of the upright plane in which the sensor looks straight ahead."""
+    """Returns a (3,) point and (3,) unit normal of the upright plane through the sensor's line of sight."""
     if world_from_camera is None:
         return np.zeros(3), np.array([1.0, 0.0, 0.0])
     forward = world_from_camera[:3, 2] * np.array([1.0, 0.0, 1.0])

@@ -1,4 +1,4 @@
-"""Prediction: where the joints will be when the picture is seen."""
+"""Prediction: extrapolates the joints to the time when the picture is seen."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from enliven_edge.tracking.output.smoothing import step_between, turn
 
 _PARENTS = np.array(PARENTS)
 _CUTOFF = 3.0
-"""Hz of the low-pass on the speeds: what is extrapolated must not shake."""
-_FASTEST, _FASTEST_TURN = 6.0, 10.0
-"""Metres and radians a second: no more is extrapolated."""
+"""Hz of the low-pass on the speeds: the prediction multiplies their noise, and must not shake."""
+_FASTEST = 6.0
+"""Metres a second that a joint is extrapolated at, at most: a fast hand; faster is mostly a bad frame."""
+_FASTEST_TURN = 10.0
+"""Radians a second that a bone is extrapolated at, at most: a fast forearm; faster is mostly a bad frame."""
 _LONGEST_GAP = 0.5
+"""Seconds between two frames beyond which no speed is taken from them."""
 
 
-class Ahead:
+class Predictor:
     """Extrapolates one person's joints and orientations by their smoothed speeds; bones keep their length."""
 
     def __init__(self) -> None:
@@ -30,7 +33,7 @@ class Ahead:
     def __call__(
         self, joints: Float, turns: Float | None, time_ns: int, seconds: float
     ) -> tuple[Float, Float | None]:
-        """(20, 3) joints and (20, 4) orientations expected ``seconds`` after ``time_ns``."""
+        """Returns (20, 3) joints and (20, 4) orientations expected ``seconds`` after ``time_ns``."""
         self._learn(joints, turns, time_ns)
         if seconds <= 0.0:
             return joints, turns
@@ -38,7 +41,7 @@ class Ahead:
         return moved, None if turns is None else turned_on(turns, self._spin, seconds)
 
     def _learn(self, joints: Float, turns: Float | None, time_ns: int) -> None:
-        """The speeds, from this frame and the last."""
+        """Updates the speeds by this frame and the last."""
         passed = (time_ns - self._time_ns) * 1e-9
         if self._joints is None or not 0.0 < passed < _LONGEST_GAP:
             self._speed[:] = 0.0
@@ -78,7 +81,7 @@ def turned_on(turns, spin, seconds):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def moved_on(joints, speed, seconds):  # type: ignore[no-untyped-def]
-    """(J, 3) joints after as many seconds at (J, 3) speeds; every bone as long as it is now."""
+    """Returns (J, 3) joints after ``seconds`` at (J, 3) speeds; every bone keeps its length."""
     out = np.empty(joints.shape)
     for j in range(len(out)):
         far = seconds * _limit(speed[j], _FASTEST)
@@ -98,7 +101,7 @@ def moved_on(joints, speed, seconds):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _limit(velocity, most):  # type: ignore[no-untyped-def]
-    """The share of a (3,) velocity that is no faster than ``most``."""
+    """Returns the factor that makes a (3,) velocity no faster than ``most``."""
     return min(1.0, most / max(_length(velocity), 1e-9))
 
 

@@ -10,7 +10,7 @@ from enliven_edge.tracking.settings import SmoothingSettings
 
 
 class _Filter:
-    """What both filters share: when they are off, when they begin anew, and the time between two values.
+    """The common part of both filters: off at amount 0, reset after a gap, time between two values.
 
     Attributes:
         amount: 0 is off, more is smoother; may be changed at any time.
@@ -24,15 +24,15 @@ class _Filter:
         self._time_ns = 0
 
     def reset(self) -> None:
-        """Forgets the past, as after a jump."""
+        """Forgets earlier values, as after a jump."""
         self._value = None
 
     def __call__(self, value: Float, time_ns: int) -> Float:
-        """The filtered value; the input itself where the amount is 0.
+        """Returns the filtered value; the input itself where the amount is 0.
 
         Args:
             value: (20, 3) metres, or (20, 4) unit quaternions.
-            time_ns: the sensor's clock; not after the last call resets the filter.
+            time_ns: the sensor's clock; a time that is not after the last one resets the filter.
         """
         seconds = (time_ns - self._time_ns) * 1e-9
         if self.amount == 0.0:
@@ -46,12 +46,12 @@ class _Filter:
         return self._value.copy()
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
-        """The filtered value after one more, which may be the same array; moves the velocity on."""
+        """Filters one more value and updates the velocity; may return the same array, changed."""
         raise NotImplementedError
 
 
 class OneEuro(_Filter):
-    """Low-pass whose cut-off rises with speed: still joints are calm, fast joints are on time.
+    """Low-pass with a cut-off that rises with speed: still joints are calm, fast joints are on time.
 
     Each of the (20, 3) joints is filtered as one vector: the result does not depend on the world's axes.
     """
@@ -66,7 +66,7 @@ class OneEuro(_Filter):
 class OneEuroTurns(_Filter):
     """The same on (20, 4) rotations: differences are rotation vectors in the filtered bone's own frame.
 
-    So the result turns with the world, and with whatever the bone is called.
+    So the result turns with the world, and does not depend on the axes chosen for a bone.
     """
 
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:

@@ -1,4 +1,4 @@
-"""What cannot be is not reported: numbers that are none, and limbs that leap across the room."""
+"""Keeps impossible values from the output: NaN, and limbs that leap across the room."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from enliven_edge.tracking.settings import OutputSettings
 
 _PARENTS = np.array([max(p, 0) for p in PARENTS])
 _LONGEST_GAP = 1.0
-"""Seconds without a frame after which a joint may be anywhere."""
+"""Seconds without a frame after which a joint may be anywhere, so no speed limit holds."""
 
 
 def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple[Float, Float]:
-    """(20, 3) and (20,) without a NaN: such a joint stays where it last was, and is not sure of it.
+    """Returns (20, 3) joints and (20,) confidence without NaN: such a joint stays at its last place,
+    confidence 0.
 
     Without a last place it is put where its parent is; the root, at the middle of the others.
     """
@@ -35,7 +36,7 @@ def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple
 
 @njit(cache=True, nogil=True)
 def _known(joints, confidence):  # type: ignore[no-untyped-def]
-    """(J,) whether each joint is a number, (J,) confidence in [0, 1], 0 where it is none; whether all are."""
+    """Returns (J,) whether a joint is finite, (J,) confidence in [0, 1], 0 if not, and whether all are."""
     known, sure, every = np.empty(len(joints), np.bool_), np.zeros(len(joints)), True
     for j in range(len(joints)):
         known[j] = np.isfinite(joints[j, 0]) and np.isfinite(joints[j, 1]) and np.isfinite(joints[j, 2])
@@ -46,7 +47,7 @@ def _known(joints, confidence):  # type: ignore[no-untyped-def]
 
 
 def finite_turns(orientations: Float, last: Float | None) -> Float:
-    """(20, 4) unit quaternions: one that is none stays as it last was, or is the identity."""
+    """Returns (20, 4) unit quaternions: one that is not finite stays as it last was, or is the identity."""
     if _are_units(orientations):
         return orientations
     length = np.einsum("ji,ji->j", orientations, orientations)
@@ -67,12 +68,12 @@ def _are_units(turns):  # type: ignore[no-untyped-def]
 
 
 class SpeedLimit:
-    """Holds back a joint that moves as no person can.
+    """Holds back a joint that moves faster than a person can.
 
-    A joint that is farther from its last reported place than a limb can move in the time waits where it was
-    (carried along with the hips), for ``hold`` seconds: one bad frame throws no limb across the room. Where
-    it is still there after that, it follows at the highest speed. Meanwhile its confidence is lowered: to 0
-    while it waits, by the share of the way that it is allowed while it follows.
+    A joint that is farther from its last reported place than a limb can move in the time waits there (carried
+    along with the hips) for ``hold`` seconds: one bad frame throws no limb across the room. If it is still
+    far after that, it follows at the highest speed. Meanwhile its confidence is lowered: to 0 while it waits,
+    by the share of the way that it is allowed while it follows.
     """
 
     def __init__(self, settings: OutputSettings) -> None:
@@ -82,11 +83,11 @@ class SpeedLimit:
         self._time_ns = 0
 
     def reset(self) -> None:
-        """Forgets the past."""
+        """Forgets earlier frames."""
         self._last = None
 
     def __call__(self, joints: Float, confidence: Float, time_ns: int) -> tuple[Float, Float]:
-        """(20, 3) joints and (20,) confidence as they may be reported at ``time_ns``."""
+        """Returns (20, 3) joints and (20,) confidence within the limit at ``time_ns``."""
         seconds = (time_ns - self._time_ns) * 1e-9
         fastest = self._settings.fastest
         last, self._time_ns = self._last, time_ns

@@ -1,4 +1,4 @@
-"""What a frame shows of each performer's surface, for meshes that follow it without a skeleton."""
+"""The visible surface of each performer, for meshes that follow it without a skeleton."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from enliven_edge.tracking.frame import FrameView, sampled, surface_samples
 
 
 def seen_surfaces(view: FrameView, owner: Int, ids: Int, points: int = 1200) -> dict[int, ObservedPoints]:
-    """Points and normals of each performer, by id; world frame.
+    """Returns points and normals of each performer's visible surface, by id; world frame.
 
     Args:
-        owner: (h, w) whose each pixel is, an index into ``ids``; -1 nobody's.
-        ids: (K,) the people's ids; below 0 for who is no performer.
+        owner: (h, w) the person at each pixel, an index into ``ids``; -1 none.
+        ids: (K,) ids of people; below 0 for one who is no performer.
         points: at most so many of each.
     """
     surfaces = {}
@@ -30,7 +30,7 @@ def seen_surfaces(view: FrameView, owner: Int, ids: Int, points: int = 1200) -> 
 def mirrored_surfaces(
     surfaces: dict[int, ObservedPoints], point: Float, normal: Float
 ) -> dict[int, ObservedPoints]:
-    """The surfaces in a mirror through ``point`` (3,) with the unit ``normal`` (3,)."""
+    """Mirrors the surfaces at the plane through ``point`` (3,) with the unit ``normal`` (3,)."""
     flip = np.eye(3) - 2 * np.outer(normal, normal)
     return {
         person: ObservedPoints((seen.points - point) @ flip + point, seen.normals @ flip)
@@ -40,7 +40,8 @@ def mirrored_surfaces(
 
 @njit(cache=True, nogil=True)
 def inner_pixels(z, owner, index):  # type: ignore[no-untyped-def]
-    """(h, w) the pixels of one person whose normals can be measured: all around are theirs, and as far.
+    """Returns the (h, w) pixels of a person that have a measurable normal: all around are the person's, and
+    as far.
 
     At a silhouette a normal is a guess, and guesses pull a surface that follows them ever farther.
     """

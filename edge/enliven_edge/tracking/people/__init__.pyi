@@ -1,4 +1,4 @@
-from .people import Crowd
+from .people import MultiPersonTracker
 from .person import Person
 
-__all__ = ["Crowd", "Person"]
+__all__ = ["MultiPersonTracker", "Person"]

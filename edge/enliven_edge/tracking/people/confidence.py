@@ -1,8 +1,8 @@
-"""How likely each joint is where it is said to be: the probability of an error below ten centimetres.
+"""The confidence of each joint: the probability that its error is below ten centimetres.
 
-A logistic regression on what the frame says for and against the joint (:mod:`evidence`). Its weights are
-fitted on synthetic sequences whose truth is known by ``calibrate_confidence.py`` of the benchmarks, for the
-left and the right side alike, and checked on others.
+A logistic regression on what the frame says for and against the joint (:mod:`evidence`).
+``calibrate_confidence.py`` of the benchmarks fits its weights on synthetic sequences with exact joints, for
+the left and the right side alike, and checks them on others.
 """
 
 from __future__ import annotations
@@ -37,13 +37,14 @@ WITH_NETWORK, ALONE = "weights", "weights alone"
 """The tables of weights: with the network's estimate as evidence, and without one."""
 _OUTSIDE = NAMES.index("outside")
 _NOT_SEEN = 0.99
+"""Share of a joint's bone outside the image from which its confidence is 0: all of it, but for rounding."""
 
 
 def confidence(evidence: Float, *, alone: bool = False) -> Float:
-    """(20,) in [0, 1] from (20, 17) evidence; 0 where a joint's bone is outside the image altogether.
+    """Returns (20,) in [0, 1] from (20, 17) evidence; 0 for a joint with its bone wholly outside the image.
 
     Args:
-        alone: whether the fit had no network beside it.
+        alone: whether the fit ran without the network.
     """
     return np.asarray(_likely(evidence, _weights_of_joints(ALONE if alone else WITH_NETWORK)))
 

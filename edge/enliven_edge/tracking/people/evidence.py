@@ -1,4 +1,4 @@
-"""What a frame says for and against every joint of a fitted posture; the ground of its confidence."""
+"""What a frame says for and against every joint of a fitted posture: the input of its confidence."""
 
 from __future__ import annotations
 
@@ -30,20 +30,21 @@ NAMES = (
     "spread",
     "apart",
 )
-"""What each column of :func:`evidence` is; "beside" is the neighbouring part of the body. The last two are of
-the network's estimate, 0 without one."""
+"""The columns of :func:`evidence`; "beside" means the neighbouring part of the body. The last two are of the
+network's estimate and are 0 without one."""
 _COUNT = len(NAMES)
 _CLOSE = 0.02
-"""Metres below which it says little how near a joint is to where it is seen."""
+"""Metres added to the distance of a joint from the network's: a smaller distance than this says little."""
 _ENOUGH = 0.35
-"""Share of the points that a capsule would get, of a body that is all seen, which support it fully."""
+"""Share of the points expected on a capsule that support it fully: a third, as parts hide others."""
 _SAMPLES = 5
+"""Samples along a capsule for what is visible of it: about 8 cm apart on a thigh."""
 _SAME = 0.07
-"""Metres between the model's surface and the observed one that still are the same."""
+"""Metres between the model's surface and the observed one that are the same: clothes, and the fit's error."""
 
 
 def _beside() -> tuple[Float, Float]:
-    """(20, C) whose mean speaks for each joint: of the bone that ends there, and of the part beside it."""
+    """Returns two (20, C) averages over capsules: of the bone ending at a joint, and of that beside."""
     first, second = np.zeros((20, 20)), np.zeros((20, 20))
     pelvis, chest, girdle, neck, head = [0, 3], [1, 4], [2, 5], [6], [7]
     for joint, near, next_to in ((0, pelvis, chest), (1, chest, pelvis), (2, girdle, neck), (3, head, neck)):
@@ -59,9 +60,9 @@ _FIRST, _SECOND = _beside()
 _SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
 _TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
-"""Of the model, what :func:`_joint_spread` takes."""
+"""Arguments of :func:`_joint_spread` that the model fixes."""
 _UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
-"""The network's joints and spread, where it saw nothing."""
+"""Joints and spread in place of the network's, where it was not run."""
 
 
 def evidence(
@@ -72,17 +73,17 @@ def evidence(
     unsupported: Float,
     estimate: Estimate | None = None,
 ) -> Float:
-    """(20, 17) what speaks for and against each joint, ordered by :data:`NAMES`.
+    """Returns (20, 17) evidence for and against each joint, ordered by :data:`NAMES`.
 
     Args:
         unsupported: (20,) frames since each joint was last supported.
-        estimate: what the network sees in the frame; None without one.
+        estimate: the network's estimate of the frame; None without one.
     """
     shares = capsule_shares(*posture.capsules(), observation.view)
-    told = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.spread)
+    network = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.spread)
     fit = (report.support, report.violated, report.explained)
     joints, loose = _joints_held(fitter, posture, observation)
-    return np.asarray(gathered(shares, *fit, loose, unsupported, joints, *told, _FIRST, _SECOND))
+    return np.asarray(gathered(shares, *fit, loose, unsupported, joints, *network, _FIRST, _SECOND))
 
 
 @njit(cache=True, nogil=True)

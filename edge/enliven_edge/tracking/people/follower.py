@@ -9,17 +9,17 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven_edge.tracking.body_model import Posture, continued, model
 from enliven_edge.tracking.detect import (
+    EstimateAtPoints,
     Facing,
-    SecondThoughts,
-    Seen,
+    PoseRecovery,
+    aligned_to,
     cost,
     detect,
     detect_another,
-    drawn,
+    estimate_at_points,
+    estimates_by_facing,
     facing,
-    looked_at,
     quality,
-    supposing,
     turned_about,
 )
 from enliven_edge.tracking.estimator import shipped_estimator
@@ -31,47 +31,61 @@ from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Budget, BudgetedTask, Steps, whole
 
-_GOOD, _ACCEPTABLE = 0.68, 0.45
+_GOOD = 0.68
+"""Quality in [0, 1], see :func:`detection.quality`, from which a detected body is believed to be a person."""
+_ACCEPTABLE = 0.45
+"""Quality up to which a frame is bad: less than for a new body, as a known one may be half hidden."""
 _SUPPORT, _VISIBLE = NAMES.index("support"), NAMES.index("visible")
 _EXPLAINED = 0.93
-"""Share of the points; a frame that is explained less is looked at twice."""
+"""Share of the points below which a frame is fitted a second time, more widely: a limb was too fast."""
 _WIDE = 0.25
-"""Metres: the robust width of the second look, about what a fast hand moves in a frame."""
-_DOUBTED, _CLEARLY = 8.5, 0.8
-"""Cost of a frame, square centimetres a point, from which the person is looked for anew, and the share of it
-that must be left to believe what is found."""
-_EARLY, _AGAIN_AFTER, _LONGEST, _WORSE = (4, 14), 15, 60, 1.2
-"""Frames after which somebody new is looked at once more; between two looks at somebody doubtful, at first
-and, when nothing better was found again and again, at most; and the cost, of that of the last look in vain,
-from which the next one is as soon as the first."""
+"""Metres: the robust width of the second fit, about what a fast hand moves in a frame."""
+_DOUBTED = 8.5
+"""Square centimetres a point: cost of a frame from which the person is detected again."""
+_CLEARLY = 0.8
+"""Share of the present cost that a new detection may have at most: a smaller gain may be chance."""
+_EARLY = (4, 14)
+"""Frames after a person was found in which detection runs again: one frame may show a stranger badly."""
+_AGAIN_AFTER = 15
+"""Frames between two detections of a doubtful person at first: each takes several frames."""
+_LONGEST = 60
+"""Frames between two detections at most: the wait doubles up to this while nothing better is found."""
+_WORSE = 1.2
+"""Times the cost of the last detection in vain from which the wait starts short again."""
 _KNOWN_AFTER = 120
-"""Well fitted frames after which a person's build is known."""
+"""Well fitted frames, four seconds, after which the lengths are settled enough to detect the person with."""
 _NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
 _SPEED_MEMORY = 0.4
-"""Seconds over which the speed of walking is averaged."""
+"""Seconds over which the speed of walking is averaged: less than a step, more than the noise of a frame."""
 _SOME_POINTS = np.log1p(4)
+"""Evidence of support, log(1 + points), from which a joint counts as supported in a frame."""
+_SEEN_SHARE = 0.3
+"""Share of a joint's bone that must be visible for its support to count: fewer samples may be an edge."""
 _HARDLY = 0.02
-"""Probability of being a person below which nobody is looked for in something."""
-_BESIDE, _MOSTLY = 0.12, 0.5
-"""Metres from a surface beyond which something else is, and the share of a group that must be the person."""
+"""Probability of being a person below which a group of pixels is not searched: so plain a no needs no fit."""
+_BESIDE = 0.12
+"""Metres from the model's surface beyond which a point is something else: clothes stay within."""
+_MOSTLY = 0.5
+"""Share of a group of pixels that must lie on the model for a search without the rest to be worth it."""
 FEWEST_PIXELS = 60
-"""Of the working image; fewer show nobody."""
+"""Pixels of the working image below which a group cannot show a posture."""
 _SUPPOSING = 5
-"""What a look of the network for each way to face costs, in coarse fits."""
+"""Coarse fits: the cost of running the network once for each likely facing, see
+:func:`detection.estimates_by_facing`."""
 
 
 class Follower:
-    """The fit of one person over time.
+    """Fits one person in every frame.
 
-    Made by :meth:`found` where somebody new is seen; then :meth:`follow` once a frame.
+    :meth:`found` makes one where a new person is seen; then call :meth:`follow` once a frame.
 
     Attributes:
         posture: of the last frame that was fitted.
         confidence: (20,) of its joints, in [0, 1]; all 0 in a frame that did not show the person.
         evidence: (20, 17) what the last frame said for and against every joint.
         lost: whether the fit has been bad for longer than the settings allow.
-        somebody: how likely the network finds it by the last frame that this is a person, in [0, 1].
-        budget: what looking for the person anew may cost in the next frame.
+        person_probability: of the last frame by the network, in [0, 1]: that this is a person and no thing.
+        budget: what detecting the person again may cost in the next frame.
     """
 
     def __init__(self, settings: TrackerSettings, fitter: Fitter, posture: Posture) -> None:
@@ -80,9 +94,9 @@ class Follower:
         self.confidence = np.zeros(20)
         self.evidence = np.zeros((20, len(NAMES)))
         self.lost = False
-        self.somebody = 1.0
+        self.person_probability = 1.0
         self._fitter = fitter
-        self._second_thoughts = SecondThoughts(fitter)
+        self._recovery = PoseRecovery(fitter)
         self._facing = Facing()
         self._before: Posture | None = None
         self._fitted = 0
@@ -91,66 +105,66 @@ class Follower:
         self._velocity, self._time_ns = np.zeros(3), 0
         self.budget = Budget(np.inf)
         self._since_detected, self._since_found = 0, 0
-        self._anew: _Anew | None = None
-        self._patience, self._in_vain = _AGAIN_AFTER, np.inf
+        self._redetection: _Redetection | None = None
+        self._wait, self._cost_in_vain = _AGAIN_AFTER, np.inf
 
     @classmethod
     def found(
         cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
-        """A person in the (h, w) ``pixels``, and how well they are explained (up to 1); None: nobody."""
+        """Returns a person in the (h, w) ``pixels`` and their quality, up to 1; None without a person."""
         return whole(cls.sought(view, pixels, settings, fitter))
 
     @classmethod
     def sought(
         cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> Steps[tuple[Follower, float] | None]:
-        """What :meth:`found` finds, in parts."""
+        """Does what :meth:`found` does, in parts."""
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return None
         observation = _observed(view, pixels, settings)
-        seen, supposed = None, None
+        seen, by_facing = None, None
         if settings.estimator:
-            seen = _look(view, pixels, observation, None)
+            seen = _run_network(view, pixels, observation, None)
             yield LOOK
-            if seen.estimate.somebody < _HARDLY:
+            if seen.estimate.person_probability < _HARDLY:
                 return None
-            supposed = supposing(shipped_estimator(), seen.estimate, view.world_from_camera)
+            by_facing = estimates_by_facing(shipped_estimator(), seen.estimate, view.world_from_camera)
             yield _SUPPOSING
         height = settings.body_height
-        posture, report = yield from detect(fitter, observation, view.eye, height, seen, supposed)
+        posture, report = yield from detect(fitter, observation, view.eye, height, seen, by_facing)
         if quality(report) < _GOOD:
             bare = pixels & lying_on(view, [posture], 0.0, _BESIDE)
-            # Once more without what stands against them, a table say.
+            # Once more without what touches the person, a table say.
             if not _MOSTLY < bare.sum() / pixels.sum() < 1.0:
                 return None
             return (yield from cls.sought(view, bare, settings, fitter))
         follower = cls(settings, fitter, posture)
-        follower.somebody = 1.0 if seen is None else seen.estimate.somebody
-        follower._vouch(report, observation, seen)
+        follower.person_probability = 1.0 if seen is None else seen.estimate.person_probability
+        follower._update_evidence(report, observation, seen)
         return follower, quality(report)
 
     @property
-    def looking(self) -> bool:
-        """Whether the person is being looked for anew."""
-        return self._anew is not None
+    def redetecting(self) -> bool:
+        """Whether a new detection of the person is under way."""
+        return self._redetection is not None
 
     def hide(self) -> None:
-        """Is not seen in a frame."""
-        self.confidence, self._anew = np.zeros(20), None
+        """Takes in a frame that does not show the person."""
+        self.confidence, self._redetection = np.zeros(20), None
 
     def predicted(self) -> Posture:
-        """Where the posture is expected in the next frame, by the motion between the last two."""
+        """Returns the posture expected in the next frame, by the motion between the last two."""
         return self.posture.copy() if self._before is None else continued(self._before, self.posture)
 
     def carry(self, step: Float) -> None:
-        """Moves as a whole by (3,) metres, in a frame that is not fitted."""
+        """Moves the posture as a whole by (3,) metres, in a frame that is not fitted."""
         self.posture.position = self.posture.position + step
         if self._before is not None:
             self._before.position = self._before.position + step
 
     def follow(self, view: FrameView, pixels: Bool) -> bool:
-        """Takes in a frame in which the (h, w) ``pixels`` are this person's; False where they do not fit."""
+        """Fits a frame in which the (h, w) ``pixels`` are this person's; False where they do not fit."""
         self.confidence = np.zeros(20)
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return self._missed()
@@ -158,27 +172,27 @@ class Follower:
         observation = _observed(view, pixels, self.settings)
         seen = None
         if self.settings.estimator:
-            seen = _look(view, pixels, observation, facing(predicted, view.eye))
-            self.somebody = seen.estimate.somebody
+            seen = _run_network(view, pixels, observation, facing(predicted, view.eye))
+            self.person_probability = seen.estimate.person_probability
             observation = _guided(observation, seen, self.settings.fit.affinity)
         posture, report = self._fitted_to(observation, predicted, self._proportions())
         certain = capsule_confidence(report, observation, posture)
-        posture, report = self._second_thoughts.reconsider(observation, posture, report, certain, seen)
+        posture, report = self._recovery.reconsider(observation, posture, report, certain, seen)
         velocity = self._moving(posture.position, view.time_ns)
         flipped = seen is not None and self._facing.is_wrong(seen, posture, view.eye, velocity)
         if flipped and seen is not None:
-            posture, seen = _about(posture, seen, view)
+            posture, seen = _turned_around(posture, seen, view)
             observation = _guided(observation, seen, self.settings.fit.affinity)
             posture, report = self._fitter.fit(observation, posture)
-        anew = self._looked_anew(observation, posture, report, seen, view.eye)
-        if anew is not None:
-            posture, report = anew
-            seen = None if seen is None else _told(posture, seen, view)
+        redetected = self._redetected(observation, posture, report, seen, view.eye)
+        if redetected is not None:
+            posture, report = redetected
+            seen = None if seen is None else _conditioned_on_facing(posture, seen, view)
         bad = quality(report) <= _ACCEPTABLE
         if bad and not self._missed() and self.lost:
             return False
-        self._before, self.posture = (None if flipped or anew else self.posture), posture
-        self._vouch(report, observation, seen)
+        self._before, self.posture = (None if flipped or redetected else self.posture), posture
+        self._update_evidence(report, observation, seen)
         if bad:
             return False
         self._fitted, self._bad = self._fitted + 1, 0
@@ -187,7 +201,7 @@ class Follower:
     def _fitted_to(
         self, observation: Observation, predicted: Posture, proportions: Float | None
     ) -> tuple[Posture, FitReport]:
-        """The better of two fits: from where time puts the person, and from a wider look around the last."""
+        """Returns the better of two fits: from the prediction, and after a wider fit from the last one."""
         fit = self._fitter.fit
         best = fit(observation, predicted, predicted=predicted, proportions=proportions)
         if best[1].explained > _EXPLAINED:
@@ -196,14 +210,19 @@ class Follower:
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
         return other if other[1].energy < best[1].energy else best
 
-    def _looked_anew(
-        self, observation: Observation, posture: Posture, report: FitReport, seen: Seen | None, eye: Float
+    def _redetected(
+        self,
+        observation: Observation,
+        posture: Posture,
+        report: FitReport,
+        seen: EstimateAtPoints | None,
+        eye: Float,
     ) -> tuple[Posture, FitReport] | None:
-        """The person detected from scratch, where that explains a doubtful frame much better.
+        """Detects a doubtful person from scratch; returns a fit only if it explains the frame much better.
 
         A detection takes several frames, so there is one at most every half second, and fewer of them while
         they find nothing; and two soon after a person was found, because one frame may show a stranger badly.
-        What was found in an earlier frame is brought to this one and has to explain it better too.
+        A posture found in an earlier frame is fitted to this one and has to explain it better too.
         """
         self._since_detected += 1
         early = self._since_found in _EARLY
@@ -211,43 +230,45 @@ class Follower:
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
         plain = replace(observation, affinity=_NO_AFFINITY, landmarks=_NO_LANDMARKS)
-        if self._anew is None:
-            if now < _DOUBTED or now > _WORSE * self._in_vain:
-                self._patience = _AGAIN_AFTER
-            if not early and (now < _DOUBTED or self._since_detected < self._patience):
+        if self._redetection is None:
+            if now < _DOUBTED or now > _WORSE * self._cost_in_vain:
+                self._wait = _AGAIN_AFTER
+            if not early and (now < _DOUBTED or self._since_detected < self._wait):
                 return None
             self._since_detected = 0
             known = posture.lengths if self._fitted > _KNOWN_AFTER else None
-            steps = _another(self._fitter, plain, seen, eye, height, posture, known)
-            self._anew = _Anew(BudgetedTask(steps), observation, seen, posture, now, early, known is not None)
-        anew = self._anew
-        if not anew.task.go_on(self.budget):
+            steps = _detection(self._fitter, plain, seen, eye, height, posture, known)
+            begun = (observation, seen, posture, now, early, known is not None)
+            self._redetection = _Redetection(BudgetedTask(steps), *begun)
+        under_way = self._redetection
+        if not under_way.task.go_on(self.budget):
             return None
-        self._anew, found = None, anew.task.result
+        self._redetection, found = None, under_way.task.result
         better = (
-            found is not None and cost(found[1], found[0], anew.seen, eye, height) <= _CLEARLY * anew.cost
+            found is not None
+            and cost(found[1], found[0], under_way.seen, eye, height) <= _CLEARLY * under_way.cost
         )
-        if found is not None and better and anew.observation is not observation:
-            found = self._brought(found[0], posture.position - anew.posture.position, plain)
+        if found is not None and better and under_way.observation is not observation:
+            found = self._brought(found[0], posture.position - under_way.posture.position, plain)
             better = cost(found[1], found[0], seen, eye, height) <= _CLEARLY * now
         if not better:
-            self._patience = self._patience if anew.early else min(2 * self._patience, _LONGEST)
-            self._in_vain = now
+            self._wait = self._wait if under_way.early else min(2 * self._wait, _LONGEST)
+            self._cost_in_vain = now
             return None
-        self._patience = _AGAIN_AFTER
-        self._fitted = self._fitted if anew.known else 0
-        self._second_thoughts, self._facing = SecondThoughts(self._fitter), Facing()
+        self._wait = _AGAIN_AFTER
+        self._fitted = self._fitted if under_way.known else 0
+        self._recovery, self._facing = PoseRecovery(self._fitter), Facing()
         return found
 
     def _brought(self, posture: Posture, step: Float, observation: Observation) -> tuple[Posture, FitReport]:
-        """A posture of an earlier frame, moved by (3,) metres, fitted widely to this one, then closely."""
+        """Moves an earlier frame's posture by (3,) metres and fits it to this frame, widely, then closely."""
         moved = posture.copy()
         moved.position = moved.position + step
         wide, _ = self._fitter.fit(observation, moved, width=_WIDE)
         return self._fitter.fit(observation, wide)
 
     def _moving(self, position: Float, time_ns: int) -> Float:
-        """(3,) metres a second at which the hip centre has been going of late."""
+        """Returns the (3,) velocity of the hip centre, metres a second, averaged over the last frames."""
         seconds = (time_ns - self._time_ns) * 1e-9
         if 0.0 < seconds < 0.5:
             share = min(1.0, seconds / _SPEED_MEMORY)
@@ -258,22 +279,24 @@ class Follower:
         return self._velocity
 
     def _missed(self) -> bool:
-        """Counts a bad frame."""
-        self._anew = None
+        """Counts a bad frame; always False."""
+        self._redetection = None
         self._bad += 1
         self.lost = self._bad > self.settings.lost_after
         return False
 
-    def _vouch(self, report: FitReport, observation: Observation, seen: Seen | None) -> None:
-        """Weighs what the frame says for and against every joint."""
+    def _update_evidence(
+        self, report: FitReport, observation: Observation, seen: EstimateAtPoints | None
+    ) -> None:
+        """Gathers what the frame says for and against every joint, and updates the confidence."""
         estimate = None if seen is None else seen.estimate
         self.evidence = evidence(self._fitter, self.posture, report, observation, self._unsupported, estimate)
-        supported = (self.evidence[:, _VISIBLE] > 0.3) & (self.evidence[:, _SUPPORT] > _SOME_POINTS)
+        supported = (self.evidence[:, _VISIBLE] > _SEEN_SHARE) & (self.evidence[:, _SUPPORT] > _SOME_POINTS)
         self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
         self.confidence = confidence(self.evidence, alone=seen is None)
 
     def _proportions(self) -> Float | None:
-        """How firmly the bones' lengths are held: softer at first, frozen once settled."""
+        """Returns (12,) weights that hold the bones' lengths: soft at first; None once they are frozen."""
         settings = self.settings.fit
         if self._fitted > 3 * settings.settle_frames:
             return None
@@ -282,40 +305,40 @@ class Follower:
 
 
 @dataclass(frozen=True)
-class _Anew:
-    """A detection from scratch of a person who is followed, under way.
+class _Redetection:
+    """A detection from scratch, under way, of a person who is followed already.
 
     Attributes:
-        observation, seen: of the frame that is looked at, and what the network says of it.
-        posture, cost: the present ones in that frame.
-        early: whether it is one of those soon after the person was found.
+        observation, seen: the frame that the detection began in, and the network's estimate of it.
+        posture, cost: of the ordinary fit to that frame.
+        early: whether it is one of the two soon after the person was found.
         known: whether the person's build was known.
     """
 
     task: BudgetedTask[tuple[Posture, FitReport] | None]
     observation: Observation
-    seen: Seen | None
+    seen: EstimateAtPoints | None
     posture: Posture
     cost: float
     early: bool
     known: bool
 
 
-def _another(
+def _detection(
     fitter: Fitter,
     observation: Observation,
-    seen: Seen | None,
+    seen: EstimateAtPoints | None,
     eye: Float,
     height: float,
     posture: Posture,
     lengths: Float | None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """What :func:`detect_another` finds, in parts; arguments as there."""
-    supposed = None
+    """Runs the network for each likely facing, then :func:`detect_another`, in parts; arguments as there."""
+    by_facing = None
     if seen is not None:
-        supposed = supposing(shipped_estimator(), seen.estimate, observation.view[4])
+        by_facing = estimates_by_facing(shipped_estimator(), seen.estimate, observation.view[4])
         yield _SUPPOSING
-    steps = detect_another(fitter, observation, seen, eye, height, posture, supposed, lengths)
+    steps = detect_another(fitter, observation, seen, eye, height, posture, by_facing, lengths)
     return (yield from steps)
 
 
@@ -323,26 +346,30 @@ def _observed(view: FrameView, pixels: Bool, settings: TrackerSettings) -> Obser
     return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
 
 
-def _look(view: FrameView, pixels: Bool, observation: Observation, facing: float | None) -> Seen:
-    """What the network sees, told which way the person has been facing where that is known."""
+def _run_network(
+    view: FrameView, pixels: Bool, observation: Observation, facing: float | None
+) -> EstimateAtPoints:
+    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians; None: not known."""
     camera, pose = view.camera.camera, view.world_from_camera
     estimate = shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
-    return looked_at(observation, estimate)
+    return estimate_at_points(observation, estimate)
 
 
-def _guided(observation: Observation, seen: Seen, affinity: float) -> Observation:
-    """The observation with what the network says of it: what points look like, where joints are."""
+def _guided(observation: Observation, seen: EstimateAtPoints, affinity: float) -> Observation:
+    """Returns the observation with the network's affinities of its points and landmarks of the joints."""
     return replace(observation, affinity=seen.affinity(affinity), landmarks=seen.estimate.guides)
 
 
-def _about(posture: Posture, seen: Seen, view: FrameView) -> tuple[Posture, Seen]:
-    """A posture turned about, and what the network sees when it is told so."""
+def _turned_around(
+    posture: Posture, seen: EstimateAtPoints, view: FrameView
+) -> tuple[Posture, EstimateAtPoints]:
+    """Rotates a posture by 180 degrees; returns it with the network's estimate conditioned on that facing."""
     turned = turned_about(posture)
-    now = _told(turned, seen, view)
-    return drawn(turned, now.estimate), now
+    now = _conditioned_on_facing(turned, seen, view)
+    return aligned_to(turned, now.estimate), now
 
 
-def _told(posture: Posture, seen: Seen, view: FrameView) -> Seen:
-    """What the network sees in the same frame when it is told the facing of a posture."""
-    told: list[float | None] = [facing(posture, view.eye)]
-    return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, told)[0])
+def _conditioned_on_facing(posture: Posture, seen: EstimateAtPoints, view: FrameView) -> EstimateAtPoints:
+    """Runs the network on the same crop again, conditioned on the facing of a posture."""
+    known: list[float | None] = [facing(posture, view.eye)]
+    return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, known)[0])

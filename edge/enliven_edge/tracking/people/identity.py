@@ -1,4 +1,4 @@
-"""Who somebody is: stable numbers, and who comes back known by stature, proportions and where they left."""
+"""Stable ids: a person who comes back is recognised by stature, proportions and the place of leaving."""
 
 from __future__ import annotations
 
@@ -12,24 +12,44 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.settings import PeopleSettings
 
 _STATURE_SPREAD = 0.03
+"""Metres: standard deviation of one person's measured stature, from shoes, posture and depth noise."""
 _PROPORTION_SPREAD = 0.10
-_STRIDE, _ELSEWHERE = 2.0, 0.8
-_JUST_NS, _THERE, _PLAINLY_OTHER = 2_000_000_000, 0.5, 0.15
-"""Nanoseconds, metres and metres of stature within which who is alone where somebody was lost is them."""
+"""Standard deviation of one person's fitted bone lengths, as a share of each length."""
+_STRIDE = 2.0
+"""Metres a second at which the area where an absent person may come back grows: a brisk walk."""
+_ELSEWHERE = 0.8
+"""Metres from the place of leaving at which a return at once costs one squared standard deviation."""
+_FARTHEST_COST = 4.0
+"""Squared standard deviations that a far place costs at most: people also walk round behind the sensor."""
+_JUST_NS = 2_000_000_000
+"""Nanoseconds within which the only absent person is taken for the only new one at the same place."""
+_THERE = 0.5
+"""Metres in plan that count as the same place for that: a step."""
+_PLAINLY_OTHER = 0.15
+"""Metres of stature by which two people plainly differ, whatever the place: five standard deviations."""
 _TELLING = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
+"""The lengths that people are told apart by: those of the limbs, which the fit measures best."""
 _COMPATIBLE = 9.0
-"""A mismatch, in squared standard deviations, beyond which two people are not the same."""
-_KNOWN_FRAMES, _LEAD = 6, 3.0
-"""Frames after which somebody's looks can be told from another's, and by how much they must differ."""
+"""A mismatch, in squared standard deviations, beyond which two people are not the same: three sigma."""
+_KNOWN_FRAMES = 6
+"""Frames with the whole body in sight after which a person's proportions can be told from another's."""
+_LEAD = 3.0
+"""Squared standard deviations by which the best match must beat the next one to be sure."""
+_MOST_FRAMES = 90.0
+"""Frames that the running mean of the lengths remembers at most: they may still drift after that."""
+_CROWNS = 240
+"""Heights of the crown that are kept for the stature."""
+_STATURE_SHARE = 0.85
+"""The percentile of these heights that is the stature: people stoop more often than they stretch."""
 
 
 @dataclass
 class Looks:
-    """What a person is known by: stature and proportions, the better the longer they were seen.
+    """The stature and proportions that a person is recognised by; they get better with every frame.
 
     Attributes:
         lengths: (12,) metres, a running mean of the fit's.
-        weight: the number of frames that count.
+        weight: the number of frames in that mean.
         stature: metres from the floor to the crown when upright; None where it was never seen.
     """
 
@@ -39,16 +59,16 @@ class Looks:
     _crowns: list[float] = field(default_factory=list)
 
     def see(self, lengths: Float, crown: float | None) -> None:
-        """Takes in a frame: the fit's lengths, and the height of the crown above the floor if it is seen."""
-        self.weight = min(self.weight + 1.0, 90.0)
+        """Takes in (12,) lengths of a frame's fit, and the seen crown's metres above the floor."""
+        self.weight = min(self.weight + 1.0, _MOST_FRAMES)
         self.lengths = self.lengths + (lengths - self.lengths) / self.weight
         if crown is not None:
             self._crowns.append(crown)
-            del self._crowns[:-240]
-            self.stature = percentile(self._crowns, 0.85)
+            del self._crowns[:-_CROWNS]
+            self.stature = percentile(self._crowns, _STATURE_SHARE)
 
     def mismatch(self, other: Looks) -> float:
-        """How unlike two people look, in squared standard deviations."""
+        """Returns how much two people differ, in squared standard deviations."""
         relative = (self.lengths[_TELLING] - other.lengths[_TELLING]) / other.lengths[_TELLING]
         cost = float(np.mean(relative**2)) / _PROPORTION_SPREAD**2
         mine, theirs = self.stature, other.stature
@@ -58,9 +78,9 @@ class Looks:
 
 
 def percentile(values: Float | list[float], share: float) -> float:
-    """The number below which a share in [0, 1] of (N,) values is, between two of them linearly.
+    """Returns the number below which a share in [0, 1] of (N,) values is, between two of them linearly.
 
-    What ``np.percentile`` says, at a tenth of its cost for some hundred values.
+    The same as ``np.percentile``, at a tenth of its cost for some hundred values.
     """
     ordered = np.sort(values)
     at = share * (len(ordered) - 1)
@@ -71,7 +91,7 @@ def percentile(values: Float | list[float], share: float) -> float:
 
 @dataclass
 class Absent:
-    """Somebody who was followed and is not in view."""
+    """A person who was followed and is not in view."""
 
     id: int
     looks: Looks
@@ -80,7 +100,7 @@ class Absent:
 
 
 class Register:
-    """Gives people their numbers, and remembers who left."""
+    """Gives people their ids, and remembers those out of view."""
 
     def __init__(self, settings: PeopleSettings) -> None:
         self.settings = settings
@@ -88,26 +108,27 @@ class Register:
         self._last = 0
 
     def new(self) -> int:
-        """A number that nobody had."""
+        """Returns an id that no person has had."""
         self._last += 1
         return self._last
 
     def leave(self, identity: int, looks: Looks, place: Float | None, time_ns: int) -> None:
-        """Somebody is out of view; ``place`` (3,) is where they were last seen, if that says anything."""
+        """Remembers a person who is out of view; ``place`` (3,) is None where it says nothing."""
         self.absent.append(Absent(identity, looks, place, time_ns))
 
     def forget_old(self, time_ns: int, keep: frozenset[int]) -> None:
-        """Drops who has been away for too long, but not those of ``keep``."""
+        """Forgets people who have been away for too long, but not the ids of ``keep``."""
         limit = self.settings.remember * 1e9
         self.absent = [a for a in self.absent if a.id in keep or 0 <= time_ns - a.left_ns <= limit]
 
     def moved(self) -> None:
-        """The sensor was moved: where people left says nothing any more."""
+        """Forgets where people left: the sensor was moved."""
         for absent in self.absent:
             absent.place = None
 
     def matched(self, found: list[tuple[Looks, Float]], time_ns: int) -> list[tuple[Absent | None, bool]]:
-        """By looks and (3,) place: who of the absent it is, None for nobody; and whether that is sure.
+        """Matches new people, by looks and (3,) place, to absent ones or None; says of each whether it is
+        sure.
 
         All are matched together, at the least sum of mismatches, so that two who come back are not mistaken
         for each other while either fits better.
@@ -119,7 +140,7 @@ class Register:
         )
         if len(found) == len(self.absent) == 1 and self._just_there(found[0], time_ns):
             return [(self.absent[0], True)]
-        # Being somebody new costs as much as being incompatible, for each.
+        # Being a new person costs as much as being incompatible, for each.
         padded = np.concatenate([cost, np.full((len(found), len(found)), _COMPATIBLE)], 1)
         rows, columns = least_cost(padded)
         made: list[tuple[Absent | None, bool]] = []
@@ -134,7 +155,7 @@ class Register:
         return made
 
     def _just_there(self, found: tuple[Looks, Float], time_ns: int) -> bool:
-        """Whether the one who is found stands where the one who is absent was lost just now."""
+        """Whether the only new person stands where the only absent one was lost just now."""
         (absent,), (looks, at) = self.absent, found
         if absent.place is None or not 0 <= time_ns - absent.left_ns < _JUST_NS:
             return False
@@ -143,14 +164,14 @@ class Register:
         return not other and float(np.linalg.norm((at - absent.place)[[0, 2]])) < _THERE
 
     def take(self, absent: Absent) -> None:
-        """Somebody is back."""
+        """Takes a person who is back from the absent ones."""
         self.absent.remove(absent)
 
 
 def _far(absent: Absent, place: Float, time_ns: int) -> float:
-    """The cost of having come from where they left, in squared standard deviations, at most 4."""
+    """Returns the cost of the way from the place of leaving, in squared standard deviations."""
     if absent.place is None:
         return 0.0
     away = float(np.linalg.norm((place - absent.place)[[0, 2]]))
     reach = _ELSEWHERE + _STRIDE * max(0.0, (time_ns - absent.left_ns) * 1e-9)
-    return min(4.0, (away / reach) ** 2)
+    return min(_FARTHEST_COST, (away / reach) ** 2)

@@ -1,4 +1,4 @@
-"""One of the people who are followed: the fit of their body, who they are, and whether they are in sight."""
+"""One person who is followed: the fit of the body, the identity, and whether the person is in sight."""
 
 from __future__ import annotations
 
@@ -6,42 +6,79 @@ import math
 
 import numpy as np
 
-from enliven.arrays import Bool, Float, Int
+from enliven.arrays import Bool, Float
 from enliven.kernels import njit
 from enliven.person import Joint
-from enliven_edge.tracking.body_model import Posture, model
+from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.identity import Looks, percentile
 
-_LOOK_EVERY, _LOOK_OFTEN = 5, 10
-_TRAVELLED, _MOVED = 0.15, 0.1
-_FASTEST, _SLOWING = 2.0, 0.5
-_UNSURE, _SPREADING = 0.35, 0.7
-_FAITH, _SUREST, _VAGUE, _BARELY_KNOWN = 0.1, 6, 0.4, 20
-_DOUBT, _THING, _MAYBE, _HARDLY_SEEN = 0.2, 0.4, 0.8, 3
-"""Weight of a frame in the mean probability of being a person; that below which somebody new is none, and
-below which somebody seen in so few frames may be none."""
-_PLAIN, _PLAIN_FRAMES = 0.85, 10
-"""Who is so likely a person at the mean for so many frames is one, whatever their later postures."""
+_LOOK_EVERY = 5
+"""Frames between two measurements of a known person's proportions: each costs time."""
+_LOOK_OFTEN = 10
+"""Frames for which a new person is measured in every one, to be told from others soon."""
+_TRAVELLED = 0.15
+"""Metres that the hip centre must move for a body to be no thing: more than the fit's noise carries it."""
+_MOVED = 0.1
+"""Metres that two sure joints must move for a doubted body to be believed: more than their noise."""
+_FASTEST = 2.0
+"""Metres a second at which a hidden person is carried on at most: a brisk walk."""
+_SLOWING = 0.5
+"""Seconds in which the speed of a hidden person falls to 1/e: people stop or turn behind things."""
+_LONGEST_STEP = 0.2
+"""Seconds that a hidden person moves on in one frame at most: after a longer gap the speed is stale."""
+_SPEED_MEMORY = 0.15
+"""Seconds over which a person's velocity is averaged: a few frames, against the fit's noise."""
+_LONGEST_GAP = 0.5
+"""Seconds between two good frames beyond which no velocity is taken from them."""
+_COASTED = 0.15
+"""Metres that the pixels' middle may move an unfitted person in a frame: a new arm moves it too."""
+_UNSURE = 0.35
+"""Metres within which a person is at once when no longer seen: about a body's width."""
+_SPREADING = 0.7
+"""Metres a second by which that grows: slower than a walk, since most hidden people stay about."""
+_FAITH = 0.1
+"""Weight of a frame in the mean confidence of the surest joints: a mean over ten frames."""
+_SUREST = 6
+"""Joints, the surest of 20, that this confidence is of: a person half hidden shows as many."""
+_VAGUE = 0.4
+"""Mean confidence of the surest joints below which hardly any joint is seen: a thing, most likely."""
+_BARELY_KNOWN = 20
+"""Frames with the whole body in sight after which a person is not dropped as a thing any more."""
+_DOUBT = 0.2
+"""Weight of a frame in the mean probability of being a person: a mean over five frames."""
+_THING = 0.4
+"""Mean probability of being a person below which a new body is none: 95 % of things found are below 0.43."""
+_MAYBE = 0.8
+"""Mean probability of being a person below which a hardly seen body is dropped when it is hidden."""
+_HARDLY_SEEN = 3
+"""Frames with the whole body in sight below which a body counts as hardly seen."""
+_PLAIN = 0.85
+"""Mean probability of being a person that nearly every person exceeds and hardly any thing."""
+_PLAIN_FRAMES = 10
+"""Frames above that after which a body is a person for good: the network doubts some later postures."""
 _HEAD_ABOUT = 0.18
-"""Metres in plan from the head's joint within which the top of the head is."""
+"""Metres in plan from the head's joint within which the top of the head is: a head's length, for a nod."""
+_SURE = 0.5
+"""Confidence from which a joint's place is used here: more likely within 10 cm than not."""
 UNDECIDED = 0
+"""The id of a person until it is decided who of the absent has come back; real ids start at 1."""
 
 
 class Person:
-    """Somebody who is followed.
+    """A person who is followed.
 
     Attributes:
-        id: their number; 0 while it is not decided who of those who left has come back.
+        id: the person's number; 0 while it is not decided which of the absent has come back.
         follower: the fit.
-        looks: what they are known by.
-        seen_ns: when they were last seen well.
-        found_ns: when they were found.
-        hidden_ns: since when something stands before them, or None.
-        travelled: whether they have moved as no thing does.
-        doubted: whether they have yet to move to be believed.
-        shapely: whether they were found in a person's outline, a head above shoulders.
+        looks: the proportions that the person is known by.
+        seen_ns: when the person was last seen well.
+        found_ns: when the person was found.
+        hidden_ns: since when something has stood before the person, or None.
+        travelled: whether the person has moved as no thing does.
+        doubted: whether the person must move to be believed.
+        shapely: whether the pixels had a person's outline when found, a head above shoulders.
     """
 
     def __init__(self, identity: int, follower: Follower, looks: Looks, time_ns: int) -> None:
@@ -55,7 +92,7 @@ class Person:
         self._velocity = np.zeros(3)
         self._time_ns = time_ns
         self._turn = 0
-        self._clear = self._somebody = 1.0
+        self._clear = self._person_probability = 1.0
         self._plain = 0
 
     @property
@@ -65,72 +102,71 @@ class Person:
 
     @property
     def vague(self) -> bool:
-        """Whether hardly any joint has been seen since they were found, or the network doubts that they are
-        one: a thing, most likely."""
+        """Whether hardly any joint has been seen so far, or the network takes this for a thing."""
         known = self.shapely or self.travelled or self._plain >= _PLAIN_FRAMES
-        odd = self._somebody < _THING and not known
+        odd = self._person_probability < _THING and not known
         return (self._clear < _VAGUE or odd) and self.looks.weight < _BARELY_KNOWN
 
     @property
     def fleeting(self) -> bool:
-        """Whether it is not worth waiting for them when they are hidden: hardly seen, and maybe a thing."""
-        return self._somebody < _MAYBE and not self.travelled and self.looks.weight < _HARDLY_SEEN
+        """Whether to drop this person when hidden instead of waiting: hardly seen, and maybe a thing."""
+        return self._person_probability < _MAYBE and not self.travelled and self.looks.weight < _HARDLY_SEEN
 
     def expected(self) -> Posture:
-        """Where they are expected in the next frame."""
+        """Returns the posture expected in the next frame."""
         return self.follower.posture if self.hidden_ns is not None else self.follower.predicted()
 
     @property
     def hidden(self) -> bool:
-        """Whether they were not seen in the last frame."""
+        """Whether the person was not seen in the last frame."""
         return self.hidden_ns is not None
 
     def hidden_for(self, time_ns: int) -> float:
-        """Seconds for which they were not seen; 0 while they are."""
+        """Returns the seconds since the person was hidden; 0 while in sight."""
         return 0.0 if self.hidden_ns is None else (time_ns - self.hidden_ns) * 1e-9
 
     def uncertainty(self, time_ns: int) -> float:
-        """Metres within which they must be; it grows while they are not seen."""
+        """Returns the metres around the last place within which the person must be; it grows while hidden."""
         return _UNSURE + _SPREADING * max(0.0, (time_ns - self.seen_ns) * 1e-9)
 
     def follow(self, view: FrameView, pixels: Bool, *, whole: bool) -> bool:
-        """Fits the frame; whether it shows them well.
+        """Fits the frame; returns whether it shows the person well.
 
         Args:
-            whole: nothing stands before them, and the image does not end at them.
+            whole: whether nothing covers the person and the image does not cut the person off.
         """
         before = self.place.copy()
         good = self.follower.follow(view, pixels)
         surest = sum(sorted(self.follower.confidence.tolist())[-_SUREST:]) / _SUREST
         self._clear += _FAITH * (surest - self._clear)
-        self._somebody += _DOUBT * (self.follower.somebody - self._somebody)
-        self._plain += self._somebody > _PLAIN
+        self._person_probability += _DOUBT * (self.follower.person_probability - self._person_probability)
+        self._plain += self._person_probability > _PLAIN
         if good:
             self._seen(view, pixels, self.place - before, whole=whole)
         return good
 
     def coast(self, view: FrameView, pixels: Bool) -> None:
-        """Goes along with their pixels, in a frame that is not fitted."""
+        """Moves the posture along with the middle of the person's pixels, in a frame that is not fitted."""
         centre = _centre(view, pixels)
         if centre is not None and self._centre is not None:
             step = centre - self._centre
             step[1] = 0.0
-            self.follower.carry(step * min(1.0, 0.15 / max(1e-9, math.hypot(*step))))
+            self.follower.carry(step * min(1.0, _COASTED / max(1e-9, math.hypot(*step))))
             self.seen_ns = view.time_ns
         self._centre = centre
 
     def hide(self, time_ns: int) -> None:
-        """Is not seen: goes on as they went, slower and slower, and nothing is known of the joints."""
+        """Takes in a frame without the person: moves on, slower and slower, with confidence 0."""
         if self.hidden_ns is None:
             self.hidden_ns = time_ns
-        seconds = min(0.2, max(0.0, (time_ns - self._time_ns) * 1e-9))
+        seconds = min(_LONGEST_STEP, max(0.0, (time_ns - self._time_ns) * 1e-9))
         self._velocity = self._velocity * math.exp(-seconds / _SLOWING)
         self.follower.carry(self._velocity * seconds)
         self.follower.hide()
         self._time_ns, self._centre = time_ns, None
 
     def replaced(self, follower: Follower, time_ns: int) -> None:
-        """Was found again by a new fit."""
+        """Goes on with a new fit, where the person was found again."""
         self.follower, self.hidden_ns = follower, None
         if self.looks.weight > _LOOK_OFTEN:
             follower.posture.lengths = self.looks.lengths.copy()
@@ -138,13 +174,13 @@ class Person:
         self.seen_ns = self._time_ns = time_ns
 
     def _seen(self, view: FrameView, pixels: Bool, step: Float, *, whole: bool) -> None:
-        """Remembers what a good frame shows."""
+        """Updates velocity, proportions and stature by a good frame."""
         seconds = (view.time_ns - self._time_ns) * 1e-9
-        if 0.0 < seconds < 0.5:
+        if 0.0 < seconds < _LONGEST_GAP:
             velocity = step / seconds
             velocity[1] = 0.0
             velocity *= min(1.0, _FASTEST / max(1e-9, math.hypot(*velocity)))
-            self._velocity += min(1.0, seconds / 0.15) * (velocity - self._velocity)
+            self._velocity += min(1.0, seconds / _SPEED_MEMORY) * (velocity - self._velocity)
         self._time_ns = self.seen_ns = view.time_ns
         self.hidden_ns = None
         self.travelled = self.travelled or math.dist(self.place, self._start) > _TRAVELLED
@@ -159,8 +195,8 @@ class Person:
             self._watch_limbs()
 
     def _watch_limbs(self) -> None:
-        """Believes who moves: a limb that is seen goes farther than noise carries it."""
-        joints, sure = self.follower.posture.joints(), self.follower.confidence > 0.5
+        """Ends the doubt in a person who moves: a limb that is seen goes farther than noise carries it."""
+        joints, sure = self.follower.posture.joints(), self.follower.confidence > _SURE
         if self._first_joints is None:
             self._first_joints = joints
         away = np.linalg.norm(joints - self._first_joints, axis=1)
@@ -168,20 +204,20 @@ class Person:
             self.doubted = False
 
     def _crown(self, view: FrameView, pixels: Bool) -> float | None:
-        """Metres above the floor of the top of the head, where they stand with the hands below it."""
+        """Returns the crown's metres above the floor; None unless upright with the hands below it."""
         joints, sure = self.follower.posture.joints(), self.follower.confidence
         head = joints[Joint.HEAD]
         risen = head - joints[Joint.HIP_CENTER]
         upright = risen[1] > 0.9 * math.hypot(*risen)
         hands = max(float(joints[j, 1]) for j in (Joint.HAND_LEFT, Joint.HAND_RIGHT))
-        if sure[Joint.HEAD] < 0.5 or not upright or hands > head[1] - 0.1:
+        if sure[Joint.HEAD] < _SURE or not upright or hands > head[1] - 0.1:
             return None
         heights = heights_beside(view.points, pixels, head, _HEAD_ABOUT)
         return percentile(heights, 0.99) if len(heights) > 20 else None
 
 
 def _centre(view: FrameView, pixels: Bool) -> Float | None:
-    """(3,) the mean of somebody's points, None where there are too few."""
+    """Returns the (3,) mean of a person's points; None where there are too few."""
     if np.count_nonzero(pixels) < FEWEST_PIXELS:
         return None
     return np.asarray(mean_point(view.points, pixels))
@@ -189,7 +225,7 @@ def _centre(view: FrameView, pixels: Bool) -> Float | None:
 
 @njit(cache=True, nogil=True)
 def mean_point(points, pixels):  # type: ignore[no-untyped-def]
-    """(3,) the mean of (h, w, 3) points on the (h, w) pixels, one at least."""
+    """Returns the (3,) mean of (h, w, 3) points on the (h, w) pixels, one at least."""
     x, y, z, count = 0.0, 0.0, 0.0, 0
     for v in range(pixels.shape[0]):
         for u in range(pixels.shape[1]):
@@ -201,7 +237,7 @@ def mean_point(points, pixels):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def heights_beside(points, pixels, place, radius):  # type: ignore[no-untyped-def]
-    """(N,) heights of (h, w, 3) points on the (h, w) pixels, of those within a radius of a place in plan."""
+    """Returns (N,) heights of (h, w, 3) points on (h, w) pixels within a radius of a place in plan."""
     heights, count = np.empty(np.count_nonzero(pixels)), 0
     for v in range(pixels.shape[0]):
         for u in range(pixels.shape[1]):
@@ -212,64 +248,3 @@ def heights_beside(points, pixels, place, radius):  # type: ignore[no-untyped-de
                 heights[count] = points[v, u, 1]
                 count += 1
     return heights[:count]
-
-
-_SAMPLES, _BEFORE = 3, 0.12
-"""Samples along a capsule, and metres before its surface from which something hides it."""
-_TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
-
-
-def sight(view: FrameView, posture: Posture, owner: Int, index: int) -> tuple[float, float]:
-    """The shares of a body that stand behind something else, and outside the image.
-
-    Args:
-        owner: (h, w) whose the pixels are; a person's own arm hides nothing.
-        index: which owner is this person.
-    """
-    inside, covered, own = _seen(view, posture, owner, index, slice(None))
-    hidden, shown = np.count_nonzero(covered & ~own), np.count_nonzero(inside)
-    return hidden / len(own), 1.0 - shown / len(own)
-
-
-def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
-    """Of the trunk and the head that the image could show, the share that the (h, w) ``pixels`` do show."""
-    inside, covered, own = _seen(view, posture, pixels.astype(np.int64), 1, _TRUNK)
-    due = inside & ~(covered & ~own)
-    return float((own & due).sum() / len(own)) if due.mean() < 0.25 else float(own[due].mean())
-
-
-def _seen(
-    view: FrameView, posture: Posture, owner: Int, mine: int, capsules: slice | Int
-) -> tuple[Bool, Bool, Bool]:
-    """(S,) of samples along the capsules: in the image, behind something, and on the pixels of ``mine``.
-
-    Args:
-        owner: (h, w) whose the pixels are.
-    """
-    ends, radii = (each[capsules] for each in posture.capsules())
-    out = _samples(ends, radii, view.z, owner, mine, view.camera.camera, view.world_from_camera)
-    return out[0], out[1], out[2]
-
-
-@njit(cache=True, nogil=True)
-def _samples(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-untyped-def]
-    """(3, S) see :func:`_seen`."""
-    height, width = depth.shape
-    out = np.zeros((3, len(ends) * _SAMPLES), np.bool_)
-    for n in range(out.shape[1]):
-        c, t = n // _SAMPLES, (n % _SAMPLES) / (_SAMPLES - 1)
-        x, y, z = 0.0, 0.0, 0.0
-        for b in range(3):
-            offset = ends[c, 0, b] + t * (ends[c, 1, b] - ends[c, 0, b]) - pose[b, 3]
-            x += pose[b, 0] * offset
-            y += pose[b, 1] * offset
-            z += pose[b, 2] * offset
-        if z <= 0.1:
-            continue
-        u = int(np.floor(camera[0] * x / z + camera[2] + 0.5))
-        v = int(np.floor(camera[1] * y / z + camera[3] + 0.5))
-        if 0 <= u < width and 0 <= v < height:
-            seen, radius = depth[v, u], max(radii[c, 0], radii[c, 1])
-            out[0, n], out[2, n] = True, owner[v, u] == mine
-            out[1, n] = 0.0 < seen < z - radius - _BEFORE
-    return out

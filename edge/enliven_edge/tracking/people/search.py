@@ -1,4 +1,4 @@
-"""Looking for bodies in groups of pixels that may be somebody new."""
+"""The search for bodies in groups of pixels that may be new people."""
 
 from __future__ import annotations
 
@@ -10,41 +10,46 @@ from enliven.arrays import Bool
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import Follower
-from enliven_edge.tracking.people.person import trunk_shown
 from enliven_edge.tracking.people.recognition import likelihood
+from enliven_edge.tracking.people.visibility import trunk_shown
 from enliven_edge.tracking.segment import Candidate
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Steps
 
 TRIES = 3
-"""Groups of pixels that are looked at in a frame while nobody is followed; else one."""
+"""Groups of pixels in one search while no person is followed, else one: the fits need the time."""
 _CLEARLY = 0.05
-"""How much better a less likely group of pixels must be explained to be taken for a person."""
-_SHOWN, _FAINT = 0.6, 0.36
-"""Share of the trunk that must be seen where one is found, and how sure the joints must be at the least."""
+"""Share of explained points by which a less likely group of pixels must beat a likelier one."""
+_SHOWN = 0.6
+"""Share of a guessed body's trunk that the pixels must show: people behind things mostly show it."""
+_FAINT = 0.36
+"""Mean confidence that the joints of a guessed body must exceed: with less, few of its joints are seen."""
 _HIGH = 1.3
-"""Metres above the floor that nobody's hip centre is by a guess: it is a wall, or a shelf."""
-_CERTAIN, _CLEAR = 0.8, 0.68
-"""How well somebody in an unlikely posture must be explained, and how sure the joints, among others."""
-
-_SOMEBODY, _PLAINLY = 0.8, 0.9
-"""How likely the network must find it to be a person; or how well it must be explained where it has a head
-above shoulders."""
-
+"""Metres above the floor from which a guessed body's hip centre is none: it is a wall, or a shelf."""
+_CERTAIN = 0.8
+"""Share of points explained, and of trunk shown, from which an unlikely group of pixels is a person."""
+_CLEAR = 0.68
+"""Mean confidence of the joints that this takes too: a false body does more harm than a late one."""
+_PERSON = 0.8
+"""Probability by the network from which a body is a person's: of people nearly all exceed 0.85."""
+_PLAINLY = 0.9
+"""Share of the points explained that makes up for a lower one, where a head is seen above shoulders."""
 _ONE = 0.9
-"""How likely several parts must be one person together, and how well one body must explain them."""
+"""Probability of being one person, and share explained by one body, from which split parts are one."""
 _SAME = 0.25
-"""Metres between the hip centres of two people in whom one is seen."""
+"""Metres between two hip centres below which both are of one person: raised arms were found as another."""
+_MOSTLY = 0.5
+"""Share of a group of pixels that belongs to a body just found from which the group is not searched."""
 
 Found = tuple[Candidate, Follower, float]
-"""In whom a body was found, its fit, and how well that explains the pixels (up to 1)."""
+"""The newcomer in which a body was found, its fit, and how well that explains the pixels (up to 1)."""
 
 
 class Search:
     """Finds bodies in newcomers.
 
     Args:
-        expecting: the settings for a newcomer at a time: those of somebody who is awaited, say.
+        expecting: returns the settings for a newcomer at a time, say with the height of an awaited person.
     """
 
     def __init__(self, fitter: Fitter, expecting: Callable[[Candidate, int], TrackerSettings]) -> None:
@@ -60,9 +65,10 @@ class Search:
         alone: bool,
         most: int,
     ) -> Steps[None]:
-        """Adds bodies to ``made``: those of newcomers that are surely people, else the best of the others.
+        """Adds bodies to ``made``: of newcomers that are surely people, else the best of the others.
 
         Args:
+            alone: whether no person is followed.
             most: how many may be found.
         """
         yield from self.found(view, sure[: min(most, TRIES if alone else 1)], made, alone=alone)
@@ -72,7 +78,7 @@ class Search:
     def found(
         self, view: FrameView, newcomers: Sequence[Candidate], made: list[Found], *, alone: bool
     ) -> Steps[None]:
-        """Adds those of the newcomers in whom a body is found to ``made``; ``alone``: nobody is followed."""
+        """Adds the newcomers in which a body is found to ``made``; ``alone``: no person is followed."""
         vain: list[Bool] = []
         for newcomer in newcomers:
             body = None if _within(newcomer, made) else (yield from self._body(view, newcomer, vain))
@@ -86,10 +92,10 @@ class Search:
     def _body(
         self, view: FrameView, newcomer: Candidate, vain: list[Bool]
     ) -> Steps[tuple[Follower, float] | None]:
-        """The body in a newcomer; where one explains more of what it was parted from, in all of that.
+        """Searches the newcomer joined with parts that were split from it, then the newcomer alone.
 
         Args:
-            vain: (h, w) unions that were looked at for others in vain; those of this newcomer are added.
+            vain: (h, w) unions that were searched in vain already; those of this newcomer are added.
         """
         expecting = self._expecting(newcomer, view.time_ns)
         for union in newcomer.unions if expecting.estimator else []:
@@ -107,7 +113,7 @@ class Search:
         return (yield from Follower.sought(view, newcomer.pixels, expecting, self._fitter))
 
     def best_guess(self, view: FrameView, due: Sequence[Candidate], *, alone: bool) -> Steps[list[Found]]:
-        """In any posture somebody is better than nobody: the likeliest, or one explained clearly better."""
+        """Returns the likeliest of some doubtful newcomers, or one explained clearly better; at most one."""
         best: list[Found] = []
         found: list[Found] = []
         yield from self.found(view, due[: TRIES if alone else 1], found, alone=alone)
@@ -123,23 +129,23 @@ class Search:
 
 
 def _likely(newcomer: Candidate, follower: Follower, explained: float) -> bool:
-    """Whether what a body was found in is likely to be a person and no thing."""
-    return follower.somebody > _SOMEBODY or (newcomer.shape.upright and explained > _PLAINLY)
+    """Whether the pixels of a found body are likely a person and no thing."""
+    return follower.person_probability > _PERSON or (newcomer.shape.upright and explained > _PLAINLY)
 
 
 def _within(newcomer: Candidate, found: list[Found]) -> bool:
-    """Whether most of it turned out to be of somebody who was just found."""
+    """Whether most of the newcomer belongs to a person who was just found."""
     size = max(1, int(newcomer.pixels.sum()))
-    return any(int((newcomer.pixels & other.pixels).sum()) > 0.5 * size for other, _, _ in found)
+    return any(int((newcomer.pixels & other.pixels).sum()) > _MOSTLY * size for other, _, _ in found)
 
 
 def _again(follower: Follower, found: list[Found]) -> bool:
-    """Whether somebody was just found there: in another piece of them."""
+    """Whether a person was just found at the same place, in another piece of the same person."""
     place = follower.posture.position
     return any(float(np.linalg.norm(other.posture.position - place)) < _SAME for _, other, _ in found)
 
 
 def _certain(view: FrameView, newcomer: Candidate, follower: Follower, explained: float) -> bool:
-    """Whether a body is so well borne out that it is believed in an unlikely group of pixels."""
+    """Whether the evidence for a body suffices to believe it in an unlikely group of pixels."""
     shown = trunk_shown(view, follower.posture, newcomer.pixels)
     return min(explained, shown) > _CERTAIN and float(follower.confidence.mean()) > _CLEAR

@@ -15,12 +15,12 @@ from enliven_edge.tracking.work_budget import Budget, BudgetedTask
 
 
 @dataclass(frozen=True)
-class Sighting:
+class FoundBody:
     """A body that was found.
 
     Attributes:
-        newcomer: in which it was found, as it is now.
-        shown: the same as it was in the frame in which the body was found.
+        newcomer: the group of pixels with the body, as it is now.
+        shown: the same group as it was in the frame that was searched.
         centre: (3,) metres, world frame, of the newcomer in that frame.
         follower: the fit to that frame.
     """
@@ -31,11 +31,11 @@ class Sighting:
     follower: Follower
 
 
-class Lookout:
-    """Looks for bodies in the newcomers of one frame until all is done, then in those of another.
+class SpreadSearch:
+    """Searches the newcomers of one frame for bodies, a part of the work in each frame.
 
     Attributes:
-        view: the frame that is looked at.
+        view: the frame that is searched.
     """
 
     def __init__(self, search: Search) -> None:
@@ -52,11 +52,11 @@ class Lookout:
 
     @property
     def sought(self) -> list[Candidate]:
-        """The newcomers that are looked at."""
+        """The newcomers that are searched."""
         return [newcomer for newcomer, _, _ in self._tried]
 
     def stop(self) -> None:
-        """Gives up what is under way."""
+        """Gives up the search that is under way."""
         self._task, self._tried, self._made, self.view = None, [], [], None
 
     def start(
@@ -68,7 +68,7 @@ class Lookout:
         alone: bool,
         most: int,
     ) -> None:
-        """Looks at a frame from now on; arguments as of :meth:`Search.looked`."""
+        """Begins to search a frame; arguments as of :meth:`Search.looked`."""
         self.stop()
         self._tried = [(n, copy.copy(n), n.centre) for n in (*sure, *others)]
         shown = [copied for _, copied, _ in self._tried]
@@ -76,19 +76,19 @@ class Lookout:
         self._task = BudgetedTask(self._search.looked(view, here, there, self._made, alone=alone, most=most))
         self.view = view
 
-    def go_on(self, budget: Budget) -> list[Sighting]:
-        """Goes on with the search; the bodies that were found, all at once when it is done.
+    def go_on(self, budget: Budget) -> list[FoundBody]:
+        """Goes on with the search; returns the bodies that were found, all at once when it is done.
 
-        Of two who hold hands, one who was followed first would be taken for both.
+        All at once, because of two people holding hands the first one followed would be fitted to both.
         """
         if self._task is None or not self._task.go_on(budget):
             return []
         for newcomer, tried, _ in self._tried:
             newcomer.settle(tried)
-        found = [self._sighting(each) for each in self._made]
+        found = [self._found_body(each) for each in self._made]
         self._task, self._tried = None, []
         return found
 
-    def _sighting(self, found: Found) -> Sighting:
+    def _found_body(self, found: Found) -> FoundBody:
         newcomer, centre = next((n, at) for n, shown, at in self._tried if shown is found[0])
-        return Sighting(newcomer, found[0], centre, found[1])
+        return FoundBody(newcomer, found[0], centre, found[1])

@@ -16,12 +16,12 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import (
     CARRIES,
     agreement,
+    estimate_at_points,
     facing,
     facing_score,
-    looked_at,
     turned_about,
 )
-from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, Part
+from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, BodyPart
 
 PARTS_RIGHT = 0.6
 """Least share of the points whose part the shipped network tells rightly."""
@@ -75,7 +75,7 @@ def test_what_carries_a_left_part_is_on_the_left():
     for part in range(1, PARTS):
         carriers = [c for c in np.flatnonzero(CARRIES[:, part]) if c != NECK]
         side = 1 if part % 2 else -1
-        assert carriers and all(side * x[c] > 0.02 for c in carriers), Part(part).name
+        assert carriers and all(side * x[c] > 0.02 for c in carriers), BodyPart(part).name
 
 
 @given(st.integers(0, 10_000), st.floats(0.01, 0.5))
@@ -96,9 +96,11 @@ def test_a_point_is_farther_from_a_capsule_the_less_it_looks_like_it(seed, metre
 
 
 def test_a_left_hand_is_far_from_the_right_one_unless_sides_do_not_matter():
-    shown = np.eye(PARTS)[[Part.HAND_LEFT]]
+    shown = np.eye(PARTS)[[BodyPart.HAND_LEFT]]
     seen = seen_as(estimate_of(np.zeros((20, 3))), np.zeros((1, 3)), shown)
-    left, right = (int(np.flatnonzero(CARRIES[:, part])[0]) for part in (Part.HAND_LEFT, Part.HAND_RIGHT))
+    left, right = (
+        int(np.flatnonzero(CARRIES[:, part])[0]) for part in (BodyPart.HAND_LEFT, BodyPart.HAND_RIGHT)
+    )
     assert seen.affinity(0.1)[[left, right], 0].tolist() == pytest.approx([0.0, 0.1])
     assert seen.sideless_affinity(0.1)[[left, right], 0].tolist() == pytest.approx([0.0, 0.0])
 
@@ -210,10 +212,10 @@ def test_the_network_tells_the_front_from_the_back_for_most():
 def test_another_estimate_of_the_same_frame_is_seen_at_the_same_points():
     """As if it had been looked at by itself, whether all points are kept or some."""
     observation, _ = seen_person("one leg up", SEEDS[0])
-    seen, supposed = seen_in(observation)
-    for estimate in supposed:
-        other, itself = seen.of(estimate), looked_at(observation, estimate)
+    seen, by_facing = seen_in(observation)
+    for estimate in by_facing:
+        other, itself = seen.of(estimate), estimate_at_points(observation, estimate)
         assert other.estimate is estimate and other.points is observation.points
         assert_alike(other.probabilities, itself.probabilities)
         assert_alike(seen.thinned(7).of(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
-    np.testing.assert_allclose(seen.of(supposed[0]).probabilities, seen.probabilities, atol=1e-3)
+    np.testing.assert_allclose(seen.of(by_facing[0]).probabilities, seen.probabilities, atol=1e-3)

@@ -30,16 +30,16 @@ MEDIAN, FAR, NOT_FAR = 0.08, 0.15, 0.6
 MORE_WITH, ALONE = 0.1, 0.5
 """How much larger the share of joints within 10 cm is with the network; and what it is without, at least."""
 SUPPOSED = 0.10
-"""Metres, for most people, that the best of what is supposed is off on average."""
+"""Metres, for most people, that the best of the network's estimates by facing is off on average."""
 
 
 @cache
 def found(name: str, seed: int, network: bool) -> Posture:
     """Somebody detected from scratch."""
     observation, _ = seen_person(name, seed)
-    seen, supposed = seen_in(observation) if network else (None, None)
+    seen, by_facing = seen_in(observation) if network else (None, None)
     eye = observation.view[4][:3, 3]
-    posture, report = whole(detect(Fitter(FitSettings()), observation, eye, 1.72, seen, supposed))
+    posture, report = whole(detect(Fitter(FitSettings()), observation, eye, 1.72, seen, by_facing))
     assert quality(report) > (0.6 if network else 0.5), f"{name} {seed}"
     return posture
 
@@ -83,13 +83,13 @@ def test_what_is_supposed_is_near_the_truth_for_most():
 
 def test_it_is_supposed_that_people_face_as_they_likely_do_or_the_other_way():
     observation, _ = seen_person("side", SEEDS[0])
-    seen, supposed = seen_in(observation)
+    seen, by_facing = seen_in(observation)
     likeliest = np.argsort(-seen.estimate.facing)[:3]
-    assert len(supposed) == 5
-    assert all(each.crop is seen.estimate.crop for each in supposed)
-    np.testing.assert_allclose(supposed[0].joints, seen.estimate.joints, atol=1e-3)
+    assert len(by_facing) == 5
+    assert all(each.crop is seen.estimate.crop for each in by_facing)
+    np.testing.assert_allclose(by_facing[0].joints, seen.estimate.joints, atol=1e-3)
     ways = [2 * np.pi / FACINGS * way for way in (*likeliest, likeliest[0] + FACINGS / 2)]
-    for way, each in zip(ways, supposed[1:], strict=True):
+    for way, each in zip(ways, by_facing[1:], strict=True):
         told = seen_in(observation, facing=way)[0].estimate
         np.testing.assert_allclose(each.joints, told.joints, atol=1e-3)
 
@@ -132,12 +132,12 @@ def test_another_posture_is_found_only_where_it_may_be_better():
     """Who is fitted rightly is left as they are; who is fitted as somebody else stands is found again."""
     observation, _ = seen_person("one leg up", SEEDS[0])
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
-    seen, supposed = seen_in(observation)
-    right, report = whole(detect(fitter, observation, eye, 1.72, seen, supposed))
-    again = whole(detect_another(fitter, observation, seen, eye, 1.72, right, supposed))
+    seen, by_facing = seen_in(observation)
+    right, report = whole(detect(fitter, observation, eye, 1.72, seen, by_facing))
+    again = whole(detect_another(fitter, observation, seen, eye, 1.72, right, by_facing))
     assert again is None or np.linalg.norm(again[0].joints() - right.joints(), axis=1).mean() < 0.05
     for wrong in (standing_as(right), turned_about(right)):
-        found_again = whole(detect_another(fitter, observation, seen, eye, 1.72, wrong, supposed))
+        found_again = whole(detect_another(fitter, observation, seen, eye, 1.72, wrong, by_facing))
         assert found_again is not None
         assert found_again[1].energy < 1.2 * report.energy
 

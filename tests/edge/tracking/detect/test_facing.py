@@ -7,7 +7,7 @@ from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.chest import chest_axes, chest_axes_about
 from enliven_edge.tracking.body_model.posture import Posture, rotation
-from enliven_edge.tracking.detect.appearance import Seen, facing_score, turned_about
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing_score, turned_about
 from enliven_edge.tracking.detect.facing_side import Facing, _advantage, backward, forward_in_plan
 
 STILL = (0.0, 0.0, 0.0)
@@ -17,13 +17,13 @@ def standing(yaw: float = 0.0) -> Posture:
     return Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(yaw), model.lengths_for_height(1.7))
 
 
-def seen_facing(posture: Posture | None, plainly: float = 2.5) -> Seen:
+def seen_facing(posture: Posture | None, plainly: float = 2.5) -> EstimateAtPoints:
     """What the network says of somebody who faces as the posture does; of nobody in particular where None."""
     joints = standing().joints() if posture is None else posture.joints()
     return seen_as(estimate_of(joints, ways=ways_of(posture, plainly)))
 
 
-def verdicts(posture: Posture, seen: Seen, velocity=STILL, frames: int = 40) -> list[bool]:
+def verdicts(posture: Posture, seen: EstimateAtPoints, velocity=STILL, frames: int = 40) -> list[bool]:
     facing = Facing()
     return [facing.is_wrong(seen, posture, EYE, np.array(velocity, float)) for _ in range(frames)]
 

@@ -13,7 +13,7 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import turned_about
 from enliven_edge.tracking.detect.hypotheses import BANK
-from enliven_edge.tracking.detect.posing import drawn, posed
+from enliven_edge.tracking.detect.posing import aligned_to, posed
 from enliven_edge.tracking.fit.gauss_newton import stepped
 
 SEEDS = st.integers(0, 10_000)
@@ -71,7 +71,7 @@ def test_any_posture_is_found_again_from_its_own_joints(seed):
 def test_a_posture_is_drawn_to_the_joints_from_one_nearby(seed):
     wanted = random_posture(seed)
     start = nudged(wanted, np.random.default_rng(seed + 1).normal(0, 0.25, 27))
-    made = drawn(start, estimate_of(wanted.joints()))
+    made = aligned_to(start, estimate_of(wanted.joints()))
     assert apart(made, wanted).mean() < max(ON_AVERAGE, 0.5 * apart(start, wanted).mean())
 
 
@@ -83,7 +83,7 @@ def test_lengths_are_kept_and_the_start_is_not_touched(seed):
     np.testing.assert_array_equal(posed(estimate, lengths).lengths, lengths)
     start = nudged(wanted, np.full(27, 0.2))
     kept = start.copy()
-    np.testing.assert_array_equal(drawn(start, estimate).lengths, kept.lengths)
+    np.testing.assert_array_equal(aligned_to(start, estimate).lengths, kept.lengths)
     np.testing.assert_array_equal(start.joints(), kept.joints())
     np.testing.assert_array_equal(lengths, model.lengths_for_height(1.6))
 

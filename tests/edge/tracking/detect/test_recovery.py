@@ -1,4 +1,4 @@
-"""Joints that are seen elsewhere: the fit keeps near them, and second thoughts bring a lost limb there."""
+"""Joints that are seen elsewhere: the fit keeps near them, and recovery brings a lost limb there."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect import recovery
 from enliven_edge.tracking.detect.appearance import turned_about
-from enliven_edge.tracking.detect.recovery import SecondThoughts, whole_bodies
+from enliven_edge.tracking.detect.recovery import PoseRecovery, whole_bodies
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation
 from enliven_edge.tracking.settings import FitSettings
@@ -48,12 +48,12 @@ def off(posture: Posture, truth: Posture, joints) -> float:
 
 
 def reconsidered(observation: Observation, start: Posture, seen) -> Posture:
-    """A posture after so many frames of second thoughts, all its capsules sure of themselves."""
+    """A posture after so many frames of recovery, all its capsules sure."""
     fitter = Fitter(FitSettings())
-    thoughts = SecondThoughts(fitter)
+    pose_recovery = PoseRecovery(fitter)
     posture, report = fitter.fit(observation, start)
     for _ in range(TURNS):
-        posture, report = thoughts.reconsider(observation, posture, report, SURE, seen)
+        posture, report = pose_recovery.reconsider(observation, posture, report, SURE, seen)
     return posture
 
 
@@ -70,7 +70,7 @@ def test_who_is_where_they_are_seen_is_left_alone():
     fitter, observation = Fitter(FitSettings()), observed(arm_out())
     posture, report = fitter.fit(observation, arm_out())
     seen = seen_of(posture, observation)
-    made, same = SecondThoughts(fitter).reconsider(observation, posture, report, SURE, seen)
+    made, same = PoseRecovery(fitter).reconsider(observation, posture, report, SURE, seen)
     assert made is posture and same is report
 
 
@@ -147,5 +147,5 @@ def test_what_is_seen_is_not_left_for_what_the_network_does_not_know(loses, kept
     seen = seen_of(standing(), observation)
     sure = replace(seen, estimate=replace(seen.estimate, spread=np.full(20, 0.01)))
     misled = replace(observation, landmarks=sure.estimate.landmarks)
-    made, _ = SecondThoughts(fitter).reconsider(misled, posture, report, SURE, sure)
+    made, _ = PoseRecovery(fitter).reconsider(misled, posture, report, SURE, sure)
     assert (off(made, arm_out(), LEFT_ARM) < 0.1) == kept

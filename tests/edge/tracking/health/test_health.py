@@ -16,7 +16,7 @@ from enliven_edge.tracking.frame.depth_survey import survey
 from enliven_edge.tracking.frame.frame_timing import FrameTiming
 from enliven_edge.tracking.health.alarm import Alarm
 from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings, TrackerState
-from enliven_edge.tracking.health.messages import COMPLAINTS
+from enliven_edge.tracking.health.messages import HEALTH_MESSAGES
 
 STEP = 33_333_333
 CAMERA = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
@@ -131,10 +131,10 @@ def test_an_alarm_changes_no_sooner_than_it_may(wrong, raise_after, clear_after)
 
 
 def test_every_kind_has_its_sentence_and_what_to_do():
-    assert set(COMPLAINTS) == set(HealthKind)
-    for complaint in COMPLAINTS.values():
-        assert complaint.what.endswith(".") and complaint.mend.endswith(".")
-        assert len(complaint.what) < 120 and len(complaint.mend) < 120
+    assert set(HEALTH_MESSAGES) == set(HealthKind)
+    for message in HEALTH_MESSAGES.values():
+        assert message.what.endswith(".") and message.mend.endswith(".")
+        assert len(message.what) < 120 and len(message.mend) < 120
 
 
 # --- the monitor -------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from enliven.person.body import Body, Joint
-from enliven_edge.tracking.output.contact import Contacts
+from enliven_edge.tracking.output.contact import FootContacts
 from enliven_edge.tracking.settings import FootContactSettings
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
@@ -26,7 +26,7 @@ def walk(offset: float = 0.0, noise: float = 0.0, frames: int = 250):
 
 @pytest.mark.parametrize(("offset", "noise"), [(0.0, 0.0), (0.03, 0.002), (-0.02, 0.002)])
 def test_a_walk_s_contacts_are_those_of_its_footwork(offset, noise):
-    contacts = Contacts(FootContactSettings())
+    contacts = FootContacts(FootContactSettings())
     said, true = [], []
     for i, (body, planted) in enumerate(walk(offset, noise)):
         said.append(contacts(body.joints, body.confidence, i * STEP) > 0.5)
@@ -37,7 +37,7 @@ def test_a_walk_s_contacts_are_those_of_its_footwork(offset, noise):
 
 
 def test_it_does_not_flicker():
-    contacts = Contacts(FootContactSettings())
+    contacts = FootContacts(FootContactSettings())
     said = np.array(
         [contacts(b.joints, b.confidence, i * STEP) > 0.5 for i, (b, _) in enumerate(walk(0, 0.002))]
     )
@@ -49,7 +49,7 @@ def test_it_does_not_flicker():
 def test_standing_is_standing_and_a_jump_is_not():
     with SyntheticSensor(choreography="idle", realtime=False) as sensor:
         body = sensor.truth(0)
-    contacts = Contacts(FootContactSettings())
+    contacts = FootContacts(FootContactSettings())
     for i in range(10):
         said = contacts(body.joints, body.confidence, i * STEP)
     assert said.min() > 0.9
@@ -63,7 +63,7 @@ def test_a_foot_that_is_not_seen_stands_nowhere():
         body = sensor.truth(0)
     confidence = body.confidence.copy()
     confidence[[Joint.FOOT_LEFT, Joint.ANKLE_LEFT]] = 0.0
-    contacts = Contacts(FootContactSettings())
+    contacts = FootContacts(FootContactSettings())
     for i in range(5):
         left, right = contacts(body.joints, confidence, i * STEP)
     assert left == 0.0 and right > 0.9
@@ -73,14 +73,14 @@ def test_a_body_that_floats_does_not_stand():
     """The floor is where the floor is: feet half a metre above it stand on nothing the sensor knows."""
     with SyntheticSensor(choreography="idle", realtime=False) as sensor:
         body = sensor.truth(0)
-    contacts = Contacts(FootContactSettings())
+    contacts = FootContacts(FootContactSettings())
     for i in range(30):
         said = contacts(body.joints + 0.5 * UP, body.confidence, i * STEP)
     assert said.max() < 0.1
 
 
 class _Slowly:
-    """The same as :class:`Contacts`, all points at once in whole arrays."""
+    """The same as :class:`FootContacts`, all points at once in whole arrays."""
 
     def __init__(self, settings: FootContactSettings) -> None:
         self.settings, self.last, self.time_ns = settings, None, 0
@@ -110,7 +110,7 @@ class _Slowly:
 def test_foot_by_foot_is_as_all_at_once(seed):
     """Feet that come and go anyhow, over frames that are missing now and then."""
     random, settings = np.random.default_rng(seed), FootContactSettings()
-    fast, slow = Contacts(settings), _Slowly(settings)
+    fast, slow = FootContacts(settings), _Slowly(settings)
     joints, time_ns = random.normal(0, 1, (20, 3)), 0
     for _ in range(60):
         joints = joints + random.normal(0, 0.02 * random.random(), (20, 3))

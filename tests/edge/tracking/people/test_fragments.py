@@ -16,7 +16,7 @@ from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
 from enliven_edge.tracking.frame.view import FrameView
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.identity import Looks
-from enliven_edge.tracking.people.people import Crowd
+from enliven_edge.tracking.people.people import MultiPersonTracker
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.scene.room import UNSEEN, RoomModel
 from enliven_edge.tracking.segment.candidates import YOUNG, _reaches
@@ -44,14 +44,14 @@ def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.nda
     """(h, w) what the room is not to learn, with somebody followed so many metres to the right, or nobody."""
     settings = TrackerSettings(estimator=False)
     fitter = Fitter(settings.fit)
-    crowd = Crowd(settings, fitter)
+    tracker = MultiPersonTracker(settings, fitter)
     if somebody_at is not None:
         posture = Posture(np.array([somebody_at, 0.95, -2.4]), standing(), lengths_for_height(1.75))
-        crowd.people.append(Person(1, Follower(settings, fitter, posture), Looks(), 0))
+        tracker.people.append(Person(1, Follower(settings, fitter, posture), Looks(), 0))
     room = RoomModel(view.z.shape)
     room.age = age
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
-    return crowd.look(view, kind, segmented(view, kind, []), room, believe=False)
+    return tracker.find_new(view, kind, segmented(view, kind, []), room, believe=False)
 
 
 def test_a_shank_beside_somebody_is_held():

@@ -164,7 +164,7 @@ def test_who_was_plainly_a_person_for_long_stays_one(plain_frames, vague, scene)
     someone.follower.follow = lambda *_: False  # type: ignore[method-assign]
     someone.follower.confidence = np.ones(20)
     for frame in range(plain_frames + 30):
-        someone.follower.somebody = 0.95 if frame < plain_frames else 0.1
+        someone.follower.person_probability = 0.95 if frame < plain_frames else 0.1
         someone.follow(view, mask, whole=True)
     assert someone.vague == vague
     assert person._PLAIN_FRAMES == 10

@@ -5,36 +5,36 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.detect.backoff import Patience
+from enliven_edge.tracking.detect.backoff import Backoff
 
 
-def frames_between(patience: Patience, badness: float, trials: int) -> list[int]:
+def frames_between(backoff: Backoff, badness: float, trials: int) -> list[int]:
     """Frames that went by before each of some trials in vain."""
     gaps = []
     for _ in range(trials):
         waited = 1
-        while not patience.is_due(badness):
+        while not backoff.is_due(badness):
             waited += 1
         gaps.append(waited)
-        patience.tried(badness, better=False)
+        backoff.tried(badness, better=False)
     return gaps
 
 
 def test_in_vain_it_waits_twice_as_long_each_time_and_no_longer_than_asked():
-    assert frames_between(Patience(6), 0.3, 6) == [1, 2, 4, 6, 6, 6]
+    assert frames_between(Backoff(6), 0.3, 6) == [1, 2, 4, 6, 6, 6]
 
 
 def test_what_helped_is_tried_in_every_bad_frame():
-    patience = Patience(8)
-    frames_between(patience, 0.3, 5)
-    assert not patience.is_due(0.3)
-    patience.tried(0.3, better=True)
-    assert patience.is_due(0.3)
+    backoff = Backoff(8)
+    frames_between(backoff, 0.3, 5)
+    assert not backoff.is_due(0.3)
+    backoff.tried(0.3, better=True)
+    assert backoff.is_due(0.3)
 
 
 @given(st.floats(0.01, 1.0), st.floats(1.0, 3.0), st.integers(2, 20))
 @settings(max_examples=50, deadline=None)
 def test_only_what_is_plainly_worse_is_tried_at_once(badness, times, longest):
-    patience = Patience(longest, worse=1.5)
-    frames_between(patience, badness, 10)
-    assert patience.is_due(times * badness) == (times * badness > 1.5 * badness)
+    backoff = Backoff(longest, worse=1.5)
+    frames_between(backoff, badness, 10)
+    assert backoff.is_due(times * badness) == (times * badness > 1.5 * badness)

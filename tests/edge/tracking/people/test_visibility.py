@@ -14,7 +14,8 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.fit.gauss_newton import stepped
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
 from enliven_edge.tracking.frame.view import FrameView
-from enliven_edge.tracking.people.person import heights_beside, mean_point, sight, trunk_shown
+from enliven_edge.tracking.people.person import heights_beside, mean_point
+from enliven_edge.tracking.people.visibility import hidden_shares, trunk_shown
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 50, 48, 39.2, 29.7), 80)
 MOUNT = world_from_level_camera(1.2)
@@ -80,7 +81,7 @@ def test_what_hides_somebody_is_told_as_sample_by_sample(seed):
     random = np.random.default_rng(seed)
     view, posture, owner = random_view(random), random_person(random), random.integers(-1, 2, SHAPE)
     inside, behind, own = samples_slowly(view, posture, owner == 1)
-    assert sight(view, posture, owner, 1) == pytest.approx((np.mean(behind & ~own), np.mean(~inside)))
+    assert hidden_shares(view, posture, owner, 1) == pytest.approx((np.mean(behind & ~own), np.mean(~inside)))
 
 
 @given(st.integers(0, 100_000), st.floats(0.0, 1.0))
@@ -96,24 +97,24 @@ def test_the_trunk_that_is_shown_is_told_as_sample_by_sample(seed, share):
 
 
 def test_who_stands_free_is_all_in_sight():
-    assert sight(view_of(wall()), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
+    assert hidden_shares(view_of(wall()), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
     assert trunk_shown(view_of(wall()), person(), np.ones(SHAPE, bool)) == 1.0
     assert trunk_shown(view_of(wall()), person(), np.zeros(SHAPE, bool)) == 0.0
 
 
 def test_a_board_before_somebody_hides_them_but_not_behind_their_own_pixels():
     board = view_of(wall(1.0))
-    assert sight(board, person(), np.full(SHAPE, -1), 0) == (1.0, 0.0)
-    assert sight(board, person(), np.zeros(SHAPE, np.int64), 0) == (0.0, 0.0)
+    assert hidden_shares(board, person(), np.full(SHAPE, -1), 0) == (1.0, 0.0)
+    assert hidden_shares(board, person(), np.zeros(SHAPE, np.int64), 0) == (0.0, 0.0)
 
 
 def test_where_nothing_is_measured_nobody_is_hidden():
-    assert sight(view_of(np.zeros(SHAPE)), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
+    assert hidden_shares(view_of(np.zeros(SHAPE)), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("away", [person(z=2.0), person(x=9.0)])
 def test_who_is_beside_or_behind_the_sensor_is_outside_the_image(away):
-    assert sight(view_of(wall(1.0)), away, np.full(SHAPE, -1), 0) == (0.0, 1.0)
+    assert hidden_shares(view_of(wall(1.0)), away, np.full(SHAPE, -1), 0) == (0.0, 1.0)
     assert trunk_shown(view_of(wall(1.0)), away, np.ones(SHAPE, bool)) == 0.0
 
 

@@ -1,0 +1,162 @@
+"""Finds new people among the pixels that belong to no person who is followed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float, UInt8
+from enliven_edge.tracking.fit import Fitter
+from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.people.recognition import recognise
+from enliven_edge.tracking.people.roster import Roster
+from enliven_edge.tracking.people.search import Search
+from enliven_edge.tracking.people.spread_search import FoundBody, SpreadSearch
+from enliven_edge.tracking.scene import ROOM, RoomModel
+from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, Segments, segmented
+from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.work_budget import Budget
+
+_LOOSE = 0.4
+"""Share of a newcomer's outline that nothing surrounds from which its pixels are kept out of the room."""
+_FRAGMENT = 0.12
+"""Square metres that a fragment of a person shows at most: a shank seen apart from its thigh."""
+_FRAGMENT_NEAR = 0.6
+"""Metres in plan from a person within which a small group of pixels is a fragment of that person."""
+_LEAST = 6
+"""Coarse fits that a search may cost in every frame, however many newcomers are measured in it."""
+_MEASURED = 1 / 3
+"""Coarse fits: the cost of measuring the shape of one newcomer."""
+_IN_PLAN = np.array([1.0, 0.0, 1.0])
+"""The part of a step of a newcomer's middle that moves its body: the height of the middle changes with what
+is seen of the person."""
+
+
+class PeopleFinder:
+    """Watches newcomers until they convince, and searches them for bodies over several frames."""
+
+    def __init__(self, settings: TrackerSettings, fitter: Fitter, roster: Roster) -> None:
+        self.settings = settings
+        self._roster = roster
+        self._newcomers = Candidates()
+        self._search = SpreadSearch(Search(fitter, roster.expecting))
+        self._budget = Budget(0.0)
+        self._first = True
+
+    @property
+    def bystanders(self) -> int:
+        """How many people are seen who are no performers."""
+        return self._newcomers.bystanders
+
+    def clear(self) -> None:
+        """Forgets all newcomers and gives up the search."""
+        self._newcomers.clear()
+        self._search.stop()
+
+    def allot(self, budget: Budget, *, first: bool) -> None:
+        """Sets what the search may cost in this frame; ``first``: it is the tracker's first frame."""
+        self._budget, self._first = budget, first
+
+    def refuse(self, place: Float, time_ns: int) -> None:
+        """Takes what stands at a (3,) place for a thing, where a body was found by mistake."""
+        self._newcomers.refuse(place, time_ns)
+
+    def searched_pixels(self, view: FrameView) -> Bool:
+        """Returns the (h, w) pixels of the newcomers that are being searched."""
+        made = np.zeros(view.z.shape, bool)
+        for newcomer in self._search.sought:
+            if newcomer.seen_ns == view.time_ns:
+                made |= newcomer.pixels
+        return made
+
+    def find(
+        self, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel, *, believe: bool = True
+    ) -> Bool:
+        """Finds people among the pixels of no person; returns the (h, w) pixels that may become a person.
+
+        Args:
+            kind: (h, w) as of :meth:`Room.classify`.
+            segments: of this frame; a person who is found gets pixels of their own in it.
+            believe: False in a frame that may show a sensor that is being moved: none is found then.
+        """
+        newcomers = self._newcomers.update(
+            view, kind, segments, self._roster.admits, self._roster.awaits, young=room.age < YOUNG
+        )
+        self._budget.left -= _MEASURED * len(newcomers)
+        if self.settings.estimator:
+            recognise(newcomers, view, self._budget)
+        free = [n for n in newcomers if n.shape.free > _LOOSE or n in self._search.sought]
+        hold = self._held_pixels(view, segments, free, room)
+        due = self._due(newcomers, view, room)
+        if not believe:
+            self._search.stop()
+        elif not self._search.busy:
+            self._start_search(due, view)
+        if not self._first:
+            self._budget.left = max(_LEAST, self._budget.left)
+        elif self._budget.left < np.inf:
+            # The first frame measures every group of pixels in the room: the search begins in the next one.
+            self._budget.left = 0.0
+        for body in self._search.go_on(self._budget):
+            pixels = self._caught_up(body, view, kind, segments)
+            if pixels is not None:
+                self._welcome(body, pixels, view, segments)
+        return hold
+
+    def _held_pixels(
+        self, view: FrameView, segments: Segments, free: list[Candidate], room: RoomModel
+    ) -> Bool:
+        """Returns the (h, w) pixels of free newcomers, in a young room also fragments beside people."""
+        hold = np.zeros(view.z.shape, bool)
+        for newcomer in free:
+            hold |= newcomer.pixels
+        if room.age < YOUNG:
+            hold |= _fragments(segments, [n.centre for n in free] + [p.place for p in self._roster.people])
+        return hold
+
+    def _due(self, newcomers: list[Candidate], view: FrameView, room: RoomModel) -> list[Candidate]:
+        """Returns the newcomers to search for a body now."""
+        alone, missing = not self._roster.people, self._roster.missing
+        return [
+            n
+            for n in newcomers
+            if not n.bystander and n.due(view.time_ns, room.age, alone=alone, missing=missing)
+        ]
+
+    def _start_search(self, due: list[Candidate], view: FrameView) -> None:
+        """Begins to search newcomers for bodies, unless as many people are followed as the settings allow."""
+        sure = [n for n in due if n.convincing or n.proven]
+        most = self.settings.people.most - len(self._roster.people)
+        if due and most > 0:
+            others = [n for n in due if n not in sure]
+            self._search.start(view, sure, others, alone=not self._roster.people, most=most)
+
+    def _caught_up(self, body: FoundBody, view: FrameView, kind: UInt8, segments: Segments) -> Bool | None:
+        """Fits a found body to this frame and returns its (h, w) pixels; None: it is not seen here."""
+        newcomer, follower = body.newcomer, body.follower
+        if self._search.view is view:
+            return body.shown.pixels
+        if newcomer.seen_ns == view.time_ns:
+            follower.carry((newcomer.centre - body.centre) * _IN_PLAN)
+        free = np.where(segments.owner >= 0, ROOM, kind).astype(np.uint8)
+        pixels = segmented(view, free, [follower.posture]).pixels(0)
+        if follower.follow(view, pixels):
+            return pixels
+        newcomer.failed(view.time_ns)
+        return None
+
+    def _welcome(self, body: FoundBody, pixels: Bool, view: FrameView, segments: Segments) -> None:
+        """Hands a found body to the roster, and the (h, w) pixels to the person in the segments."""
+        person = self._roster.welcome(body.newcomer, body.shown, body.follower, view.time_ns)
+        self._newcomers.drop(body.newcomer)
+        segments.owner[pixels & (segments.owner < 0)] = len(self._roster.segmented)
+        self._roster.segmented.append(person)
+
+
+def _fragments(segments: Segments, places: list[Float]) -> Bool:
+    """Returns the (h, w) small groups of pixels near (3,) places of people, a shank apart from its thigh."""
+    made = np.zeros(segments.labels.shape, bool)
+    for group in segments.loose:
+        beside = any(float(np.linalg.norm((group.centre - at)[[0, 2]])) < _FRAGMENT_NEAR for at in places)
+        if beside and group.area < _FRAGMENT:
+            made |= segments.group(group)
+    return made

@@ -1,0 +1,180 @@
+"""The people who are followed: ids, performers by zone and lock, and the match with people who come back."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_edge.tracking.body_model import height_of
+from enliven_edge.tracking.people.follower import Follower
+from enliven_edge.tracking.people.identity import Absent, Looks, Register
+from enliven_edge.tracking.people.person import UNDECIDED, Person
+from enliven_edge.tracking.scene import Zone, ZoneLock
+from enliven_edge.tracking.segment import Candidate
+from enliven_edge.tracking.settings import TrackerSettings
+
+_DECIDE_NS = 1_500_000_000
+"""Nanoseconds after which a new person gets an id, sure or not: a performer must not wait longer."""
+_ABOUT = 1.5
+"""Metres in plan within which a lost person is awaited: two steps from the place of leaving."""
+_TALLER = 0.12
+"""Metres that a crown may be above a hidden person's stature: a hat, and noise."""
+_WELL_KNOWN = 10
+"""Frames after which a person's proportions are known well enough to search with."""
+_SHORTEST = 0.5
+"""Metres: the least body height that a search may start from, as of the setting ``body_height``."""
+_TALLEST = 2.5
+"""Metres: the greatest body height that a search may start from, as of the setting ``body_height``."""
+
+
+class Roster:
+    """Lists the people who are followed, and decides who each new one is.
+
+    Attributes:
+        people: the people who are followed, in the order in which they were found.
+        segmented: the people by their index in the last frame's segments.
+        lock: the ids that may perform.
+        zone: the area on the floor where performers are.
+        register: the ids, and the people who are out of view.
+    """
+
+    def __init__(self, settings: TrackerSettings) -> None:
+        self.settings = settings
+        self.people: list[Person] = []
+        self.segmented: list[Person] = []
+        self.lock = ZoneLock()
+        self.zone = Zone(settings.scene.zone)
+        self.register = Register(settings.people)
+        self._dropped: list[Float] = []
+
+    @property
+    def performers(self) -> list[Person]:
+        """The people with an id whom zone and lock let in."""
+        return [p for p in self.people if p.id != UNDECIDED and self.lock.admits(p.id)]
+
+    @property
+    def missing(self) -> bool:
+        """Whether a person is out of view or hidden."""
+        return bool(self.register.absent) or any(p.hidden for p in self.people)
+
+    def lock_to(self, ids: Iterable[int] | None) -> None:
+        """Admits only these ids, or all who are followed now, as performers from now on."""
+        present = [p.id for p in self.people if p.id != UNDECIDED]
+        self.lock.ids = frozenset(present if ids is None else ids)
+        for person in [p for p in self.people if not self.lock.admits(p.id)]:
+            self.people.remove(person)
+
+    def forget(self) -> None:
+        """Drops all people, absent ones too; a person who is still there gets a new id."""
+        self._dropped = [p.place.copy() for p in self.people]
+        self.people.clear()
+        self.register.absent.clear()
+
+    def leave(self, person: Person, time_ns: int) -> None:
+        """Stops following a person, and remembers the person."""
+        self.people.remove(person)
+        if person.id != UNDECIDED and not person.doubted:
+            self.register.leave(person.id, person.looks, person.place.copy(), time_ns)
+
+    def drop_duplicate(self, person: Person) -> None:
+        """Stops following a person whom another fit follows too; the place of leaving says nothing."""
+        self.people.remove(person)
+        if person.id != UNDECIDED:
+            self.register.leave(person.id, person.looks, None, person.seen_ns)
+
+    def sensor_moved(self, time_ns: int) -> None:
+        """Takes all people for absent: the sensor was moved, so proportions alone tell them apart."""
+        for person in list(self.people):
+            self.leave(person, time_ns)
+        self.register.moved()
+
+    def admits(self, place: Float) -> bool:
+        """Whether a new person at a (3,) place may be a performer."""
+        if not self.zone.holds(place):
+            return False
+        awaited = {a.id for a in self.register.absent}
+        awaited |= {p.id for p in self.people if p.hidden}
+        return self.lock.ids is None or bool(self.lock.ids & awaited)
+
+    def awaits(self, place: Float) -> bool:
+        """Whether a person was lost near a (3,) place."""
+        if any(float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in self._dropped):
+            return True
+        if len(self.register.absent) <= sum(1 for p in self.people if p.id == UNDECIDED):
+            return False
+        lost = [a.place for a in self.register.absent]
+        return any(at is None or float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in lost)
+
+    def expecting(self, newcomer: Candidate, time_ns: int) -> TrackerSettings:
+        """Returns the settings with the height of the one person who may come back, where there is one."""
+        hidden = self.hidden_near(newcomer, time_ns)
+        awaited = [a.looks for a in self.register.absent] if hidden is None else [hidden.looks]
+        return self.of_height(awaited[0]) if len(awaited) == 1 else self.settings
+
+    def of_height(self, looks: Looks) -> TrackerSettings:
+        """Returns the settings with a person's own height, where it is well known."""
+        if looks.weight < _WELL_KNOWN:
+            return self.settings
+        height = min(_TALLEST, max(_SHORTEST, height_of(looks.lengths)))
+        return dataclasses.replace(self.settings, body_height=height)
+
+    def hidden_near(self, newcomer: Candidate, time_ns: int) -> Person | None:
+        """Returns the nearest hidden person who may have come out here and is not much shorter, or None."""
+        best, least = None, np.inf
+        for person in self.people:
+            if person.hidden_ns is None:
+                continue
+            away = float(np.linalg.norm((person.place - newcomer.centre)[[0, 2]]))
+            stature = person.looks.stature
+            taller = stature is not None and newcomer.shape.crown > stature + _TALLER
+            if away < min(least, person.uncertainty(time_ns)) and not taller:
+                best, least = person, away
+        return best
+
+    def welcome(self, newcomer: Candidate, shown: Candidate, follower: Follower, time_ns: int) -> Person:
+        """Follows a person who was found: a hidden one at the same place, or one with no id yet.
+
+        Args:
+            newcomer: the group of pixels as it is now.
+            shown: the same group as it was in the frame in which the body was found.
+            follower: the fit.
+        """
+        person = self.hidden_near(newcomer, time_ns)
+        if person is not None:
+            person.replaced(follower, time_ns)
+        else:
+            looks = Looks()
+            if shown.shape.whole:
+                looks.see(follower.posture.lengths, shown.shape.crown)
+            person = Person(UNDECIDED, follower, looks, time_ns)
+            person.doubted = not (shown.convincing or shown.awaited)
+            person.shapely = shown.shape.upright
+            self.people.append(person)
+            self.decide(time_ns)
+        self._dropped = [at for at in self._dropped if np.linalg.norm((person.place - at)[[0, 2]]) > _ABOUT]
+        return person
+
+    def decide(self, time_ns: int) -> None:
+        """Gives new people ids: of an absent person who has come back, once that is clear, or new ones."""
+        undecided = [p for p in self.people if p.id == UNDECIDED]
+        if not undecided:
+            return
+        match = self.register.matched([(p.looks, p.place) for p in undecided], time_ns)
+        for person, (absent, sure) in zip(undecided, match, strict=True):
+            if not sure and 0 <= time_ns - person.found_ns < _DECIDE_NS:
+                continue
+            if absent is not None:
+                self._recognise(person, absent)
+            elif self.lock.closed:
+                self.people.remove(person)
+            else:
+                person.id = self.register.new()
+
+    def _recognise(self, person: Person, absent: Absent) -> None:
+        """Gives a person the id and the looks of an absent one."""
+        self.register.take(absent)
+        person.id = absent.id
+        person.looks = absent.looks

@@ -1,0 +1,78 @@
+"""The visibility of a body: its shares behind something else, outside the image, and on a person's pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Int
+from enliven.kernels import njit
+from enliven_edge.tracking.body_model import Posture, model
+from enliven_edge.tracking.frame import FrameView
+
+_SAMPLES = 3
+"""Samples along a capsule: its ends and its middle tell whether it is covered."""
+_BEFORE = 0.12
+"""Metres before a capsule's surface from which something hides it: nearer depth may be clothes."""
+_NEAREST = 0.1
+"""Metres before the sensor below which a sample is not projected into the image."""
+_FEWEST_DUE = 0.25
+"""Share of the trunk that must be visible for shares of this part alone to mean anything."""
+_TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
+"""The capsules of trunk, neck and head."""
+
+
+def hidden_shares(view: FrameView, posture: Posture, owner: Int, index: int) -> tuple[float, float]:
+    """Returns the shares of a body behind something else and outside the image, each in [0, 1].
+
+    Args:
+        owner: (h, w) the index of the person at each pixel; a person's own arm hides nothing.
+        index: the index of this person.
+    """
+    inside, covered, own = _seen(view, posture, owner, index, slice(None))
+    hidden, shown = np.count_nonzero(covered & ~own), np.count_nonzero(inside)
+    return hidden / len(own), 1.0 - shown / len(own)
+
+
+def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
+    """Returns the share of the visible trunk and head that the (h, w) ``pixels`` show, in [0, 1]."""
+    inside, covered, own = _seen(view, posture, pixels.astype(np.int64), 1, _TRUNK)
+    due = inside & ~(covered & ~own)
+    return float((own & due).sum() / len(own)) if due.mean() < _FEWEST_DUE else float(own[due].mean())
+
+
+def _seen(
+    view: FrameView, posture: Posture, owner: Int, mine: int, capsules: slice | Int
+) -> tuple[Bool, Bool, Bool]:
+    """Returns three (S,) of samples along the capsules: in the image, behind something, on pixels of
+    ``mine``.
+
+    Args:
+        owner: (h, w) the index of the person at each pixel.
+    """
+    ends, radii = (each[capsules] for each in posture.capsules())
+    out = _samples(ends, radii, view.z, owner, mine, view.camera.camera, view.world_from_camera)
+    return out[0], out[1], out[2]
+
+
+@njit(cache=True, nogil=True)
+def _samples(ends, radii, depth, owner, mine, camera, pose):  # type: ignore[no-untyped-def]
+    """Returns (3, S), see :func:`_seen`."""
+    height, width = depth.shape
+    out = np.zeros((3, len(ends) * _SAMPLES), np.bool_)
+    for n in range(out.shape[1]):
+        c, t = n // _SAMPLES, (n % _SAMPLES) / (_SAMPLES - 1)
+        x, y, z = 0.0, 0.0, 0.0
+        for b in range(3):
+            offset = ends[c, 0, b] + t * (ends[c, 1, b] - ends[c, 0, b]) - pose[b, 3]
+            x += pose[b, 0] * offset
+            y += pose[b, 1] * offset
+            z += pose[b, 2] * offset
+        if z <= _NEAREST:
+            continue
+        u = int(np.floor(camera[0] * x / z + camera[2] + 0.5))
+        v = int(np.floor(camera[1] * y / z + camera[3] + 0.5))
+        if 0 <= u < width and 0 <= v < height:
+            seen, radius = depth[v, u], max(radii[c, 0], radii[c, 1])
+            out[0, n], out[2, n] = True, owner[v, u] == mine
+            out[1, n] = 0.0 < seen < z - radius - _BEFORE
+    return out
