@@ -1,6 +1,14 @@
 """Names, constants and docstrings are such that a stranger finds and understands them."""
 
+from pathlib import Path
+
+import pytest
+from house import Rules
 from words import mute_constants, riddles, shared_names
+
+ROOT = Path(__file__).parents[2]
+RULES = Rules.read(Path(__file__).with_name("rules.toml"))
+FILES = [path for folder in RULES.packages.values() for path in sorted((ROOT / folder).rglob("*.py"))]
 
 
 def test_a_riddle_is_found(tmp_path):
@@ -23,3 +31,12 @@ def test_a_shared_name_is_found(tmp_path):
     for name in "ab":
         (tmp_path / f"{name}.py").write_text("class Seen: ...\nclass _Own: ...\n")
     assert len(list(shared_names(sorted(tmp_path.glob("*.py"))))) == 1
+
+
+@pytest.mark.parametrize("rule", [riddles, mute_constants])
+def test_no_file_breaks_a_rule(rule):
+    assert "\n".join(said for path in FILES for said in rule(path)) == ""
+
+
+def test_no_name_has_two_meanings():
+    assert "\n".join(shared_names(FILES)) == ""

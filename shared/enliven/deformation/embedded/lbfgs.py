@@ -31,7 +31,7 @@ _HALVINGS = 30
 """Halvings of a step before the frame ends without it: 2^-30 of a step is below what float32 shows."""
 
 
-class Workspace(NamedTuple):
+class SolverBuffers(NamedTuple):
     """The arrays of the descent for N nodes, P step pairs; nothing else is allocated in a frame.
 
     Attributes:
@@ -60,12 +60,12 @@ class Workspace(NamedTuple):
     energies: Float
 
     @staticmethod
-    def empty(count: int) -> Workspace:
+    def empty(count: int) -> SolverBuffers:
         """For ``count`` nodes."""
         pairs = np.zeros((2, _PAIRS, 16 * count))
         now, before, own, raw, way, bend, here, trial, last = np.zeros((9, 16 * count))
         curvatures, energies = np.zeros(_PAIRS), np.zeros(6)
-        return Workspace(
+        return SolverBuffers(
             pairs[0], pairs[1], curvatures, now, before, own, raw, way, bend, here, trial, last, energies
         )
 

@@ -38,7 +38,7 @@ from enliven.arrays import Float, Int, Int32
 from enliven.deformation.constraints import PlaneConstraints
 from enliven.deformation.embedded.block_cholesky import SIZE, BlockPattern, analyse, elimination_order
 from enliven.deformation.embedded.energy import Planes, Terms, gradient
-from enliven.deformation.embedded.lbfgs import Workspace, record_energies, solve_frame
+from enliven.deformation.embedded.lbfgs import SolverBuffers, record_energies, solve_frame
 from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
@@ -121,7 +121,7 @@ class EmbeddedSolver:
         self._place[self._order] = np.arange(count)
         self._terms = self._terms_of(attachment, _checked_stiffness(stiffness, count))
         self._system = _system_of(analyse(count, self._place[pairs]), self._terms)
-        self._work = Workspace.empty(count)
+        self._work = SolverBuffers.empty(count)
         self._rest = np.zeros((count, 4, 4))
         self._rest[:, :3, :3] = np.eye(3)
         self._rest[:, 3, :3] = graph.positions[self._order]
