@@ -34,7 +34,7 @@ from enliven_viewer.studio.session import (
     Wait,
     Widget,
 )
-from enliven_viewer.studio.workspace.workspace import SolverBuffers
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
 Way = tuple[float, float, float]
@@ -133,7 +133,7 @@ def _joints(second: float) -> Float:
     return joints
 
 
-def cactus(workspace: SolverBuffers, folder: Path) -> Actions:
+def cactus(workspace: Workspace, folder: Path) -> Actions:
     """Open, put points, pair, pose four examples, adjust, export."""
     folder = folder / "my models"
     folder.mkdir()
@@ -216,7 +216,7 @@ def _opened(name: str, folder: Path) -> Actions:
     yield Wait(0.8)
 
 
-def _points(workspace: SolverBuffers) -> Actions:
+def _points(workspace: Workspace) -> Actions:
     """Head, hands and elbows where they are suggested; the foot of the pot. Each also at the other side."""
     mesh = workspace.editor.project.puppets[CACTUS].mesh
     for at in ((0.0, 1.33, 0.06), (0.44, 1.07, 0.0), (0.40, 0.66, 0.06), (0.15, 0.02, 0.17)):
@@ -226,7 +226,7 @@ def _points(workspace: SolverBuffers) -> Actions:
     yield Key("escape")
 
 
-def _posed(workspace: SolverBuffers) -> Actions:
+def _posed(workspace: Workspace) -> Actions:
     """The moment that is suggested first, posed as the performer stands: arms, then the head."""
     yield Click(Widget("suggested 1"))
     yield Wait(0.9)
@@ -254,7 +254,7 @@ def _role(joint: str) -> str:
     return ""
 
 
-def _meant(workspace: SolverBuffers, second: float) -> dict[str, Float]:
+def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
     """Where an artist would drag head, elbows and hands for a performer's pose, (3,) metres each."""
     joints = workspace.performer.figure((TAKE, second)).joints  # type: ignore[union-attr]
     names = workspace.editor.project.takes[TAKE].skeleton.names
@@ -284,7 +284,7 @@ def _spot(place: Float) -> Place:
     return Spot(float(place[0]), float(place[1]), float(place[2]))
 
 
-def _switch(workspace: SolverBuffers) -> Actions:
+def _switch(workspace: Workspace) -> Actions:
     """Make the jump begin earlier, and watch it."""
     puppet_timeline = workspace.timeline.puppets
     lanes = puppet_timeline.lanes(workspace.timeline.layout)
@@ -301,7 +301,7 @@ def _switch(workspace: SolverBuffers) -> Actions:
         yield Key("space")
 
 
-def _exported(workspace: SolverBuffers, folder: Path) -> Actions:
+def _exported(workspace: Workspace, folder: Path) -> Actions:
     yield Key("ctrl+e")
     yield Do(lambda workspace: workspace.browser.enter(folder))
     yield Wait(0.6)

@@ -45,7 +45,7 @@ from enliven_viewer.studio.session import (
     play,
 )
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.workspace.workspace import SolverBuffers
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 OUT = Path(__file__).parents[3] / "out" / "sessions"
 Actions = Iterator[Action]
@@ -269,7 +269,7 @@ def pair(part: str, place: OnBone | JointPlace, node: JointPlace, degrees: float
     yield from merged(part, node)
 
 
-def cactus(workspace: SolverBuffers, folder: Path) -> Actions:
+def cactus(workspace: Workspace, folder: Path) -> Actions:
     """A mesh without a skeleton, made to act by four example poses."""
     from session_cactus import cactus as made
 
@@ -277,7 +277,7 @@ def cactus(workspace: SolverBuffers, folder: Path) -> Actions:
 
 
 SESSIONS: dict[str, Callable[[], Actions]] = {"figure6": figure_6, "squid": squid, "mantis": mantis}
-FILMED: dict[str, Callable[[SolverBuffers, Path], Actions]] = {"cactus": cactus}
+FILMED: dict[str, Callable[[Workspace, Path], Actions]] = {"cactus": cactus}
 """Sessions that need the window: they look at what is on the screen."""
 
 
@@ -294,9 +294,7 @@ def main(arguments: list[str]) -> int:
         return _under_xvfb(arguments)
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
-            workspace = SolverBuffers.new(
-                Editor(SIZE if name in SESSIONS else LARGE), Path(folder) / "recovery"
-            )
+            workspace = Workspace.new(Editor(SIZE if name in SESSIONS else LARGE), Path(folder) / "recovery")
             made = SESSIONS[name]() if name in SESSIONS else FILMED[name](workspace, Path(folder))
             actions = list(made) if name in SESSIONS else made
             if check:
