@@ -109,7 +109,8 @@ def test_it_is_copied_and_deleted(workspace: Workspace) -> None:
 
 
 def test_a_recorded_take_brings_what_was_possessed(tmp_path, box) -> None:
-    spec = importlib.util.spec_from_file_location("takes", Path(__file__).parents[1] / "link" / "test_takes.py")
+    path = Path(__file__).parents[1] / "link" / "test_takes.py"
+    spec = importlib.util.spec_from_file_location("takes", path)
     assert spec is not None and spec.loader is not None
     takes = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(takes)
