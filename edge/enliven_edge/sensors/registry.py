@@ -26,6 +26,8 @@ _BUILT_IN = {
     "tof": "enliven_edge.sensors.drivers.tof:TofSensor",
     "webcam": "enliven_edge.sensors.webcam:WebcamSensor",
 }
+_IN_PACKAGES = {"synthetic": "enliven-synthesis"}
+"""Sensors of packages that may not be installed, by the name of the package."""
 
 
 def sensor_names() -> list[str]:
@@ -93,9 +95,9 @@ def _kind(name: str) -> Any:
     for entry in entry_points(group=ENTRY_POINTS):
         if entry.name == name:
             return entry.load()
-    raise InputError(
-        f"there is no sensor called {name!r}", where="sensor", mend=_nearest(name, sensor_names())
-    )
+    package = _IN_PACKAGES.get(name)
+    mend = f"Install it: pip install {package}" if package else _nearest(name, sensor_names())
+    raise InputError(f"there is no sensor called {name!r}", where="sensor", mend=mend)
 
 
 def _nearest(word: str, known: list[str]) -> str:

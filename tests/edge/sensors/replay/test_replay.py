@@ -189,6 +189,8 @@ def test_other_packages_add_sensors(monkeypatch, tmp_path):
     monkeypatch.setattr("enliven_edge.sensors.registry.entry_points", lambda group: [Entry()])
     assert "mine" in sensor_names()
     assert open_sensor("mine", speed=0).read().time_ns == 0
+    with pytest.raises(InputError, match="pip install enliven-synthesis"):
+        open_sensor("synthetic")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="an open file cannot be removed here")
