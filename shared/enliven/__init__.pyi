@@ -1,17 +1,17 @@
 from .deformation import skin_vertices
-from .document import Character, Clip, History, Pose, Project, Skeleton, still_shape
+from .document import Character, Clip, History, Pose, Project, Skeleton
 from .errors import EnlivenError, InputError, ResourceError
 from .exporters.gltf import write_gltf
 from .formats.gltf import read_gltf
 from .formats.project import read_project, write_project
 from .mapping import Plan, read_plan, retarget
-from .matching import Match, Ranking, ScreenView
+from .matching import Match, ScreenView
 from .meshes import Mesh, fit_height, load_mesh, save_mesh
 from .modeling.mesh import PlaneCut
 from .oneshot import copy, cut, fit_examples, match, merge, mesh_at, possess
 from .person import Body, Joint
 from .recording import Recorder, Recording
-from .samples import cactus_project, make_chair, make_lamp
+from .samples import cactus_project, make_chair
 from .takes import clip_of_bodies, read_possessed, read_take
 
 __version__: str
@@ -29,7 +29,6 @@ __all__ = [
     "PlaneCut",
     "Pose",
     "Project",
-    "Ranking",
     "Recorder",
     "Recording",
     "ResourceError",
@@ -43,7 +42,6 @@ __all__ = [
     "fit_height",
     "load_mesh",
     "make_chair",
-    "make_lamp",
     "match",
     "merge",
     "mesh_at",
@@ -56,7 +54,6 @@ __all__ = [
     "retarget",
     "save_mesh",
     "skin_vertices",
-    "still_shape",
     "write_gltf",
     "write_project",
 ]
