@@ -21,7 +21,7 @@ _TURN = 0.1
 WAITING = 4
 """Images that may wait in a library: more are not handed to it before the driver has taken one."""
 _HEAD_START = 0.002
-"""Seconds that the driver has for an image before the next is decoded: a device decodes none in this process."""
+"""Seconds that the driver has for an image before the next is decoded: a device decodes none here."""
 _LONGEST_PAUSE = 0.5
 """Seconds of silence at most: after one second a driver would be taken for lost, and begin anew for ever."""
 _GRACE = 0.5
