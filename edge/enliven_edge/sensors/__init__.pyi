@@ -1,6 +1,6 @@
 from . import crash_reports
 from .attached_cameras import attached
-from .base import CHECK_IT, Condition, Sensor, SensorFault, condition_of
+from .base import CHECK_IT, Condition, Sensor, SensorFault, condition_of, health_of
 from .diary import Diary, DiaryEntries, DiaryEntry
 from .options import sensor_options
 from .profile import SensorProfile, load_profile, profile_names
@@ -19,6 +19,7 @@ __all__ = [
     "attached",
     "condition_of",
     "crash_reports",
+    "health_of",
     "kept_open",
     "load_profile",
     "open_sensor",
