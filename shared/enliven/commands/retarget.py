@@ -71,7 +71,8 @@ def retarget(
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.exporters.gltf import performance_of, write_gltf
     from enliven.formats.gltf import read_gltf
-    from enliven.mapping import read_plan, retargeted, write_plan
+    from enliven.mapping import read_plan, write_plan
+    from enliven.mapping import retarget as retarget_shape
     from enliven.takes import read_take
 
     draw = _sheet_maker() if sheet else None
@@ -80,7 +81,7 @@ def retarget(
     plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin)
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
-    made = retargeted(rig.shape, clip, plan)
+    made = retarget_shape(rig.shape, clip, plan)
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
     performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate)
     write_gltf(output, [performance], f"{take.stem} on {model.stem}")
