@@ -94,7 +94,7 @@ def graph_performance_of(
 ) -> GraphPerformance:
     """Samples a possessed mesh of a project from ``start`` to ``end`` seconds; see :func:`performance_of`."""
     shape = project.graph(shape_id)
-    ends = [p.offset + project.streams[p.stream].duration / abs(p.speed) for p in shape.parts]
+    ends = [part.end(project.streams[part.stream].duration) for part in shape.parts]
     times = frame_times(start, max(ends, default=0.0) if end is None else end, rate, shape_id)
     poses = [graph_pose(project, shape, float(time)) for time in times]
     linear, positions = np.stack([p[0] for p in poses]), np.stack([p[1] for p in poses])
@@ -123,7 +123,7 @@ def end_of(project: Project, shape: Shape) -> float:
     named = {ref.layer for spans in shape.spans for span in spans for ref in span.refs}
     named |= {shape.travel} if shape.travel else set()
     layers = [project.layers[name] for name in named if not project.layers[name].muted]
-    ends = [layer.offset + project.takes[layer.take].duration / abs(layer.speed) for layer in layers]
+    ends = [layer.end(project.takes[layer.take].duration) for layer in layers]
     return max(ends, default=0.0)
 
 
