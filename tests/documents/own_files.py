@@ -14,7 +14,8 @@ from test_import_skeletons import labanotation_row
 from enliven import cli
 from enliven.document.project import Project
 from enliven.example_sessions.text import write_session
-from enliven.exporters.gltf.write import performance_of, write_gltf
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import write_gltf
 from enliven.formats.project.file import write_project
 from enliven.formats.rig.rig import playing
 from enliven.frames import BodyFrame, DepthFrame

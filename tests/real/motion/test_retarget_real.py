@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.exporters.gltf.write import glb_of, performance_of
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.applying import source_anatomy

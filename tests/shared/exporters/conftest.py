@@ -1,0 +1,7 @@
+"""Readers and puppets for tests are in the folders of what they read and test."""
+
+import sys
+from pathlib import Path
+
+SHARED = Path(__file__).parents[1]
+sys.path[:0] = [str(SHARED / "formats"), str(SHARED / "examples")]
