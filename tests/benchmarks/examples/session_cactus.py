@@ -10,15 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.frames import BodyFrame
-from enliven.meshes.files import save_mesh
-from enliven.person.body import PARENTS, Body, Joint
-from enliven.recording import Recorder
-from enliven.samples.cactus import make_cactus
-from enliven_viewer.studio.session import (
+from studio_driver import (
     Action,
     Click,
     Do,
@@ -34,6 +26,14 @@ from enliven_viewer.studio.session import (
     Wait,
     Widget,
 )
+
+from enliven.arrays import Float
+from enliven.document.clip import Clip
+from enliven.frames import BodyFrame
+from enliven.meshes.files import save_mesh
+from enliven.person.body import PARENTS, Body, Joint
+from enliven.recording import Recorder
+from enliven.samples.cactus import make_cactus
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
