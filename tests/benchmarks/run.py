@@ -13,11 +13,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 HELPERS = HERE.parent / "helpers"
-sys.path[:0] = [
-    str(HERE),
-    str(HELPERS),
-    *(str(folder) for folder in sorted(HERE.iterdir()) if folder.is_dir()),
-]
+sys.path[:0] = [str(folder) for folder in (HERE, HELPERS, *sorted(HERE.iterdir())) if folder.is_dir()]
 
 from figure import Figure  # noqa: E402
 

@@ -1,4 +1,4 @@
-"""Fuses recorded streams of bodies, and measures the result without ground truth: agreement, identities, jitter."""
+"""Recorded streams of bodies fused, and measures of the result without ground truth."""
 
 from __future__ import annotations
 
