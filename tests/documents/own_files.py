@@ -9,6 +9,9 @@ import numpy as np
 from made_bodies import bvh_text, horse, man, meshed, random_motion, spider
 from made_bvh import danced, write_bvh
 from PIL import Image
+from sample_meshes.cactus import make_cactus
+from sample_meshes.cactus_puppet import cactus_project
+from sample_meshes.chair import make_chair
 from test_import_skeletons import labanotation_row
 
 from enliven.document.project import Project
@@ -19,9 +22,6 @@ from enliven.formats.rig.rig import playing
 from enliven.frames import DepthFrame
 from enliven.meshes.files import save_mesh
 from enliven.recording import Recorder, Recording
-from enliven.samples.cactus import make_cactus
-from enliven.samples.cactus_puppet import cactus_project
-from enliven.samples.chair import make_chair
 from enliven_edge.doctor import shipped_recording
 
 FRAMES = 45
