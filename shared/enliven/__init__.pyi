@@ -10,7 +10,7 @@ from .modeling.mesh import PlaneCut
 from .oneshot import copy, cut, export, fit_examples, match, merge, mesh_at, possess
 from .person import Body, Joint
 from .recording import Recorder, Recording
-from .samples import cactus_project, make_chair
+from .samples import cactus_project, load_sample
 from .takes import clip_of_bodies, read_possessed, read_take
 
 __version__: str
@@ -41,7 +41,7 @@ __all__ = [
     "fit_examples",
     "fit_height",
     "load_mesh",
-    "make_chair",
+    "load_sample",
     "match",
     "merge",
     "mesh_at",

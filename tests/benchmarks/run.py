@@ -15,7 +15,8 @@ from datetime import date
 from pathlib import Path
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), *(str(folder) for folder in sorted(HERE.iterdir()) if folder.is_dir())]
+HELPERS = HERE.parent / "helpers"
+sys.path[:0] = [str(folder) for folder in (HERE, HELPERS, *sorted(HERE.iterdir())) if folder.is_dir()]
 
 from figure import Figure  # noqa: E402
 from figures_page import PAGE, this_machine, written  # noqa: E402

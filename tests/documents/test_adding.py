@@ -5,13 +5,13 @@ import sys
 import numpy as np
 import pytest
 from blocks import ROOT, blocks_of
+from studio_driver import Click, HeadlessStage, JointPlace, Key, Wait, play
 
 from enliven import cli
 from enliven.document import Project, Skeleton, still_shape
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.session import Click, HeadlessStage, JointPlace, Key, Wait, play
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace import Workspace
 
