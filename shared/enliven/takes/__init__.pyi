@@ -1,3 +1,4 @@
+from .body_takes import body_take_of, body_take_of_frames
 from .capture_clip import BODY_NAMES, clip_of_bodies
 from .capture_limbs import half_way, level_direction, limb_rotations, smoothstep
 from .capture_roles import Roles, find_roles
@@ -9,6 +10,8 @@ from .recorded import clips_of_recording
 __all__ = [
     "BODY_NAMES",
     "Roles",
+    "body_take_of",
+    "body_take_of_frames",
     "clip_of_bodies",
     "clips_of_recording",
     "find_roles",
