@@ -3,24 +3,32 @@
     clips_of_recording(path, *, settings=TakeSettings()) -> list[Clip]
     clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, in order
 
-Only recordings of bodies have takes; depth has to be tracked first.
+Bodies are those of a sensor that tracks, or those that an edge tracked in depth and recorded with a
+performance. A recording of depth alone has to be tracked first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from enliven.document import Clip
-from enliven.errors import InputError
+from enliven.errors import EnlivenError, InputError
+from enliven.files import DAMAGE
 from enliven.frames import BodyFrame, Frame
 from enliven.person import Body
-from enliven.recording import Recording
+from enliven.recording import BODIES_TOPIC, Recording, frame_of
 from enliven.settings import setting
 from enliven.takes.capture_clip import clip_of_bodies
+from enliven.wire import BY_TYPE, BodiesMessage, message_to_bodies
+
+_TRACKED = BY_TYPE[BodiesMessage].name
+"""The topic of the bodies that an edge tracks, in a recording as on the wire."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +52,29 @@ def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None
         InputError: where the file is no recording, or no person is in it for long enough.
     """
     path = Path(path)
-    made = clips_of_frames(Recording(path).frames(), path.stem, settings or TakeSettings())
+    made = clips_of_frames(body_frames(Recording(path)), path.stem, settings or TakeSettings())
     if not made:
-        mend = "Depth must be tracked first: only recordings of bodies have takes."
+        mend = "Depth must be tracked first: enliven edge --recording FILE --record performance.mcap"
         raise InputError("nobody is in it for long enough to be a take", where=str(path), mend=mend)
     return made
+
+
+def body_frames(recording: Recording) -> Iterator[BodyFrame]:
+    """Yields the bodies of a recording in the order of time: a sensor's, or else those that an edge tracked.
+
+    A message that cannot be read is left out.
+    """
+    if BODIES_TOPIC in recording.info.topics:
+        for topic, _, data in recording.in_order({BODIES_TOPIC}):
+            with contextlib.suppress(EnlivenError, *DAMAGE):
+                frame = frame_of(topic, data)
+                if isinstance(frame, BodyFrame):
+                    yield frame
+        return
+    for _, data in recording.messages(_TRACKED) if _TRACKED in recording.info.topics else ():
+        with contextlib.suppress(msgspec.MsgspecError, EnlivenError, *DAMAGE):
+            message = msgspec.msgpack.decode(data, type=BodiesMessage)
+            yield BodyFrame(message_to_bodies(message), message.time_ns, "edge")
 
 
 def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:

@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate
 from enliven.takes.capture_clip import BODY_NAMES
 from enliven.takes.recorded import TakeSettings, clips_of_frames, clips_of_recording
+from enliven.wire import bodies_to_message
 
 sys.path.insert(0, str(Path(__file__).parent))
 from test_capture_clip import STANDING, joints_of
@@ -66,3 +68,17 @@ def test_who_passes_by_is_no_take(tmp_path):
     with pytest.raises(InputError, match="nobody is in it"):
         clips_of_recording(path)
     assert len(clips_of_recording(path, settings=TakeSettings(shortest=0.1))) == 1
+
+
+def test_bodies_that_an_edge_tracked_and_recorded_are_takes_and_damaged_ones_are_left_out(tmp_path):
+    path = tmp_path / "tracked.mcap"
+    with Recorder(path) as recorder:
+        for i in range(60):
+            message = bodies_to_message([waving(1, i / RATE)], round(i / RATE * 1e9), 0)
+            data = msgspec.msgpack.encode(message) if i != 30 else b"\xc1"
+            schema = ("bodies", "enliven.BodiesMessage", "{}", "jsonschema", "msgpack")
+            recorder.write(*schema, data, round(i / RATE * 1e9))
+    (clip,) = clips_of_recording(path)
+    assert clip.id == "tracked" and len(clip.turns) == 60
+    for i in (0, 25, 59):
+        np.testing.assert_allclose(joints_of(clip)[i], waving(1, i / RATE).joints, atol=2e-3)
