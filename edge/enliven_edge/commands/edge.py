@@ -271,7 +271,6 @@ def _fused(
     from enliven_edge.fusion.placement import load_space
     from enliven_edge.tracking import Tracker
     from enliven_edge.tracking.health import HealthMonitor
-    from enliven_edge.tracking.output import Output
 
     trackers, health = {}, {}
     for source, (name, sensor) in zip(sources, sensors.items(), strict=True):
@@ -280,8 +279,8 @@ def _fused(
         fps = getattr(sensor, "fps", None)
         health[name] = HealthMonitor(chosen.health, fps=fps, far=scene.far, name=name)
     warm_up_fusion()
-    space, output = load_space(Path(chosen.space)), Output(chosen.tracker)
-    return FusedSensors(sensors, trackers, space, chosen.fusion, health, output, once)
+    space = load_space(Path(chosen.space))
+    return FusedSensors(sensors, trackers, space, chosen.fusion, health, once)
 
 
 @contextlib.contextmanager

@@ -5,5 +5,6 @@ from .highlights import Cues
 from .opening import Opening
 from .placement import facing
 from .stage import Stage
+from .tick import Tick
 
-__all__ = ["Actor", "ActorSettings", "Cues", "Opening", "Stage", "cast", "facing", "parts_for"]
+__all__ = ["Actor", "ActorSettings", "Cues", "Opening", "Stage", "Tick", "cast", "facing", "parts_for"]

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose
 from enliven.errors import InputError
+from enliven.frames import Frame
 from enliven.matching import Board, ScreenView
 from enliven.person import Body
 from enliven_edge.stage.actor import Actor, ChosenActor, Mode, is_chosen
 from enliven_edge.stage.highlights import Cues
+from enliven_edge.stage.tick import Tick
+
+Surfaces = Mapping[int, ObservedPoints]
+"""By body id, the part of a performer's surface that a depth sensor sees."""
 
 
 class Stage:
@@ -26,17 +31,28 @@ class Stage:
         return any(actor.uses_surface for actor in self.actors.values())
 
     def perform(
-        self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
+        self, bodies: list[Body], time_ns: int, surfaces: Callable[[], Surfaces] | None = None
     ) -> list[Pose]:
         """Returns one pose for each character.
 
         Args:
             bodies: all performers in view, world frame.
             time_ns: nanoseconds, the sensor's clock.
-            seen: by body id, the part of the performer's surface that a depth sensor sees.
+            surfaces: returns, by body id, the part of the performer's surface that a depth sensor sees; it is
+                only called where a character follows surfaces.
         """
         self._bodies = bodies
+        seen = surfaces() if surfaces is not None and self.uses_surface else None
         return [actor.perform(bodies, time_ns, seen) for actor in self.actors.values()]
+
+    def tick(self, frame: Frame, poses: list[Pose], read_ns: int = 0) -> Tick:
+        """Returns the result of the frame that was performed last.
+
+        Args:
+            poses: as :meth:`perform` returned them.
+            read_ns: wall clock when the frame was read.
+        """
+        return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), self.holders)
 
     @property
     def occupied(self) -> bool:
@@ -44,9 +60,9 @@ class Stage:
         return bool(self._bodies)
 
     @property
-    def holders(self) -> set[int]:
+    def holders(self) -> frozenset[int]:
         """The ids of the performers who hold a character."""
-        return {hold.body for actor in self.actors.values() for hold in actor.holds}
+        return frozenset(hold.body for actor in self.actors.values() for hold in actor.holds)
 
     def cues(self) -> dict[str, Cues]:
         """Returns, by character id, the nodes that are held or would be."""

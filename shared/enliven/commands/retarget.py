@@ -71,7 +71,8 @@ def retarget(
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.exporters import exporter_of, performance_of
     from enliven.formats.gltf import read_gltf
-    from enliven.mapping import read_plan, retargeted, write_plan
+    from enliven.mapping import read_plan, write_plan
+    from enliven.mapping import retarget as retarget_shape
     from enliven.takes import read_take
 
     exporter = exporter_of(output)
@@ -81,7 +82,7 @@ def retarget(
     plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin)
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
-    made = retargeted(rig.shape, clip, plan)
+    made = retarget_shape(rig.shape, clip, plan)
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
     performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate)
     exporter.write(output, [performance], f"{take.stem} on {model.stem}")

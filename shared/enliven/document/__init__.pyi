@@ -13,6 +13,7 @@ from .puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character
 from .rigged import Shape, character_of, still_shape
 from .skeleton import Skeleton, skeleton_of
 from .surface_settings import ArapSettings
+from .time_map import TimeMap
 
 __all__ = [
     "BALL",
@@ -49,6 +50,7 @@ __all__ = [
     "SkinWeights",
     "Span",
     "Switch",
+    "TimeMap",
     "Velocity",
     "character_of",
     "character_of_graph",

@@ -85,11 +85,11 @@ def end_of(project: Project, character: AnyCharacter) -> float:
         return end_of_puppet(project, character)
     if isinstance(character, GraphShape):
         played = [(part, project.streams[part.stream].duration) for part in character.parts]
-        return max((part.offset + lasts / abs(part.speed) for part, lasts in played), default=0.0)
+        return max((part.end(lasts) for part, lasts in played), default=0.0)
     named = {ref.layer for spans in character.spans for span in spans for ref in span.refs}
     named |= {character.travel} if character.travel else set()
     layers = [project.layers[name] for name in named if not project.layers[name].muted]
-    ends = [layer.offset + project.takes[layer.take].duration / abs(layer.speed) for layer in layers]
+    ends = [layer.end(project.takes[layer.take].duration) for layer in layers]
     return max(ends, default=0.0)
 
 

@@ -68,7 +68,7 @@ def exportables_of(path: Path | str) -> tuple[list[Exportable], tuple[str, ...]]
         clip, notes = read_take(path)
         found = [_of_clip(clip)]
     if not found:
-        track = f"Track it first: enliven edge --recording {path.name} --record performance.mcap"
+        track = f"Find the people in its depth first: enliven track {path.name} -o bodies.mcap"
         mend = track if kind == ".mcap" else "Animate something first."
         raise InputError("nothing in it moves", where=str(path), mend=mend)
     return found, notes

@@ -145,7 +145,7 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
         (("no.mcap", "-o", "out.bvh", "--unit", "inch"), 3, "no unit 'inch'. Known: m, cm."),
         (("no.mcap", "-o", "out.bvh", "--morphs"), 3, ".bvh has no 'morphs' to choose"),
         (("no.mcap", "-o", "out.glb"), 3, "there is no such file"),
-        (("empty.mcap", "-o", "out.glb"), 3, "nothing in it moves. Track it first: enliven edge --recording"),
+        (("empty.mcap", "-o", "out.glb"), 3, "nothing in it moves. Find the people in its depth first"),
         (("show.enliven", "-o", "out.glb", "-c", "sofa"), 3, "no character 'sofa'. Known: man, chair, bean"),
         (("show.enliven", "-o", "out.bvh", "-c", "chair"), 3, "chair has no skeleton. Write a .glb instead"),
         (

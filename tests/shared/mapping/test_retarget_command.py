@@ -14,7 +14,8 @@ from enliven.exporters import performance_of
 from enliven.exporters.gltf import write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import playing
-from enliven.mapping.automatic_mapping import automatic, retargeted
+from enliven.mapping.automatic_mapping import automatic
+from enliven.mapping.automatic_mapping import retarget as retarget_shape
 from enliven.recording import Recorder
 from enliven.takes.files import read_take
 
@@ -92,7 +93,7 @@ def test_feet_are_held_on_request(files):
     checked_glb((files / "a.glb").read_bytes())
     shape = read_gltf(files / "man.glb").shape
     clip, _ = read_take(files / "walk.bvh")
-    made = retargeted(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    made = retarget_shape(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
     pins = {(pin.start, pin.joint) for pin in made.project.shape(made.shape_id).pins}
     assert pins == {("Left hip", "Left ankle"), ("Right hip", "Right ankle")}
 
