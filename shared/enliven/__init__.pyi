@@ -1,14 +1,13 @@
 from .deformation import skin_vertices
 from .document import Character, Clip, History, Pose, Project, Skeleton
 from .errors import EnlivenError, InputError, ResourceError
-from .exporters.gltf import write_gltf
 from .formats.gltf import read_gltf
 from .formats.project import read_project, write_project
 from .mapping import Plan, read_plan, retarget
 from .matching import Match, ScreenView
 from .meshes import Mesh, fit_height, load_mesh, save_mesh
 from .modeling.mesh import PlaneCut
-from .oneshot import copy, cut, fit_examples, match, merge, mesh_at, possess
+from .oneshot import copy, cut, export, fit_examples, match, merge, mesh_at, possess
 from .person import Body, Joint
 from .recording import Recorder, Recording
 from .samples import cactus_project, load_sample
@@ -38,6 +37,7 @@ __all__ = [
     "clip_of_bodies",
     "copy",
     "cut",
+    "export",
     "fit_examples",
     "fit_height",
     "load_mesh",
@@ -54,6 +54,5 @@ __all__ = [
     "retarget",
     "save_mesh",
     "skin_vertices",
-    "write_gltf",
     "write_project",
 ]
