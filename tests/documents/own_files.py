@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from made_bodies import bvh_text, horse, man, meshed, random_motion, spider
 from made_bvh import danced, write_bvh
+from made_recording import write_recording
 from PIL import Image
 from sample_meshes.cactus import make_cactus
 from sample_meshes.cactus_puppet import cactus_project
@@ -16,6 +18,7 @@ from test_import_skeletons import labanotation_row
 
 from enliven import cli
 from enliven.document.project import Project
+from enliven.document.rigged import character_of
 from enliven.example_sessions.text import write_session
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import write_gltf
@@ -23,6 +26,7 @@ from enliven.formats.project.file import write_project
 from enliven.formats.rig.rig import playing
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.meshes.files import save_mesh
+from enliven.motion.layers import Player
 from enliven.person import Body
 from enliven.recording import Recorder, Recording
 from enliven.rotation import from_rotation_vector, rotate
@@ -71,12 +75,21 @@ def _write_models(folder: Path) -> None:
         write_gltf(folder / f"{name}.glb", [performance_of(project, name)], "Run")
 
 
+def _horse():
+    """A rigged horse, and a motion of it."""
+    return meshed("horse", horse()), random_motion(np.random.default_rng(1), horse(), name="Run")
+
+
 def _write_recordings(folder: Path) -> None:
     frames = [f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame)]
     for name in ("TAKE", "TWO", "WAVE"):
         with Recorder(folder / f"{name}.mcap") as recorder:
             for frame in itertools.islice(frames, FRAMES):
                 recorder.write_frame(frame)
+    project, shape = playing(Project(), *_horse())
+    poses = [Player(project, "horse").pose(k / 30) for k in range(FRAMES)]
+    poses = [replace(pose, time_ns=round(k / 30 * 1e9)) for k, pose in enumerate(poses)]
+    write_recording(folder / "PERFORMANCE.mcap", [(character_of(shape), poses)])
     whole = (folder / "TAKE.mcap").read_bytes()
     (folder / "BROKEN.mcap").write_bytes(whole[: 3 * len(whole) // 4])
     (folder / "MY_FRAMES").mkdir()

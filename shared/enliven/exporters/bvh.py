@@ -12,7 +12,6 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -55,13 +54,13 @@ def write_bvh(
     path: Path | str,
     performances: Sequence[Performance],
     name: str = "enliven",
-    unit: Literal["m", "cm"] = "m",
+    unit: str = "m",
 ) -> None:
     """Writes the skeleton of one character and its motion.
 
     Args:
         name: the title, for which the format has no place.
-        unit: of offsets and places.
+        unit: of offsets and places, "m" or "cm".
 
     Raises:
         InputError: for other than one character, one without a skeleton, or an unknown unit.
@@ -73,7 +72,18 @@ def write_bvh(
     write_file(Path(path), bvh_text(performances[0], unit), "Choose another place.")
 
 
-BVH = Exporter(write_bvh, jointed=True, single=True)
+def units_in_metre(unit: str = "m") -> float:
+    """Returns how many of a unit are a metre.
+
+    Raises:
+        InputError: for an unknown unit.
+    """
+    if unit not in _UNITS:
+        raise InputError(f"there is no unit {unit!r}", where="--unit", mend=f"Known: {', '.join(_UNITS)}.")
+    return _UNITS[unit]
+
+
+BVH = Exporter(write_bvh, jointed=True, single=True, check=units_in_metre)
 
 
 def bvh_text(performance: Performance, unit: str = "m") -> str:
@@ -82,9 +92,7 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
     if skeleton is None:
         mend = "Write a .glb instead: its joints carry any surface."
         raise InputError("it has no skeleton, and a BVH file holds nothing else", where=where, mend=mend)
-    if unit not in _UNITS:
-        raise InputError(f"there is no unit {unit!r}", where=where, mend=f"Known: {', '.join(_UNITS)}.")
-    scale, times = _UNITS[unit], performance.times
+    scale, times = units_in_metre(unit), performance.times
     joints = _joints(skeleton, performance.linear)
     columns = [performance.positions[:, 0] * scale]
     columns += [_angles(_local(performance.linear, joint.above, joint.bone)) for joint in joints]

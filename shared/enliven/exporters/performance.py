@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Skeleton, SkinWeights
+from enliven.document import Character, Pose, Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.examples.baking import BakedMorphs, BakeError
 from enliven.meshes import Mesh
-from enliven.rotation import from_matrix, to_matrix
+from enliven.rotation import from_matrix, rotate, to_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,28 @@ class Performance:
         turns, scales = stretches_of(self.linear @ axes)
         said = to_matrix(turns) * scales[..., None, :] @ np.swapaxes(axes, -1, -2)
         return float(np.abs(said - self.linear).max())
+
+    @property
+    def character(self) -> Character:
+        """The character as viewers know it: its vertices follow transforms in the world.
+
+        Raises:
+            InputError: where it has no mesh.
+        """
+        mesh, skin = self.surface
+        vertices, pivots = mesh.vertices.astype(np.float32), self.pivots.astype(np.float32)
+        kind, edges = "graph" if self.skeleton is None else "bones", np.zeros((0, 2), np.int32)
+        return Character(self.name, vertices, mesh.faces, skin, pivots, edges, kind, mesh.colours)
+
+    def poses(self) -> Iterator[Pose]:
+        """Yields the character's pose in the world at each time, in nanoseconds from 0."""
+        linear, positions = self.linear, self.positions
+        if self.turns is not None and self.places is not None:
+            linear = to_matrix(self.turns)[:, None] @ linear
+            positions = rotate(self.turns[:, None], positions) + self.places[:, None]
+        for time, maps, places in zip(self.times, linear, positions, strict=True):
+            stored = maps.astype(np.float32), places.astype(np.float32)
+            yield Pose(self.name, round(time * 1e9), *stored)
 
     @property
     def surface(self) -> tuple[Mesh, SkinWeights]:

@@ -37,11 +37,13 @@ class Exporter:
         write: takes the path, the performances, a title, and options as keywords.
         jointed: it holds only characters with a skeleton.
         single: it holds only one character.
+        check: takes the options and raises where one makes no sense, before any work.
     """
 
     write: Callable[..., None]
     jointed: bool = False
     single: bool = False
+    check: Callable[..., object] = lambda **_: None
 
 
 def suffixes() -> list[str]:
@@ -57,7 +59,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
         options: that its ``write`` is to take.
 
     Raises:
-        InputError: for an ending without an exporter, or an option that it does not take.
+        InputError: for an ending without an exporter, or an option that it does not take, or not so.
         ResourceError: where the folder is not there.
     """
     path = Path(path)
@@ -70,6 +72,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
     if not path.parent.is_dir():
         what = f"there is no folder {str(path.parent)!r}"
         raise ResourceError(what, where=str(path), mend="Make it first, or check its name.")
+    found.check(**options)
     return found
 
 

@@ -53,7 +53,7 @@ def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None
     """
     path = Path(path)
     recording = Recording(path)
-    made = clips_of_frames(_bodies(recording), path.stem, settings or TakeSettings())
+    made = clips_of_frames(body_frames(recording), path.stem, settings or TakeSettings())
     if not made and DEPTH_TOPIC in recording.info.topics:
         mend = f"Find the people in it first: enliven track {path.name} -o bodies.mcap"
         raise InputError("it holds depth, and no bodies yet", where=str(path), mend=mend)
@@ -63,7 +63,7 @@ def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None
     return made
 
 
-def _bodies(recording: Recording) -> Iterator[Frame]:
+def body_frames(recording: Recording) -> Iterator[Frame]:
     """Yields the bodies of a recording: those of its sensors, or those that an edge published.
 
     A message that cannot be read is left out.

@@ -35,8 +35,13 @@ from enliven.meshes import Mesh
 from enliven.rotation import from_matrix
 
 
-def write_gltf(path: Path | str, performances: Sequence[Performance], name: str = "enliven") -> None:
+def write_gltf(
+    path: Path | str, performances: Sequence[Performance], name: str = "enliven", morphs: bool = False
+) -> None:
     """Writes characters with their motion into one GLB with one animation.
+
+    Args:
+        morphs: said where puppets were baked to morph targets, which no other kind of file takes.
 
     Raises:
         InputError: where there is none, or one has no mesh.
