@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 RIDDLES = re.compile(r"\b(somebody|nobody|whoever|whomever|whose)\b", re.IGNORECASE)
-"""Pronouns in the place of a noun: the reader has to find out what is meant."""
+"""Pronouns that stand for a thing: the reader has to find out which."""
 _CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
 
 
 def riddles(path: Path) -> Iterator[str]:
-    """A sentence for each docstring that speaks of data as of somebody."""
+    """A sentence for each docstring with a pronoun in the place of a noun."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         said = _text_of(node)
         for found in RIDDLES.finditer(said):
