@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from enliven.arrays import UInt8
 from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
-from enliven_viewer.film.encoder import FilmWriter
+from enliven.film_writer import FilmWriter
 from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.link import Feed
