@@ -65,7 +65,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
             continue
         told: list[str] = [] if notes is None else notes
         shape, stream = _played(character, found, begin, project, told)
-        project = project.with_streams(stream).with_graphs(shape)
+        project = project.with_streams(stream).with_characters(shape)
     if not project.graphs:
         mend = "Possess a mesh and record it: enliven run."
         raise InputError("no possessed mesh moves in it", where=str(path), mend=mend)
@@ -114,13 +114,13 @@ def _played(
         )
         raise InputError(what, where=f"character {character.id!r}", mend="Record a shorter take.")
     grid = np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
-    ids = unused(character.id, project.graphs), unused(character.id, project.streams)
+    ids = unused(character.id, project.characters), unused(character.id, project.streams)
     if character.kind == "points":
         return _solved(character, poses, seconds, grid, ids, notes)
     shape, whole = graph_shape_of(character, poses, ids[1], step)
     stream = PoseStream(whole.id, _at(whole.linear, seconds, grid), _at(whole.positions, seconds, grid), step)
     part = shape.parts[0]
-    moved = type(part)(part.stream, part.nodes, offset=float(seconds[0]))
+    moved = type(part)(part.take, part.nodes, offset=float(seconds[0]))
     return shape.with_changes(id=ids[0], parts=(moved,)), stream
 
 

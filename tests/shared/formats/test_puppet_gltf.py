@@ -75,7 +75,7 @@ def test_puppets_and_their_times_are_checked(bean):
         puppet_performance_of(bean, "pea")
     with pytest.raises(InputError, match="is no time"):
         puppet_performance_of(bean, "bean", 2.0, 1.0)
-    unposed = bean.with_puppets(bean.puppet("bean").with_changes(poses=()))
+    unposed = bean.with_characters(bean.puppet("bean").with_changes(poses=()))
     with pytest.raises(InputError, match="Pose two examples"):
         puppet_performance_of(unposed, "bean")
 

@@ -21,7 +21,7 @@ from enliven.examples.baking import (
     states_of,
 )
 from enliven.meshes import Mesh
-from enliven.modeling.puppet import end_of_puppet, frame_times
+from enliven.modeling.puppet import frame_times
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ def puppet_performance_of(
     """
     settings = settings or BakeSettings()
     puppet = project.puppet(name)
-    times = frame_times(start, end_of_puppet(project, puppet) if end is None else end, rate, name)
+    times = frame_times(start, project.end_of(puppet) if end is None else end, rate, name)
     places, turn, place = states_of(project, puppet, times)
     frames = SurfaceFrames(puppet, places, settings.kept)
     surface: BakedSurface | BakedMorphs

@@ -94,8 +94,7 @@ def graph_performance_of(
 ) -> GraphPerformance:
     """Samples a possessed mesh of a project from ``start`` to ``end`` seconds; see :func:`performance_of`."""
     shape = project.graph(shape_id)
-    ends = [part.end(project.streams[part.stream].duration) for part in shape.parts]
-    times = frame_times(start, max(ends, default=0.0) if end is None else end, rate, shape_id)
+    times = frame_times(start, project.end_of(shape) if end is None else end, rate, shape_id)
     poses = [graph_pose(project, shape, float(time)) for time in times]
     linear, positions = np.stack([p[0] for p in poses]), np.stack([p[1] for p in poses])
     return GraphPerformance(shape, times - start, linear, positions)
@@ -113,18 +112,9 @@ def performance_of(
         InputError: where there is no such shape, or the times make no sense.
     """
     shape = project.shape(shape_id)
-    times = frame_times(start, end_of(project, shape) if end is None else end, rate, shape_id)
+    times = frame_times(start, project.end_of(shape) if end is None else end, rate, shape_id)
     turns, joints = Player(project, shape_id).sample(times)
     return Performance(shape, times - start, turns, joints[:, 0])
-
-
-def end_of(project: Project, shape: Shape) -> float:
-    """Returns the seconds at which the last take that moves a shape ends; 0 where no take does."""
-    named = {ref.layer for spans in shape.spans for span in spans for ref in span.refs}
-    named |= {shape.travel} if shape.travel else set()
-    layers = [project.layers[name] for name in named if not project.layers[name].muted]
-    ends = [layer.end(project.takes[layer.take].duration) for layer in layers]
-    return max(ends, default=0.0)
 
 
 def write_gltf(path: Path | str, performances: Sequence[AnyPerformance], name: str = "enliven") -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 from enliven.errors import InputError
+from enliven.modeling.edits import rename_character
 from enliven_viewer.studio.places import places_in
 from enliven_viewer.studio.session.actions import STEP
 from enliven_viewer.studio.session.places import source_of
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Workspace, renamed
+from enliven_viewer.studio.workspace import Workspace
 
 _AREA = 100_000.0
 """Pixels between the areas of a stage without a window: each is far from the others."""
@@ -82,7 +83,7 @@ class HeadlessStage:
         """Rename the chosen shape, since there is no field."""
         editor = self.workspace.editor
         before = editor.selection.shape or ""
-        if editor.edit("rename", lambda project: renamed(project, before, name)):
+        if editor.edit("rename", lambda project: rename_character(project, before, name)):
             editor.select(shape=name)
         return True
 
