@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float, Int, Int32
 from enliven.document import Clip, Skeleton, SkinWeights, still_shape
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
 from enliven.formats.gltf.bind import Bind
 from enliven.formats.gltf.bodies import bodies_of
 from enliven.formats.gltf.file import GltfFile
+from enliven.formats.gltf.materials import Materials
 from enliven.formats.gltf.motion import MOST_PLACES, animated_locals, frame_times, world_matrices
 from enliven.formats.gltf.parts import GltfPart, parts_of, shown_nodes
 from enliven.formats.rig import LinkBody, Rig, Tree, joint_drift, on_floor, resized, tree_of, welded
@@ -73,28 +74,30 @@ def read_gltf(
 def _read(file: GltfFile, name: str) -> Rig:
     """Reads the model without scaling or moving it."""
     notes = list[str]()
-    parts = parts_of(file, notes)
+    parts, materials = parts_of(file, notes)
     if not parts:
         raise file.wrong("there is no triangle in its scene")
     bind = Bind(file, parts)
     rest = [bind.vertices(part) for part in parts]
-    mesh = _mesh(name, parts, rest, bind)
+    mesh = _mesh(name, parts, rest, bind, materials)
     if all(part.skin < 0 for part in parts) and not file.document.animations:
         return _unrigged(name, mesh, notes)
     return _rigged(file, name, parts, rest, mesh, bind, notes)
 
 
-def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind) -> Mesh:
+def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind, materials: Materials) -> Mesh:
     """Joins all parts into one mesh; a mirrored part gets its faces turned round."""
     first = np.cumsum([0, *(len(v) for v in rest)])
-    faces = []
-    for part, start in zip(parts, first[:-1], strict=True):
+    faces: list[Int32] = []
+    for part in parts:
         node = part.nodes[0, 0] if len(part.nodes) else part.carrier
         inverse = np.eye(4) if part.skin < 0 else bind.inverse[part.skin][int(node)]
         mirrored = np.linalg.det((bind.world[node] @ inverse)[:3, :3]) < 0
-        faces.append((part.faces[:, ::-1] if mirrored else part.faces) + start)
+        faces.append(part.faces[:, ::-1] if mirrored else part.faces)
     colours = np.concatenate([part.colours for part in parts])
-    return Mesh(np.concatenate(rest), np.concatenate(faces).astype(np.int32), name, colours)
+    shown = [(own, part.material, part.corners) for own, part in zip(faces, parts, strict=True)]
+    whole = np.concatenate([own + start for own, start in zip(faces, first[:-1], strict=True)])
+    return Mesh(np.concatenate(rest), whole.astype(np.int32), name, colours, materials.joined(shown))
 
 
 def _unrigged(name: str, mesh: Mesh, notes: list[str]) -> Rig:

@@ -101,4 +101,5 @@ def layers_in(project: Project, shape: Shape, axes: Axes) -> tuple[Project, dict
 def moved_mesh(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
     """The mesh in other axes about ``root`` (3,), which comes to ``to`` (3,)."""
     vertices = to + axes.vectors(mesh.vertices - root)
-    return replace(mesh, vertices=vertices, faces=mesh.faces[:, ::-1] if axes.mirrored else mesh.faces)
+    moved = replace(mesh, vertices=vertices)
+    return moved.turned() if axes.mirrored else moved

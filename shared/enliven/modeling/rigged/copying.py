@@ -94,7 +94,7 @@ def mirror_shape(project: Project, shape_id: str, normal: AnyArray) -> Project:
     if mesh is not None:
         # A reflection turns surfaces inside out; the other order of corners turns them back.
         vertices = centre + axes.vectors(mesh.vertices - centre)
-        mesh = replace(mesh, vertices=vertices, faces=mesh.faces[:, ::-1])
+        mesh = replace(mesh, vertices=vertices).turned()
     travel = ids.get(shape.travel, None) if shape.travel else None
     mirrored = rebuilt(shape, bones, mesh=mesh, travel=travel)
     return project.with_shapes(with_travel_kept(project, shape, mirrored))
