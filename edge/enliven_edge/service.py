@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -37,7 +37,8 @@ class Edge:
 
     Args:
         possess_at: seconds after the first frame at which the first performer takes hold, or None.
-        parts: the parts of the body that take hold then; those of several performers are divided by "/".
+        parts: the parts of the body that take hold then; those of several performers are divided by "/". One
+            text for all characters, or one each by their ids.
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
         health: monitors the sensor and the tracking; None makes one.
         physics: loose things among the characters, or None.
@@ -53,7 +54,7 @@ class Edge:
         outlet: Outlet,
         *,
         possess_at: float | None = None,
-        parts: str = "all",
+        parts: str | Mapping[str, str] = "all",
         stop_after: float | None = None,
         health: HealthMonitor | None = None,
         physics: Playground | None = None,
@@ -69,6 +70,7 @@ class Edge:
         self._opening, self._stop_after = Opening(stage, possess_at, parts), stop_after
         self._first_ns: int | None = None
         self._stopped, self._once = False, once
+        self._show()
 
     def run(self) -> None:
         """Serves until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone.
@@ -107,12 +109,20 @@ class Edge:
         if self._is_over(frame):
             self.stop()
             return
+        self._show()
         self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
         bodies = self.tracker.track(frame)
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces)
         tick = self._with_props(self.stage.tick(frame, poses, frame.read_ns or read_ns))
         self.outlet.publish(tick)
         self._judge(tick)
+
+    def _show(self) -> None:
+        """Tells viewers, the take and the physics of characters that came, changed or went."""
+        characters = self.stage.characters
+        self.outlet.show(characters)
+        if self.physics is not None:
+            self.physics.show(characters)
 
     def _with_props(self, tick: Tick) -> Tick:
         """Adds the loose things, where there are physics."""
@@ -163,6 +173,7 @@ class Edge:
 
     def _wait(self) -> None:
         """Reports that no frame comes where that lasts."""
+        self._show()
         self.health.silent(time.monotonic() - self._heard)
         self.outlet.set_health(self._health_states())
 

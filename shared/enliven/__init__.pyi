@@ -1,17 +1,16 @@
 from .deformation import skin_vertices
 from .document import Character, Clip, History, Pose, Project, Skeleton
 from .errors import EnlivenError, InputError, ResourceError
-from .exporters.gltf import write_gltf
 from .formats.gltf import read_gltf
 from .formats.project import read_project, write_project
 from .mapping import Plan, read_plan, retarget
 from .matching import Match, ScreenView
 from .meshes import Mesh, fit_height, load_mesh, save_mesh
 from .modeling.mesh import PlaneCut
-from .oneshot import copy, cut, fit_examples, match, merge, mesh_at, possess
+from .oneshot import copy, cut, export, fit_examples, match, merge, mesh_at, possess
 from .person import Body, Joint
 from .recording import Recorder, Recording
-from .samples import cactus_project, make_chair
+from .samples import cactus_project, load_sample
 from .takes import clip_of_bodies, read_possessed, read_take
 
 __version__: str
@@ -38,10 +37,11 @@ __all__ = [
     "clip_of_bodies",
     "copy",
     "cut",
+    "export",
     "fit_examples",
     "fit_height",
     "load_mesh",
-    "make_chair",
+    "load_sample",
     "match",
     "merge",
     "mesh_at",
@@ -54,6 +54,5 @@ __all__ = [
     "retarget",
     "save_mesh",
     "skin_vertices",
-    "write_gltf",
     "write_project",
 ]

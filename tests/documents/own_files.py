@@ -11,6 +11,9 @@ from made_bodies import bvh_text, horse, man, meshed, random_motion, spider
 from made_bvh import danced, write_bvh
 from made_recording import write_recording
 from PIL import Image
+from sample_meshes.cactus import make_cactus
+from sample_meshes.cactus_puppet import cactus_project
+from sample_meshes.chair import make_chair
 from test_import_skeletons import labanotation_row
 
 from enliven import cli
@@ -27,9 +30,6 @@ from enliven.motion.layers import Player
 from enliven.person import Body
 from enliven.recording import Recorder, Recording
 from enliven.rotation import from_rotation_vector, rotate
-from enliven.samples.cactus import make_cactus
-from enliven.samples.cactus_puppet import cactus_project
-from enliven.samples.chair import make_chair
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height

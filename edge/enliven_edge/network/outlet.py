@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -77,6 +77,7 @@ class Outlet:
             raise
         self._publisher.set_status(sensor=sensor)
         self._told = 0.0
+        self._shown: dict[str, Character] = {}
 
     @property
     def publisher(self) -> Publisher:
@@ -88,9 +89,21 @@ class Outlet:
         """The number of viewers."""
         return self._publisher.viewers
 
+    def show(self, characters: Mapping[str, Character]) -> None:
+        """Announces the characters that are new or changed, by identity, and removes those that are gone."""
+        for name, character in characters.items():
+            if self._shown.get(name) is not character:
+                self.introduce(character)
+        for name in self._shown.keys() - characters.keys():
+            del self._shown[name]
+            self._publisher.remove_character(name)
+            if self._take is not None:
+                self._take.remove(name)
+
     def introduce(self, character: Character) -> None:
         """Announces a new character, or a new revision of one; viewers fetch it by themselves."""
         revision = self._publisher.set_character(character)
+        self._shown[character.id] = character
         if self._take is not None:
             self._take.introduce(character.id, character_to_message(character, revision))
 
@@ -134,10 +147,10 @@ class Outlet:
     def poll_requests(
         self,
         possess: Callable[[Possess], str],
-        release: Callable[[str, int | None], str],
+        release: Callable[[str | None, int | None], str],
         smooth: Callable[[int, float | None], str],
         look: Callable[[Look], str] = _refuse,
-        browse: Callable[[str, int], str] = _refuse,
+        browse: Callable[[str | None, int], str] = _refuse,
         lock: Callable[[bool], str] = _refuse,
     ) -> None:
         """Answers viewers' requests as far as there is time, and sends heartbeats that are due.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -76,6 +77,13 @@ class Playground:
         proxies = pack_spheres(roughly_skinned(character), self.settings.spheres)
         self._proxies[character.id] = character, proxies
         log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
+
+    def show(self, characters: Mapping[str, Character]) -> None:
+        """Introduces the characters that are new or changed, and forgets those that are gone."""
+        for name, character in characters.items():
+            if name not in self._proxies or self._proxies[name][0] is not character:
+                self.introduce(character)
+        self._proxies = {name: known for name, known in self._proxies.items() if name in characters}
 
     def warm_up(self) -> None:
         """Compiles what every frame needs, on a world of its own."""

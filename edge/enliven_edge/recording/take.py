@@ -54,6 +54,10 @@ class Take:
         self._characters[name] = character
         self._put(character, self._now_ns)
 
+    def remove(self, name: str) -> None:
+        """Takes a character away: it is not written again."""
+        self._characters.pop(name, None)
+
     def write(self, message: Any, time_ns: int) -> None:
         """Appends a message with its JSON schema; a failure is reported by :attr:`health_states`."""
         self._put(message, time_ns)

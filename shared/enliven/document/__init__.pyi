@@ -1,3 +1,4 @@
+from .body_take import BodyTake, HoldChange
 from .character import Character, Pose, SkinWeights
 from .clip import Clip
 from .constraints import Constraint, Coupling, Position, Velocity, names_in
@@ -20,6 +21,7 @@ __all__ = [
     "BOX",
     "STILL",
     "ArapSettings",
+    "BodyTake",
     "Character",
     "Clip",
     "Constraint",
@@ -30,6 +32,7 @@ __all__ = [
     "GraphPart",
     "GraphShape",
     "History",
+    "HoldChange",
     "KeyPose",
     "Kind",
     "Layer",

@@ -1,6 +1,5 @@
 from .files import load_mesh, save_mesh
 from .gltf_json import Entry, gltf_document
-from .isosurface import surface_of
 from .kernels import (
     corner_sums,
     edge_lengths,
@@ -50,7 +49,6 @@ __all__ = [
     "space_curve",
     "split_long_edges",
     "submesh",
-    "surface_of",
     "textures_in",
     "weld",
 ]

@@ -1,3 +1,4 @@
+from .body_takes import body_take_of, body_take_of_frames
 from .capture_clip import BODY_NAMES, clip_of_bodies
 from .capture_limbs import half_way, level_direction, limb_rotations, smoothstep
 from .capture_roles import Roles, find_roles
@@ -11,6 +12,8 @@ __all__ = [
     "BODY_NAMES",
     "Exportable",
     "Roles",
+    "body_take_of",
+    "body_take_of_frames",
     "clip_of_bodies",
     "clips_of_recording",
     "exportables_of",

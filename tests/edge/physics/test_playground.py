@@ -221,3 +221,18 @@ def test_settings_are_read_and_checked():
         load_settings(PhysicsSettings, {"world": "bowling"})
     with pytest.raises(InputError, match="Use boxes"):
         Playground(PhysicsSettings(world="none"))
+
+
+def test_every_character_on_the_stage_pushes_and_one_that_has_gone_does_not() -> None:
+    made = playground()
+    pair = {name: block(name) for name in ("block", "other")}
+    made.show(pair)
+    poses = [at((5.0, 0.0, 0.0)), at((-5.0, 0.0, 0.0), "other")]
+    step(made, poses, [], set(), 0)
+    assert set(made._slots) == set(pair)
+    before = made._proxies["block"]
+    made.show({"block": pair["block"]})
+    step(made, poses, [], set(), NS)
+    assert set(made._slots) == {"block"} and made._proxies["block"] is before
+    made.show({"block": block()})
+    assert made._proxies["block"] is not before

@@ -7,11 +7,11 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project
 from enliven.modeling.rigged import merge, move_shape
-from enliven_viewer.live import GOOD, INK
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.handle_graph import GraphDrag
 from enliven_viewer.studio.tools.handle_puppet import PuppetDrag
-from enliven_viewer.studio.viewport import STROKE, Disc, Hit, Label, Line, Overlay, bone_at, joint_at
+from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone_at, joint_at
+from enliven_viewer.theme import GOOD, INK, STROKE
 
 
 class CarryTool(Tool):

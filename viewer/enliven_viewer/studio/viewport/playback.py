@@ -37,11 +37,6 @@ class Players:
         return parts, Player(project, shape.id)
 
 
-def posed_shape(project: Project, shape_id: str, time: float) -> PosedShape:
-    """One shape at a time of the project, seconds."""
-    return _posed(Player(project, shape_id), time)
-
-
 def layers_of(shape: Shape) -> tuple[str, ...]:
     """The ids of the layers that a shape refers to, each once, in the order of its bones."""
     found = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)

@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
+from sample_meshes.isosurface import surface_of
 
-from enliven.meshes.isosurface import surface_of
 from enliven.meshes.kernels import shells
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.repair import repair
-from enliven.samples.chair import make_chair
+from enliven.samples import load_sample
 
 
 @pytest.fixture(scope="module")
 def chair():
-    return make_chair()
+    return load_sample("chair")
 
 
 def test_the_chair_is_one_closed_surface_that_faces_outwards(chair):

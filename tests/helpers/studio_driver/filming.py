@@ -7,11 +7,12 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from enliven_viewer.film import FilmWriter, Tiles, write_sheet
-from enliven_viewer.studio.session import STEP, Action, steps
+from enliven.film_writer import FilmWriter
+from enliven_viewer.film import Tiles, write_sheet
 from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.window import KEYS, StudioWindow
 from enliven_viewer.studio.workspace import Workspace
+from studio_driver import STEP, Action, steps
 
 _BIT_RATE = 6.0
 """Mbit/s of the film: the small text of panels stays readable."""

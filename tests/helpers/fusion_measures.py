@@ -1,15 +1,19 @@
-"""Measures of fused bodies without ground truth: agreement, identities, jitter."""
+"""Recorded streams of bodies fused, and measures of the result without ground truth."""
 
 from __future__ import annotations
 
+import heapq
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.frames import BodyFrame
 from enliven.person import Body
+from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.fusion.live.merge import OutputSchedule, in_world
+from enliven_edge.fusion.placement.space import Space
 
 _LONGEST_STEP = 0.06
 """Seconds between frames beyond which a change is motion and no jitter."""
@@ -71,3 +75,27 @@ def _partner(body: Body, others: Sequence[Body]) -> Body | None:
     apart = [float(np.linalg.norm(body.joints[:4] - other.joints[:4], axis=1).mean()) for other in others]
     nearest = int(np.argmin(apart))
     return others[nearest] if apart[nearest] < _SAME else None
+
+
+def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser) -> Iterator[BodyFrame]:
+    """Yields the fused bodies of recorded body streams, each in its sensor's own level frame and clock.
+
+    Args:
+        streams: by sensor of the space.
+        fuser: of the same sensors; asked for its warnings by the caller.
+    """
+    rhythm = OutputSchedule()
+    for time_ns, name, frame in heapq.merge(
+        *(_timed(name, frames, space) for name, frames in streams.items()), key=lambda entry: entry[0]
+    ):
+        place = space.sensors[name]
+        fuser.update(name, in_world(frame.bodies, place.level), time_ns)
+        if rhythm.due(name, time_ns):
+            yield BodyFrame(fuser.bodies(time_ns), time_ns, "fused")
+
+
+def _timed(name: str, frames: Iterable[BodyFrame], space: Space) -> Iterator[tuple[int, str, BodyFrame]]:
+    """Yields the frames of one sensor with their time on the common clock."""
+    offset = space.sensors[name].clock_offset_ns
+    for frame in frames:
+        yield frame.time_ns + offset, name, frame

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven_viewer.studio.session.places import Place, SessionStage, Widget, where
 from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.workspace import Workspace
+from studio_driver.places import Place, SessionStage, Widget, where
 
 STEP = 1 / 24
 """Seconds from one picture to the next."""

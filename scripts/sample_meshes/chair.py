@@ -9,7 +9,8 @@ import numpy as np
 
 from enliven.arrays import Float, Int, UInt8
 from enliven.kernels import njit
-from enliven.meshes import Mesh, surface_of
+from enliven.meshes import Mesh
+from sample_meshes.isosurface import surface_of
 
 _OAK = (181, 126, 74)
 """sRGB, 0..255, of most of the wood."""

@@ -15,8 +15,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import ArapSettings, ControlPoint, KeyPose, Plane, Project, Puppet
 from enliven.person import PARENTS, Body, Joint
-from enliven.samples.cactus import make_cactus
 from enliven.takes import BODY_NAMES, clip_of_bodies
+from sample_meshes.cactus import make_cactus
 
 TAKE = "cactus poses"
 _Way = tuple[float, float, float]

@@ -6,11 +6,11 @@ import math
 
 from enliven.errors import InputError
 from enliven_viewer.studio.places import places_in
-from enliven_viewer.studio.session.actions import STEP
-from enliven_viewer.studio.session.places import source_of
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.workspace import Workspace, renamed
+from studio_driver.actions import STEP
+from studio_driver.places import source_of
 
 _AREA = 100_000.0
 """Pixels between the areas of a stage without a window: each is far from the others."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int, UInt8
-from enliven.meshes import Mesh, surface_of
+from enliven.meshes import Mesh
+from sample_meshes.isosurface import surface_of
 
 POT, SOIL, GREEN, WHITE, BLACK, BLOOM, HEART = range(7)
 """The numbers of the parts, rows of ``_COLOURS``."""
