@@ -98,7 +98,9 @@ def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Flo
         tints = np.ones((len(uvs), 4), np.float32) if own.tints is None else own.tints[mine].reshape(-1, 4)
         if number < 0:
             uvs, tints = uvs[:, :0], np.ones_like(tints)
-        rows = np.concatenate([mesh.faces[mine].reshape(-1, 1).astype(np.float64), uvs, tints], 1)
+        alike = uvs.shape[1] == 0 and bool((tints == tints[0]).all())
+        rows = mesh.faces[mine].ravel().astype(np.float64)
+        rows = rows if alike else np.concatenate([rows[:, None], uvs, tints], 1)
         _, first, of = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         corners = {f"TEXCOORD_{k}": uvs[first, 2 * k : 2 * k + 2] for k in range(uvs.shape[1] // 2)}
         if (tints != 1.0).any():
