@@ -16,6 +16,9 @@ import numpy as np
 from enliven.arrays import AnyArray, Bool, Float, Float32, Int, Int32, UInt8
 from enliven.errors import InputError
 
+_AGAIN = "Export the model again."
+"""What to do about a damaged material."""
+
 
 @dataclass(frozen=True, eq=False)
 class Texture:
@@ -29,10 +32,16 @@ class Texture:
     image: UInt8
     sampler: str = ""
 
+    def __post_init__(self) -> None:
+        if not self.kind:
+            raise InputError("a texture is neither PNG nor JPEG", where="materials", mend=_AGAIN)
+        if self.sampler:
+            _object(self.sampler)
+
     @property
     def kind(self) -> str:
         """The image's media type by its first bytes; empty for another than glTF allows."""
-        head = self.image[:8].tobytes()
+        head = np.asarray(self.image, np.uint8)[:8].tobytes()
         return "image/png" if head == b"\x89PNG\r\n\x1a\n" else "image/jpeg" * (head[:3] == b"\xff\xd8\xff")
 
 
@@ -58,6 +67,10 @@ class MeshMaterials:
     tints: Float32 | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "of", np.ascontiguousarray(self.of, np.int32))
+        object.__setattr__(self, "uvs", np.ascontiguousarray(self.uvs, np.float32))
+        if self.tints is not None:
+            object.__setattr__(self, "tints", np.ascontiguousarray(self.tints, np.float32))
         faces, problem = len(self.of), ""
         for material in self.definitions:
             named = textures_in(_object(material))
@@ -69,8 +82,10 @@ class MeshMaterials:
             problem = f"the tints are {self.tints.shape}, expected ({faces}, 3, 4)"
         elif faces and not -1 <= self.of.min() <= self.of.max() < len(self.definitions):
             problem = f"a face has a material outside of {len(self.definitions)}"
+        elif not (np.isfinite(self.uvs).all() and (self.tints is None or np.isfinite(self.tints).all())):
+            problem = "a corner's place in a texture, or its tint, is not finite"
         if problem:
-            raise InputError(problem, where="materials", mend="Export the model again.")
+            raise InputError(problem, where="materials", mend=_AGAIN)
 
     def taken(self, faces: Int | Bool) -> MeshMaterials:
         """The materials of some faces, by number or by mask."""
@@ -163,14 +178,19 @@ def _walk(value: Any, number: Callable[[int], int]) -> None:
             _walk(inner, number)
 
 
+def _refused(constant: str) -> None:
+    """Refuses NaN and infinities, which JSON has not."""
+    raise ValueError(f"{constant} is no number")
+
+
 def _object(material: str) -> dict[str, Any]:
     """The object of a material's JSON."""
     try:
-        value = json.loads(material)
+        value = json.loads(material, parse_constant=_refused)
     except (ValueError, RecursionError):
         value = None
     if not isinstance(value, dict):
-        raise InputError("a material is no JSON object", where="materials", mend="Export the model again.")
+        raise InputError("a material is no JSON object", where="materials", mend=_AGAIN)
     return value
 
 

@@ -3,6 +3,7 @@
 import io
 import json
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,10 +12,13 @@ from PIL import Image
 from strict_gltf import checked_glb
 
 from enliven.document import Project, same
+from enliven.example_sessions.mesh import mesh_of
+from enliven.example_sessions.tables import MeshTable
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of, write_gltf
-from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf import read_gltf, with_materials
 from enliven.formats.project import read_project, write_project
+from enliven.meshes import submesh
 
 PARTS = np.array([[0, 1, 2], [0, 2, 3]])
 
@@ -177,7 +181,7 @@ def test_two_characters_with_one_material_share_it(tmp_path):
 @pytest.mark.parametrize(
     ("wood", "materials", "said"),
     [
-        (b"GIF89a" + bytes(40), (OAK, GLASS), "texture 1 is not kept (it is neither PNG nor JPEG)"),
+        (b"GIF89a" + bytes(40), (OAK, GLASS), "texture 1 is not kept (a texture is neither PNG nor JPEG)"),
         (WOOD, ({**OAK, "normalTexture": {"index": 9}}, GLASS), "texture 9 is not kept"),
         (WOOD, ({**OAK, "normalTexture": {"index": "0"}}, GLASS), "material 0 cannot be read"),
         (WOOD, ({**OAK, "emissiveFactor": [float("nan")]}, GLASS), "material 0 cannot be read"),
@@ -191,6 +195,18 @@ def test_a_damaged_material_is_left_out_with_a_note(tmp_path, wood, materials, s
     document, image = opened(glb_of([performance_of(Project().with_shapes(rig.shape), rig.shape.id)]))
     by_name = {material["name"]: material for material in document["materials"]}
     assert resolved(by_name["glass"], document, image) == expected(GLASS)
+
+
+def test_a_session_has_the_materials_of_its_mesh(tmp_path):
+    made_file(tmp_path / "square.gltf")
+    mesh = mesh_of(MeshTable("square.gltf"), tmp_path / "square.gltf").mesh
+    own = read_gltf(tmp_path / "square.gltf").shape.mesh
+    assert same(mesh.materials, own.materials) and len(mesh.faces) == len(own.faces)
+    turned = replace(mesh, materials=None).with_faces(np.array([2, 0, 1]))
+    found = with_materials(turned, tmp_path / "square.gltf").materials.of
+    np.testing.assert_array_equal(found, own.materials.of[[2, 0, 1]])
+    other = submesh(mesh, np.array([True, False, True]))
+    assert with_materials(replace(other, materials=None), tmp_path / "square.gltf").materials is None
 
 
 def test_images_outside_of_the_folder_are_not_taken(tmp_path):

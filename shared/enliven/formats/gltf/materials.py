@@ -127,8 +127,6 @@ class Materials:
                 "" if sampler is None else json.dumps(_plain(_entry(self._file.document.samplers, sampler)))
             )
             made = Texture(np.frombuffer(data, np.uint8), told)
-            if not made.kind:
-                raise ValueError("it is neither PNG nor JPEG")
         except (InputError, *DAMAGE) as error:
             reason = error.what if isinstance(error, InputError) else str(error)
             self.notes.append(f"texture {number} is not kept ({reason[:100]})")

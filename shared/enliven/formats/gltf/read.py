@@ -8,7 +8,7 @@ root, which travels) is not kept, and is noted with its size.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from enliven.formats.gltf.materials import Materials
 from enliven.formats.gltf.motion import MOST_PLACES, animated_locals, frame_times, world_matrices
 from enliven.formats.gltf.parts import GltfPart, parts_of, shown_nodes
 from enliven.formats.rig import LinkBody, Rig, Tree, joint_drift, on_floor, resized, tree_of, welded
-from enliven.meshes import Mesh
+from enliven.meshes import Mesh, submesh
 
 _TOLD = 1e-3
 """Share of the model's size above which a motion that was left out gets a note: less is not visible."""
@@ -69,6 +69,23 @@ def read_gltf(
     rig = resized(rig, height) if height is not None else rig
     rig = on_floor(rig) if floor else rig
     return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
+
+
+def with_materials(mesh: Mesh, path: Path | str) -> Mesh:
+    """Returns a mesh that was loaded from a glTF file with the file's materials.
+
+    It is unchanged where its faces are not among those that :func:`read_gltf` finds.
+    """
+    own = read_gltf(path).shape.mesh
+    if own is None or own.materials is None:
+        return mesh
+    # Vertices that no face uses are left out by one reader and not by the other.
+    whole, bare = (submesh(one, np.ones(len(one.faces), bool)) for one in (own, mesh))
+    if len(whole.vertices) != len(bare.vertices):
+        return mesh
+    number = {face: at for at, face in enumerate(map(tuple, whole.faces.tolist()))}
+    faces = np.array([number.get(face, -1) for face in map(tuple, bare.faces.tolist())], np.int64)
+    return mesh if (faces < 0).any() else replace(mesh, materials=own.materials.taken(faces))
 
 
 def _read(file: GltfFile, name: str) -> Rig:

@@ -174,10 +174,16 @@ def test_equal_materials_become_one_and_bare_faces_have_none():
         ({"definitions": ('{"normalTexture": {"index": 1}}',)}, "names texture 1 of 0"),
         ({"definitions": ('{"normalTexture": {"index": true}}',)}, "names no texture"),
         ({"definitions": ("[1]",)}, "no JSON object"),
+        ({"definitions": ('{"emissiveFactor": [NaN]}',)}, "no JSON object"),
+        ({"uvs": np.full((1, 3, 1, 2), np.nan, np.float32)}, "not finite"),
         ({"definitions": ("[" * 100_000,)}, "no JSON object"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(change, said):
+    with pytest.raises(InputError, match="neither PNG nor JPEG"):
+        Texture(np.frombuffer(b"GIF89a", np.uint8))
+    with pytest.raises(InputError, match="no JSON object"):
+        Texture(np.frombuffer(PNG, np.uint8), "[]")
     good = {"definitions": ("{}",), "textures": (), "of": np.zeros(1, np.int32)}
     good["uvs"] = np.zeros((1, 3, 1, 2), np.float32)
     MeshMaterials(**good)
