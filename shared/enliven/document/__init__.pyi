@@ -8,18 +8,20 @@ from .layers import STILL, Layer, Ref, Span
 from .locomotion import Kind, LocomotionSettings, Switch
 from .pin import ContactSettings, Pin
 from .possessed import GraphPart, GraphShape, PoseStream, Ride, character_of_graph, graph_shape_of
-from .project import Project, same, unused
+from .project import AnyRig, Project, same, unused
 from .props import BALL, BOX, Props
 from .puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_of_puppet
+from .rig import RigBase
 from .rigged import Shape, character_of, still_shape
 from .skeleton import Skeleton, skeleton_of
 from .surface_settings import ArapSettings
-from .time_map import TimeMap
+from .time_map import Playing, TimeMap
 
 __all__ = [
     "BALL",
     "BOX",
     "STILL",
+    "AnyRig",
     "ArapSettings",
     "BodyTake",
     "Character",
@@ -39,6 +41,7 @@ __all__ = [
     "LocomotionSettings",
     "Pin",
     "Plane",
+    "Playing",
     "Pose",
     "PoseStream",
     "Position",
@@ -48,6 +51,7 @@ __all__ = [
     "PuppetLayer",
     "Ref",
     "Ride",
+    "RigBase",
     "Shape",
     "Skeleton",
     "SkinWeights",

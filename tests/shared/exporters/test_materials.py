@@ -126,7 +126,7 @@ def expected(material):
 def test_materials_and_images_are_the_same_after_project_file_and_export(tmp_path, weld):
     uvs, tints = made_file(tmp_path / "square.gltf")
     rig = read_gltf(tmp_path / "square.gltf", weld=weld)
-    project = Project().with_shapes(rig.shape)
+    project = Project().with_characters(rig.shape)
     write_project(tmp_path / "square.enliven", project)
     again = read_project(tmp_path / "square.enliven")
     assert same(again, project)
@@ -162,7 +162,7 @@ def test_a_file_that_is_read_and_written_again_and_again_stays_the_same(tmp_path
     found = []
     for turn in range(3):
         rig = read_gltf(sorted(tmp_path.glob(f"{turn}.gl*"))[0], name="square")
-        project = Project().with_shapes(rig.shape)
+        project = Project().with_characters(rig.shape)
         write_gltf(tmp_path / f"{turn + 1}.glb", [performance_of(project, "square")])
         found.append(read_gltf(tmp_path / f"{turn + 1}.glb").shape.mesh.materials)
     assert same(found[1], found[2])
@@ -172,7 +172,7 @@ def test_a_file_that_is_read_and_written_again_and_again_stays_the_same(tmp_path
 def test_two_characters_with_one_material_share_it(tmp_path):
     made_file(tmp_path / "square.gltf")
     shapes = [read_gltf(tmp_path / "square.gltf", name=name).shape for name in ("one", "two")]
-    project = Project().with_shapes(*shapes)
+    project = Project().with_characters(*shapes)
     document, _ = opened(glb_of([performance_of(project, name) for name in ("one", "two")]))
     assert [material["name"] for material in document["materials"]] == ["oak", "glass", "one", "two"]
     assert len(document["images"]) == 2 and len(document["textures"]) == 2
@@ -192,7 +192,7 @@ def test_a_damaged_material_is_left_out_with_a_note(tmp_path, wood, materials, s
     made_file(tmp_path / "square.gltf", wood, materials)
     rig = read_gltf(tmp_path / "square.gltf")
     assert any(said in note for note in rig.notes)
-    document, image = opened(glb_of([performance_of(Project().with_shapes(rig.shape), rig.shape.id)]))
+    document, image = opened(glb_of([performance_of(Project().with_characters(rig.shape), rig.shape.id)]))
     by_name = {material["name"]: material for material in document["materials"]}
     assert resolved(by_name["glass"], document, image) == expected(GLASS)
 
@@ -219,4 +219,4 @@ def test_images_outside_of_the_folder_are_not_taken(tmp_path):
     (inner / "square.gltf").write_text(json.dumps(document))
     rig = read_gltf(inner / "square.gltf")
     assert any("lies outside of its folder" in note for note in rig.notes)
-    assert WOOD not in glb_of([performance_of(Project().with_shapes(rig.shape), rig.shape.id)])
+    assert WOOD not in glb_of([performance_of(Project().with_characters(rig.shape), rig.shape.id)])

@@ -15,10 +15,11 @@ from enliven.exporters import performance_of
 from enliven.exporters.gltf import write_gltf
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import MeshMaterials, Texture, joined_materials, refine, submesh
+from enliven.modeling.edits import mirror_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
 from enliven.modeling.mesh.mesh_union import united
-from enliven.modeling.rigged import merge, mirror_shape
+from enliven.modeling.rigged import merge
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.skinning.heat_diffusion import bone_heat
 
@@ -131,7 +132,7 @@ def test_refinement_and_a_part_keep_them(seed, longest):
 def test_the_corners_of_a_mirrored_shape_have_the_places_in_textures_that_they_had():
     mesh, _ = clothed(tube(), 0)
     shape = still_shape("tube", line([[0, -1, 0], [0, 0, 0], [0, 1, 0]]), mesh, on_bone(mesh, 1))
-    made = mirror_shape(Project().with_shapes(shape), "tube", [1, 0, 0]).shape("tube").mesh
+    made = mirror_character(Project().with_characters(shape), "tube", [1, 0, 0]).characters["tube"].mesh
     np.testing.assert_array_equal(made.materials.uvs, mesh.materials.uvs[:, ::-1])
     np.testing.assert_array_equal(made.faces, mesh.faces[:, ::-1])
 
@@ -140,7 +141,7 @@ def test_a_shape_that_is_cut_and_merged_is_exported_with_them(tmp_path):
     mesh, maps = clothed(tube(), 7)
     skeleton = line([[0, 0, 0.0], [0, 0, 0.7], [0, 0, 1.3], [0, 0, 2.0]])
     shape = still_shape("tube", skeleton, mesh, bone_heat(mesh, skeleton))
-    project, (near, far) = cut_bone(Project().with_shapes(shape), "tube", 2, 0.5)
+    project, (near, far) = cut_bone(Project().with_characters(shape), "tube", 2, 0.5)
     joint = len(project.shape(near).skeleton) - 1
     project, _ = merge(project, near, joint, far)
     write_gltf(tmp_path / "tube.glb", [performance_of(project, near)])
