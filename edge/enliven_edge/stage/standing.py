@@ -8,6 +8,7 @@ figure is as near to its surface as possible, limb by limb.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
     height = float(np.ptp(mesh.vertices[:, 1])) or 1.0
     yaw, offset, score = best_stand(mesh, [standing_figure(height)])
     vertices = (mesh.vertices - offset) @ turn_about_y(yaw)
-    return Mesh(vertices, mesh.faces, mesh.name, mesh.colours), score
+    return replace(mesh, vertices=vertices), score
 
 
 def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, float]:

@@ -12,12 +12,24 @@ from .kernels import (
     space_curve,
     split_long_edges,
 )
+from .materials import (
+    MeshMaterials,
+    Texture,
+    barycentric,
+    joined_materials,
+    materials_within,
+    renumbered,
+    textures_in,
+)
 from .mesh import Axis, Mesh, fit_height, refine, submesh, weld
 
 __all__ = [
     "Axis",
     "Entry",
     "Mesh",
+    "MeshMaterials",
+    "Texture",
+    "barycentric",
     "corner_sums",
     "edge_lengths",
     "face_areas",
@@ -25,14 +37,18 @@ __all__ = [
     "first_of_position",
     "fit_height",
     "gltf_document",
+    "joined_materials",
     "load_mesh",
     "longest_edge",
+    "materials_within",
     "normals_of",
     "refine",
+    "renumbered",
     "save_mesh",
     "shells",
     "space_curve",
     "split_long_edges",
     "submesh",
+    "textures_in",
     "weld",
 ]

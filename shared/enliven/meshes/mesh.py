@@ -11,6 +11,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, Int32, UInt8
 from enliven.errors import InputError
 from enliven.meshes.kernels import corner_sums, face_areas, face_vectors, first_of_position, split_long_edges
+from enliven.meshes.materials import MeshMaterials, materials_within
 
 Axis = Literal["x", "y", "z"]
 _UP_ROTATIONS: dict[Axis, Float] = {
@@ -28,7 +29,8 @@ class Mesh:
         vertices: (V, 3) float64, metres once it is fitted.
         faces: (F, 3) int32, counter-clockwise seen from outside.
         name: what to call it.
-        colours: (V, 3) uint8 sRGB, or None.
+        colours: (V, 3) uint8 sRGB, or None; beside materials, what is drawn by those who have no textures.
+        materials: the materials of the faces, or None.
 
     Raises:
         InputError: where an array has the wrong shape, or a face names a vertex that is not there.
@@ -38,6 +40,7 @@ class Mesh:
     faces: Int32
     name: str = "mesh"
     colours: UInt8 | None = None
+    materials: MeshMaterials | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", np.ascontiguousarray(self.vertices, np.float64))
@@ -51,8 +54,20 @@ class Mesh:
             problem = f"a face names a vertex outside 0..{len(self.vertices) - 1}"
         elif self.colours is not None and self.colours.shape != (len(self.vertices), 3):
             problem = f"the colours are {self.colours.shape}, expected ({len(self.vertices)}, 3)"
+        elif self.materials is not None and len(self.materials.of) != len(self.faces):
+            problem = f"{len(self.materials.of)} faces have materials, expected {len(self.faces)}"
         if problem:
             raise InputError(problem, where=f"mesh {self.name!r}", mend="Export the mesh again.")
+
+    def with_faces(self, keep: Bool | Int) -> Mesh:
+        """The mesh with some of its faces, by mask or by number, and all vertices."""
+        materials = None if self.materials is None else self.materials.taken(keep)
+        return replace(self, faces=self.faces[keep], materials=materials)
+
+    def turned(self) -> Mesh:
+        """The mesh with the corners of its faces in the other order, which turns it inside out."""
+        materials = None if self.materials is None else self.materials.turned()
+        return replace(self, faces=self.faces[:, ::-1], materials=materials)
 
     @cached_property
     def area(self) -> float:
@@ -101,12 +116,13 @@ def weld(mesh: Mesh) -> tuple[Mesh, Int]:
 
 def submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
     """The faces where ``keep_faces`` (F,) is true, and the vertices that they use."""
-    faces = mesh.faces[keep_faces]
+    kept = mesh.with_faces(keep_faces)
+    faces = kept.faces
     used = np.zeros(len(mesh.vertices), bool)
     used[faces] = True
     number = np.cumsum(used) - 1
     colours = None if mesh.colours is None else mesh.colours[used]
-    return Mesh(mesh.vertices[used], number[faces].astype(np.int32), mesh.name, colours)
+    return Mesh(mesh.vertices[used], number[faces].astype(np.int32), mesh.name, colours, kept.materials)
 
 
 def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
@@ -119,14 +135,15 @@ def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
     if not longest > 0:
         raise InputError(f"the longest edge is {longest} m", where="refine", mend="Give a length above 0.")
     while True:
-        vertices, faces, parents, _ = split_long_edges(mesh.vertices, mesh.faces, longest)
+        vertices, faces, parents, origin = split_long_edges(mesh.vertices, mesh.faces, longest)
         if len(parents) == 0 or len(vertices) > most_vertices:
             return mesh
         colours = mesh.colours
         if colours is not None:
             middle = colours[parents].astype(np.uint16).sum(1) // 2
             colours = np.concatenate([colours, middle.astype(np.uint8)])
-        mesh = Mesh(vertices, faces, mesh.name, colours)
+        materials = materials_within(mesh.materials, mesh.vertices[mesh.faces], vertices[faces], origin)
+        mesh = Mesh(vertices, faces, mesh.name, colours, materials)
 
 
 def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:

@@ -45,12 +45,12 @@ def _without_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
     good = np.asarray((np.abs(mesh.vertices) < 1e100).all(1))
     if good.all():
         return mesh
-    keep = good[mesh.faces].all(1)
+    keep = np.asarray(good[mesh.faces].all(1))
     notes.append(
         f"removed {int((~good).sum())} vertices that are not finite, with {int((~keep).sum())} faces"
     )
     vertices = np.where(good[:, None], mesh.vertices, 0.0)
-    return replace(mesh, vertices=vertices, faces=mesh.faces[keep])
+    return replace(mesh, vertices=vertices).with_faces(keep)
 
 
 def _without_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
@@ -60,11 +60,11 @@ def _without_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
     flat = ~(np.linalg.norm(mesh.face_vectors(), axis=1) > 0)
     if flat.any():
         notes.append(f"dropped {int(flat.sum())} degenerate faces (no area)")
-        mesh = replace(mesh, faces=mesh.faces[~flat])
+        mesh = mesh.with_faces(~flat)
     repeated = _repeated_faces(mesh)
     if repeated.any():
         notes.append(f"dropped {int(repeated.sum())} faces that repeat another one")
-        mesh = replace(mesh, faces=mesh.faces[~repeated])
+        mesh = mesh.with_faces(~repeated)
     return mesh
 
 

@@ -77,10 +77,10 @@ def exportables_of(path: Path | str) -> tuple[list[Exportable], tuple[str, ...]]
 def _of_project(project: Project) -> list[Exportable]:
     """Rigged shapes, possessed meshes, puppets that play something, and then takes."""
     found = list[Exportable]()
-    for shape in project.shapes.values():
-        found.append(_character(project, shape, shape.mesh is not None))
-    for character in (*project.graphs.values(), *project.puppets.values()):
-        if not isinstance(character, Puppet) or _plays(project, character):
+    for character in project.characters.values():
+        if isinstance(character, Shape):
+            found.append(_character(project, character, character.mesh is not None))
+        elif not isinstance(character, Puppet) or _plays(project, character):
             found.append(Exportable(character.id, partial(_sampled, project, character)))
     return [*found, *(_of_clip(clip, 1) for clip in project.takes.values())]
 

@@ -66,6 +66,11 @@ def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     made = glb_of([performance_of(project, rig.shape.id, 0.0, end)])
     checked_glb(made)
     (tmp_path / "again.glb").write_bytes(made)
+    mesh = read_gltf(tmp_path / "again.glb").shape.mesh
+    before, after = rig.shape.mesh.materials, mesh.materials
+    if before is not None:
+        assert set(before.definitions) <= set(after.definitions)
+        assert [t.image.tobytes() for t in before.textures] == [t.image.tobytes() for t in after.textures]
     again = read_gltf(tmp_path / "again.glb").shape.skeleton
     np.testing.assert_array_equal(again.parents, rig.shape.skeleton.parents)
     size = float(np.ptp(rig.shape.mesh.vertices, axis=0).max())

@@ -183,7 +183,7 @@ def test_what_a_bvh_file_cannot_hold_is_said():
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)))
     stream = PoseStream("dance", np.tile(np.eye(3), (2, 1, 1, 1)), np.zeros((2, 1, 3)), 0.1)
     graph = GraphShape("chair", np.zeros((1, 3)), np.zeros((0, 2)), mesh, skin, (GraphPart("dance", [0]),))
-    made = performance_of(Project(streams={"dance": stream}, graphs={"chair": graph}), "chair")
+    made = performance_of(Project().with_streams(stream).with_characters(graph), "chair")
     with pytest.raises(InputError, match=r"no skeleton.*Write a \.glb instead"):
         bvh_text(made)
     with pytest.raises(InputError, match="holds one character, not 2"):

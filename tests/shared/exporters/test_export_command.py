@@ -105,8 +105,9 @@ def show(made, recorded, tmp_path):
     character, poses = recorded
     graph, stream = graph_shape_of(replace(character, id="chair", kind="graph"), poses, "sit")
     bean = made_puppets.project()
-    project = replace(project, takes={**project.takes, **bean.takes}, puppets=bean.puppets)
-    write_project(tmp_path / "show.enliven", project.with_streams(stream).with_characters(graph))
+    project = project.with_takes(*bean.takes.values())
+    whole = project.with_streams(stream).with_characters(graph, *bean.puppets.values())
+    write_project(tmp_path / "show.enliven", whole)
     return tmp_path
 
 

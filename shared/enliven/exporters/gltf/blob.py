@@ -58,6 +58,14 @@ class Blob:
         self._length += len(data) + padding
         return len(self.accessors) - 1
 
+    def add_bytes(self, data: AnyArray) -> int:
+        """Adds bytes (N,) that no accessor reads, such as an image, and returns their view's number."""
+        self.views.append(pygltflib.BufferView(buffer=0, byteOffset=self._length, byteLength=len(data)))
+        padding = -len(data) % 4
+        self._pieces.append(data.tobytes() + b"\0" * padding)
+        self._length += len(data) + padding
+        return len(self.views) - 1
+
     def bytes(self) -> bytes:
         """Returns the whole binary chunk."""
         return b"".join(self._pieces)

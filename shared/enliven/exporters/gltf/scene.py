@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from enliven.arrays import Float, Int
 from enliven.document import SkinWeights
 from enliven.exporters.gltf.blob import Blob
 from enliven.exporters.gltf.joints import clean_skin, linear16, listed, unit32, unit_normals
+from enliven.exporters.gltf.materials import SceneMaterials, split_by_material
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
 
@@ -34,12 +36,14 @@ class GltfScene:
         self.document.scenes, self.document.scene = [pygltflib.Scene(name=name, nodes=[])], 0
         self._animation = pygltflib.Animation(name=name, channels=[], samplers=[])
         self._known: dict[bytes, int] = {}
+        self._materials = SceneMaterials(self.blob)
 
     def bytes(self) -> bytes:
         """Returns the file."""
         document = self.document
         if self._animation.channels:
             document.animations = [self._animation]
+        self._materials.put_into(document)
         document.bufferViews, document.accessors = self.blob.views, self.blob.accessors
         data = self.blob.bytes()
         document.buffers = [pygltflib.Buffer(byteLength=len(data))]
@@ -85,12 +89,13 @@ class GltfScene:
             pygltflib.Skin(name=name, joints=joints, skeleton=tree, inverseBindMatrices=matrices)
         )
         indices, weights = clean_skin(skin.indices, skin.weights)
-        array = pygltflib.ARRAY_BUFFER
-        primitive = self.primitive(name, mesh)
         small = indices.astype(np.uint8) if len(joints) <= 256 else indices
-        primitive.attributes.JOINTS_0 = self.blob.add(small, array)
-        primitive.attributes.WEIGHTS_0 = self.blob.add(weights, array)
-        document.meshes.append(pygltflib.Mesh(name=name, primitives=[primitive]))
+        array, primitives = pygltflib.ARRAY_BUFFER, []
+        for primitive, vertices in self.primitives(name, mesh):
+            primitive.attributes.JOINTS_0 = self.blob.add(small[vertices], array)
+            primitive.attributes.WEIGHTS_0 = self.blob.add(weights[vertices], array)
+            primitives.append(primitive)
+        document.meshes.append(pygltflib.Mesh(name=name, primitives=primitives))
         made = self.node(name=name, mesh=len(document.meshes) - 1, skin=len(document.skins) - 1)
         self.put(tree, made)
 
@@ -119,27 +124,32 @@ class GltfScene:
         channel = pygltflib.AnimationChannel(sampler=len(self._animation.samplers) - 1, target=target)
         self._animation.channels.append(channel)
 
-    def primitive(self, name: str, mesh: Mesh) -> pygltflib.Primitive:
-        """Adds the triangles of a mesh with normals, colours and a plain material."""
-        blob = self.blob
-        faces = mesh.faces.astype(np.uint16 if len(mesh.vertices) < 65535 else np.uint32)
-        array, elements = pygltflib.ARRAY_BUFFER, pygltflib.ELEMENT_ARRAY_BUFFER
-        attributes = pygltflib.Attributes(
-            POSITION=blob.add(mesh.vertices.astype(np.float32), array),
-            NORMAL=blob.add(unit_normals(mesh.vertex_normals()), array),
-        )
-        if mesh.colours is not None:
-            attributes.COLOR_0 = blob.add(linear16(mesh.colours), array, normalised=True)
-        plain = pygltflib.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=0.9)
-        self.document.materials.append(
-            pygltflib.Material(name=name, pbrMetallicRoughness=plain, doubleSided=True)
-        )
-        return pygltflib.Primitive(
-            attributes=attributes,
-            indices=blob.add(faces.reshape(-1), elements),
-            material=len(self.document.materials) - 1,
-            mode=pygltflib.TRIANGLES,
-        )
+    def primitives(self, name: str, mesh: Mesh) -> Iterator[tuple[pygltflib.Primitive, Int]]:
+        """Adds the triangles of a mesh with normals, colours and materials.
+
+        Yields:
+            A primitive for each material, and (N,) the vertex of the mesh that each of its vertices is.
+        """
+        blob, array = self.blob, pygltflib.ARRAY_BUFFER
+        normals = unit_normals(mesh.vertex_normals())
+        numbers = self._materials.added(mesh.materials) if mesh.materials is not None else []
+        for number, vertices, faces, corners in split_by_material(mesh):
+            attributes = pygltflib.Attributes(
+                POSITION=blob.add(mesh.vertices[vertices].astype(np.float32), array),
+                NORMAL=blob.add(normals[vertices], array),
+            )
+            for attribute, values in corners.items():
+                setattr(attributes, attribute, blob.add(values, array))
+            if number < 0 and mesh.colours is not None:
+                attributes.COLOR_0 = blob.add(linear16(mesh.colours[vertices]), array, normalised=True)
+            stored = faces.astype(np.uint16 if len(vertices) < 65535 else np.uint32)
+            made = pygltflib.Primitive(
+                attributes=attributes,
+                indices=blob.add(stored.reshape(-1), pygltflib.ELEMENT_ARRAY_BUFFER),
+                material=self._materials.plain(name) if number < 0 else numbers[number],
+                mode=pygltflib.TRIANGLES,
+            )
+            yield made, vertices
 
     def _times(self, times: Float) -> int:
         """Returns the accessor of key times; equal times are stored once."""

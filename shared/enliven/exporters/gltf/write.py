@@ -139,12 +139,14 @@ def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs)
     """Adds the mesh to a holder, with a target for each shape and their weights over time."""
     mesh: Mesh = performance.surface[0]
     document, blob, holder = scene.document, scene.blob, _holder(scene, performance)
-    primitive = scene.primitive(performance.name, mesh)
-    for shape, bent in zip(morphs.targets, morphs.normals, strict=True):
-        attributes = (blob.add(values.astype(np.float32), pygltflib.ARRAY_BUFFER) for values in (shape, bent))
-        primitive.targets.append(dict(zip(("POSITION", "NORMAL"), attributes, strict=True)))
+    primitives, array = [], pygltflib.ARRAY_BUFFER
+    for primitive, vertices in scene.primitives(performance.name, mesh):
+        for shape, bent in zip(morphs.targets, morphs.normals, strict=True):
+            added = (blob.add(values[vertices].astype(np.float32), array) for values in (shape, bent))
+            primitive.targets.append(dict(zip(("POSITION", "NORMAL"), added, strict=True)))
+        primitives.append(primitive)
     none = [0.0] * len(morphs.targets)
-    document.meshes.append(pygltflib.Mesh(name=performance.name, primitives=[primitive], weights=none))
+    document.meshes.append(pygltflib.Mesh(name=performance.name, primitives=primitives, weights=none))
     node = scene.node(holder, name=performance.name, mesh=len(document.meshes) - 1)
     # A weight moves no vertex farther than the longest way of its target.
     far = np.linalg.norm(morphs.targets, axis=2).max(1)

@@ -1,3 +1,3 @@
-from .read import read_gltf
+from .read import read_gltf, with_materials
 
-__all__ = ["read_gltf"]
+__all__ = ["read_gltf", "with_materials"]

@@ -10,6 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32, UInt8
 from enliven.formats.gltf.colours import Colours
 from enliven.formats.gltf.file import GltfFile
+from enliven.formats.gltf.materials import Corners, Materials
 
 _TRIANGLES = 4
 """glTF's mode of a list of separate triangles (section 3.7.2.1); points and lines are left out."""
@@ -31,6 +32,8 @@ class GltfPart:
         colours: (V, 3) sRGB.
         skin: the number of its skin, or -1: it follows the node ``carrier`` stiffly.
         carrier: the node that has the mesh.
+        material: its number among those that are kept, or -1.
+        corners: texture coordinates and colours of its vertices.
     """
 
     vertices: Float
@@ -40,12 +43,17 @@ class GltfPart:
     colours: UInt8
     skin: int
     carrier: int
+    material: int
+    corners: Corners
 
 
-def parts_of(file: GltfFile, notes: list[str]) -> list[GltfPart]:
-    """Returns all primitives with triangles that the scene shows; ``notes`` takes a sentence about each left
-    out."""
-    colours, parts = Colours(file), list[GltfPart]()
+def parts_of(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materials]:
+    """Returns all primitives with triangles that the scene shows, and their materials.
+
+    Args:
+        notes: takes a sentence about each that is left out.
+    """
+    colours, materials, parts = Colours(file), Materials(file), list[GltfPart]()
     for number in shown_nodes(file):
         node = file.document.nodes[number]
         if node.mesh is None:
@@ -59,9 +67,9 @@ def parts_of(file: GltfFile, notes: list[str]) -> list[GltfPart]:
                 continue
             if primitive.targets:
                 notes.append(f"the morph targets of {file.name(number)!r} are left out")
-            parts.append(_part(file, colours, primitive, mode, number, node))
-    notes.extend(colours.notes)
-    return [part for part in parts if len(part.faces)]
+            parts.append(_part(file, colours, materials, primitive, mode, number))
+    notes.extend(colours.notes + materials.notes)
+    return [part for part in parts if len(part.faces)], materials
 
 
 def shown_nodes(file: GltfFile) -> list[int]:
@@ -80,7 +88,10 @@ def shown_nodes(file: GltfFile) -> list[int]:
     return found
 
 
-def _part(file: GltfFile, colours: Colours, primitive: Any, mode: int, carrier: int, node: Any) -> GltfPart:
+def _part(
+    file: GltfFile, colours: Colours, materials: Materials, primitive: Any, mode: int, carrier: int
+) -> GltfPart:
+    node = file.document.nodes[carrier]
     vertices = np.asarray(file.accessor(primitive.attributes.POSITION), np.float64)
     if vertices.shape[1] != 3 or not np.isfinite(vertices).all():
         raise file.wrong(f"a vertex of {file.name(carrier)!r} is no finite point")
@@ -105,7 +116,9 @@ def _part(file: GltfFile, colours: Colours, primitive: Any, mode: int, carrier: 
             )
         joints = named[np.minimum(joints, len(named) - 1)]
     four, shares = strongest(joints, weights)
-    return GltfPart(vertices, faces.astype(np.int32), four, shares, colours.of(primitive), skin, carrier)
+    corners = materials.corners(primitive, len(vertices))
+    rest = colours.of(primitive), skin, carrier, materials.number(primitive), corners
+    return GltfPart(vertices, faces.astype(np.int32), four, shares, *rest)
 
 
 def _influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:

@@ -8,22 +8,23 @@ root, which travels) is not kept, and is noted with its size.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float, Int, Int32
 from enliven.document import Clip, Skeleton, SkinWeights, still_shape
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
 from enliven.formats.gltf.bind import Bind
 from enliven.formats.gltf.bodies import bodies_of
 from enliven.formats.gltf.file import GltfFile
+from enliven.formats.gltf.materials import Materials
 from enliven.formats.gltf.motion import MOST_PLACES, animated_locals, frame_times, world_matrices
 from enliven.formats.gltf.parts import GltfPart, parts_of, shown_nodes
 from enliven.formats.rig import LinkBody, Rig, Tree, joint_drift, on_floor, resized, tree_of, welded
-from enliven.meshes import Mesh
+from enliven.meshes import Mesh, submesh
 
 _TOLD = 1e-3
 """Share of the model's size above which a motion that was left out gets a note: less is not visible."""
@@ -70,31 +71,50 @@ def read_gltf(
     return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
 
 
+def with_materials(mesh: Mesh, path: Path | str) -> Mesh:
+    """Returns a mesh that was loaded from a glTF file with the file's materials.
+
+    It is unchanged where its faces are not among those that :func:`read_gltf` finds.
+    """
+    own = read_gltf(path).shape.mesh
+    if own is None or own.materials is None:
+        return mesh
+    # Vertices that no face uses are left out by one reader and not by the other.
+    whole, bare = (submesh(one, np.ones(len(one.faces), bool)) for one in (own, mesh))
+    if len(whole.vertices) != len(bare.vertices):
+        return mesh
+    number = {face: at for at, face in enumerate(map(tuple, whole.faces.tolist()))}
+    faces = np.array([number.get(face, -1) for face in map(tuple, bare.faces.tolist())], np.int64)
+    return mesh if (faces < 0).any() else replace(mesh, materials=own.materials.taken(faces))
+
+
 def _read(file: GltfFile, name: str) -> Rig:
     """Reads the model without scaling or moving it."""
     notes = list[str]()
-    parts = parts_of(file, notes)
+    parts, materials = parts_of(file, notes)
     if not parts:
         raise file.wrong("there is no triangle in its scene")
     bind = Bind(file, parts)
     rest = [bind.vertices(part) for part in parts]
-    mesh = _mesh(name, parts, rest, bind)
+    mesh = _mesh(name, parts, rest, bind, materials)
     if all(part.skin < 0 for part in parts) and not file.document.animations:
         return _unrigged(name, mesh, notes)
     return _rigged(file, name, parts, rest, mesh, bind, notes)
 
 
-def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind) -> Mesh:
+def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind, materials: Materials) -> Mesh:
     """Joins all parts into one mesh; a mirrored part gets its faces turned round."""
     first = np.cumsum([0, *(len(v) for v in rest)])
-    faces = []
-    for part, start in zip(parts, first[:-1], strict=True):
+    faces: list[Int32] = []
+    for part in parts:
         node = part.nodes[0, 0] if len(part.nodes) else part.carrier
         inverse = np.eye(4) if part.skin < 0 else bind.inverse[part.skin][int(node)]
         mirrored = np.linalg.det((bind.world[node] @ inverse)[:3, :3]) < 0
-        faces.append((part.faces[:, ::-1] if mirrored else part.faces) + start)
+        faces.append(part.faces[:, ::-1] if mirrored else part.faces)
     colours = np.concatenate([part.colours for part in parts])
-    return Mesh(np.concatenate(rest), np.concatenate(faces).astype(np.int32), name, colours)
+    shown = [(own, part.material, part.corners) for own, part in zip(faces, parts, strict=True)]
+    whole = np.concatenate([own + start for own, start in zip(faces, first[:-1], strict=True)])
+    return Mesh(np.concatenate(rest), whole.astype(np.int32), name, colours, materials.joined(shown))
 
 
 def _unrigged(name: str, mesh: Mesh, notes: list[str]) -> Rig:

@@ -9,7 +9,15 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32, UInt8
 from enliven.document import SkinWeights
-from enliven.meshes import Mesh, first_of_position, weld
+from enliven.meshes import (
+    Mesh,
+    MeshMaterials,
+    barycentric,
+    first_of_position,
+    joined_materials,
+    materials_within,
+    weld,
+)
 from enliven.modeling.mesh.solids import Solid
 from enliven.modeling.skinning import skin_values as skins
 
@@ -59,7 +67,8 @@ class MeshPair:
             colours = np.concatenate([colours_of(mesh) for mesh in self.meshes])
         mine = np.concatenate([np.arange(len(one.vertices)), np.full(len(other.vertices), -1)])
         theirs = np.concatenate([np.full(len(one.vertices), -1), np.arange(len(other.vertices))])
-        mesh = Mesh(vertices, faces, one.name, colours)
+        materials = joined_materials([(mesh.materials, len(mesh.faces)) for mesh in self.meshes])
+        mesh = Mesh(vertices, faces, one.name, colours, materials)
         none = np.zeros(len(vertices), bool)
         return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
 
@@ -140,10 +149,27 @@ class UnionBuilder:
         first, second = (np.full(len(vertices), -1, np.int64) for _ in range(2))
         first[: ends[0]] = np.where(kept[0] < counts[0], kept[0], -1)
         second[ends[0] : ends[1]] = np.where(kept[1] < counts[1], kept[1], -1)
-        return self._joined(
-            Mesh(vertices, faces.astype(np.int32), self.meshes[0].name, colours),
-            skin, (first, second), ends, notes,
-        )  # fmt: skip
+        materials = self._materials(vertices[faces])
+        mesh = Mesh(vertices, faces.astype(np.int32), self.meshes[0].name, colours, materials)
+        return self._joined(mesh, skin, (first, second), ends, notes)
+
+    def _materials(self, corners: Float) -> MeshMaterials | None:
+        """The materials of the faces with these corners (F, 3, 3): kept ones as they were, then split."""
+        if all(mesh.materials is None for mesh in self.meshes):
+            return None
+        groups = list[tuple[MeshMaterials | None, int]]()
+        for side, mesh in zip(self.sides, self.meshes, strict=True):
+            order = np.sort(side.source[side.whole])
+            groups.append((None if mesh.materials is None else mesh.materials.taken(order), len(order)))
+        start = sum(count for _, count in groups)
+        for side, mesh in zip(self.sides, self.meshes, strict=True):
+            source = side.source[~side.whole]
+            own = corners[start : start + len(source)]
+            groups.append(
+                (materials_within(mesh.materials, mesh.vertices[mesh.faces], own, source), len(source))
+            )
+            start += len(source)
+        return joined_materials(groups)
 
     def _kept_faces(self, side: Side, number: Int) -> Int:
         """(K, 3) whole faces in their order, their corners as they were."""
@@ -215,45 +241,35 @@ def _welded(union: Union, first: Int) -> Union:
     number = np.full(len(first), -1, np.int64)
     number[kept] = np.arange(len(kept))
     faces = number[first[union.mesh.faces]]
-    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
-    faces = _without_membranes(faces)
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    whole[whole] = ~_membranes(faces[whole])
+    faces, materials = (
+        faces[whole],
+        None if union.mesh.materials is None else union.mesh.materials.taken(whole),
+    )
     used = np.unique(faces)
     kept, faces = kept[used], np.searchsorted(used, faces)
     second = union.second.copy()
     np.maximum.at(second, first, union.second)
     colours = None if union.mesh.colours is None else union.mesh.colours[kept]
-    mesh = Mesh(union.mesh.vertices[kept], faces.astype(np.int32), union.mesh.name, colours)
+    mesh = Mesh(union.mesh.vertices[kept], faces.astype(np.int32), union.mesh.name, colours, materials)
     skin = skins.taken(union.skin, kept)
     return Union(mesh, skin, union.first[kept], second[kept], union.seam[kept], True, union.notes)
 
 
-def _without_membranes(faces: Int) -> Int:
-    """The faces without those that lie back to back: what is left between two caps that met."""
+def _membranes(faces: Int) -> Bool:
+    """(F,) true for faces that lie back to back: what is left between two caps that met."""
     if len(faces) == 0:
-        return faces
+        return np.zeros(0, bool)
     lowest = np.argmin(faces, 1)
     turned = np.take_along_axis(faces, (lowest[:, None] + np.arange(3)) % 3, 1)
     ahead = turned[:, 1] < turned[:, 2]
     _, same, count = np.unique(np.sort(faces, 1), axis=0, return_inverse=True, return_counts=True)
     same = same.reshape(-1)
     both = (count == 2) & (np.bincount(same, ahead, len(count)) == 1)
-    return np.asarray(faces[~both[same]])
+    return np.asarray(both[same])
 
 
 def colours_of(mesh: Mesh) -> UInt8:
     """(V, 3) the mesh's colours, or blank ones."""
     return np.full((len(mesh.vertices), 3), _BLANK, np.uint8) if mesh.colours is None else mesh.colours
-
-
-def barycentric(points: Float, corners: Float) -> Float:
-    """(N, 3) shares of the corners (N, 3, 3) at points (N, 3) of their triangles, within 0..1, sum one."""
-    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
-    uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
-    wu, wv = (w * u).sum(1), (w * v).sum(1)
-    area = uu * vv - uv * uv
-    good = area > 1e-14 * np.maximum(uu, vv) ** 2
-    scale = np.where(good, area, 1.0)
-    b = np.where(good, (vv * wu - uv * wv) / scale, 0.0)
-    c = np.where(good, (uu * wv - uv * wu) / scale, 0.0)
-    share = np.clip(np.stack([1 - b - c, b, c], 1), 0.0, 1.0)
-    return np.asarray(share / share.sum(1, keepdims=True))

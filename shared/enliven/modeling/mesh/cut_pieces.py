@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, UInt8
 from enliven.document import SkinWeights
-from enliven.meshes import Mesh
+from enliven.meshes import Mesh, joined_materials, materials_within
 from enliven.modeling.mesh.caps import Cap, HarmonicInterpolation
 from enliven.modeling.mesh.cut_plan import CutPlan
 from enliven.modeling.skinning import skin_values as skins
@@ -59,7 +59,7 @@ class _Maker:
 
     def piece(self, caps: list[Cap]) -> Piece:
         """The piece."""
-        split, sources, edges = self._split_faces()
+        split, parts, sources, edges = self._split_faces()
         base = len(self.kept)
         doubled = len(self.work.rest) < len(self.mesh.vertices)
         cap_faces: list[Int] = []
@@ -84,11 +84,19 @@ class _Maker:
         vertices, colours, skin = self._attributes(sources, edges, insides, doubled)
         kept = np.full(len(vertices), -1, np.int64)
         kept[:base] = self.kept
-        mesh = Mesh(vertices, faces.astype(np.int32), self.mesh.name, colours)
+        whole = np.flatnonzero(self.whole)
+        corners = vertices[faces[len(whole) : len(whole) + len(split)]]
+        inside = materials_within(self.mesh.materials, self.mesh.vertices[self.mesh.faces], corners, parts)
+        kept_materials = None if self.mesh.materials is None else self.mesh.materials.taken(whole)
+        materials = joined_materials(
+            [(kept_materials, len(whole)), (inside, len(split)), (None, len(closing))]
+        )
+        mesh = Mesh(vertices, faces.astype(np.int32), self.mesh.name, colours, materials)
         return Piece(mesh, skin, kept, len(closing))
 
-    def _split_faces(self) -> tuple[Int, Int, Int]:
-        """(S, 3) faces, and for each new vertex its two old ones (N, 2) and its crossed edge (N,)."""
+    def _split_faces(self) -> tuple[Int, Int, Int, Int]:
+        """(S, 3) faces and (S,) the old face of each; and for each new vertex its two old ones (N, 2) and its
+        crossed edge (N,)."""
         work = self.work
         own = self.mesh.faces[self.split].astype(np.int64)
         side = work.far[work.of[own]]
@@ -107,7 +115,8 @@ class _Maker:
         a, b, c = self.number[corner].T
         tips = np.stack([a, new[:, 0], new[:, 1]], 1)[alone]
         quad = np.stack([new[:, 0], b, c, new[:, 1]], 1)[~alone]
-        return np.concatenate([tips, quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]), unique, crossed[first]
+        of = np.concatenate([self.split[alone], *[self.split[~alone]] * 2])
+        return np.concatenate([tips, quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]), of, unique, crossed[first]
 
     def _attributes(
         self, sources: Int, edges: Int, insides: list[tuple[Int, HarmonicInterpolation]], doubled: bool

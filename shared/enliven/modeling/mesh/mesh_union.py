@@ -15,16 +15,18 @@ from dataclasses import replace
 
 import manifold3d
 import numpy as np
+from scipy.spatial import cKDTree
 
+from enliven.arrays import Bool, Float
 from enliven.document import SkinWeights
-from enliven.meshes import Mesh, weld
-from enliven.modeling.mesh.boolean_union import MeshPair, Union, barycentric
+from enliven.meshes import Mesh, MeshMaterials, joined_materials, materials_within, weld
+from enliven.modeling.mesh.boolean_union import MeshPair, Union
 from enliven.modeling.mesh.collapse_slivers import without_slivers
 from enliven.modeling.mesh.seam import creased
 from enliven.modeling.mesh.solids import Solid, solid_of
 from enliven.modeling.skinning import skin_values as skins
 
-__all__ = ["Union", "barycentric", "united"]
+__all__ = ["Union", "united"]
 
 
 def united(
@@ -67,7 +69,8 @@ def _without_slivers(union: Union) -> Union:
     vertices, faces, kept, drawn = without_slivers(union.mesh.vertices, union.mesh.faces, new)
     number = np.cumsum(kept) - 1
     colours = None if union.mesh.colours is None else union.mesh.colours[kept]
-    mesh = Mesh(vertices[kept], number[faces].astype(np.int32), union.mesh.name, colours)
+    materials = _materials_after(union.mesh, new, vertices[faces])
+    mesh = Mesh(vertices[kept], number[faces].astype(np.int32), union.mesh.name, colours, materials)
     return replace(
         union,
         mesh=mesh,
@@ -76,3 +79,23 @@ def _without_slivers(union: Union) -> Union:
         second=union.second[kept],
         seam=(union.seam | drawn)[kept],
     )
+
+
+def _materials_after(mesh: Mesh, new: Bool, corners: Float) -> MeshMaterials | None:
+    """The materials of a mesh once its slivers are gone: faces at new vertices take the nearest old face's.
+
+    Args:
+        new: (V,) the vertices that could move.
+        corners: (F, 3, 3) metres, of the faces that are left.
+    """
+    if mesh.materials is None:
+        return None
+    touching = np.asarray(new[mesh.faces].any(1))
+    before, still = np.flatnonzero(touching), np.flatnonzero(~touching)
+    old = mesh.vertices[mesh.faces]
+    after = corners[len(still) :]
+    if not len(after):
+        return mesh.materials.taken(still)
+    nearest = cKDTree(old[before].mean(1)).query(after.mean(1))[1]
+    inner = materials_within(mesh.materials, old, after, before[nearest])
+    return joined_materials([(mesh.materials.taken(still), len(still)), (inner, len(after))])

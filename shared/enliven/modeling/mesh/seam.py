@@ -13,7 +13,7 @@ with the old weights held around them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, diags
@@ -86,7 +86,7 @@ def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Me
     length = np.linalg.norm(move, axis=1, keepdims=True)
     most = settings.farthest * _radius(mesh.vertices[seam])
     moved = mesh.vertices + move * np.minimum(1.0, most / np.maximum(length, 1e-300))
-    return Mesh(np.where(free[:, None], moved, mesh.vertices), mesh.faces, mesh.name, mesh.colours)
+    return replace(mesh, vertices=np.where(free[:, None], moved, mesh.vertices))
 
 
 def reweighted(

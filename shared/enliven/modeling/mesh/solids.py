@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 
 from enliven.arrays import Bool, Int
-from enliven.meshes import Mesh, weld
+from enliven.meshes import Mesh, joined_materials, weld
 from enliven.modeling.mesh.caps import HarmonicInterpolation, cap_of, flattened
 from enliven.modeling.mesh.cut_loops import chains_of
 
@@ -45,7 +45,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
     if not use.all():
         notes.append(f"left out {int((~use).sum())} faces without area or there twice")
     faces = np.flatnonzero(use)
-    whole, closing, mended = _closed(Mesh(mesh.vertices, mesh.faces[use], mesh.name, mesh.colours), of)
+    whole, closing, mended = _closed(mesh.with_faces(use), of)
     if isinstance(mended, str):
         return mended
     if mended:
@@ -53,7 +53,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
     faces = np.concatenate([faces, np.full(len(whole.faces) - len(faces), -1)])
     if signed_volume(whole) < 0:
         notes.append("it was inside out: turned")
-        whole = Mesh(whole.vertices, whole.faces[:, ::-1], whole.name, whole.colours)
+        whole = whole.turned()
     made, number = _manifold(whole)
     if made.status() != manifold3d.Error.NoError:
         return _REASONS.get(made.status(), f"the library says {made.status()}")
@@ -67,7 +67,7 @@ _REASONS = {
 
 
 def signed_volume(mesh: Mesh) -> float:
-    """Cubic metres inside a closed mesh; below zero where its faces look inward."""
+    """Cubic metres inside a closed mesh; below zero where its faces materials inward."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices.mean(0) for k in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
@@ -119,7 +119,9 @@ def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, tuple[tuple[Int, HarmonicInterpo
         added += Mesh(np.concatenate([mesh.vertices[rim][cap.rim], points]), cap.faces.astype(np.int32)).area
     if added > _OPEN * mesh.area:
         return mesh, (), "it is open: too much of its surface is missing to close it"
-    whole = Mesh(np.concatenate(vertices), np.concatenate(closing), mesh.name, colours)
+    faces = np.concatenate(closing)
+    materials = joined_materials([(mesh.materials, len(mesh.faces)), (None, len(faces) - len(mesh.faces))])
+    whole = Mesh(np.concatenate(vertices), faces, mesh.name, colours, materials)
     return whole, tuple(spreads), len(chains)
 
 

@@ -84,4 +84,5 @@ class Axes:
 def moved_mesh(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
     """The mesh in other axes about ``root`` (3,), which comes to ``to`` (3,)."""
     vertices = to + axes.vectors(mesh.vertices - root)
-    return replace(mesh, vertices=vertices, faces=mesh.faces[:, ::-1] if axes.mirrored else mesh.faces)
+    moved = replace(mesh, vertices=vertices)
+    return moved.turned() if axes.mirrored else moved

@@ -17,9 +17,10 @@ from mesh_makers import (
     watertight,
 )
 
+from enliven.meshes import barycentric
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
-from enliven.modeling.mesh.mesh_union import barycentric, united
+from enliven.modeling.mesh.mesh_union import united
 
 
 def traced(union, first, first_skin, second, second_skin, offset=0):

@@ -1,0 +1,108 @@
+"""Materials and their textures in a glTF document under construction, and meshes split where they need it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pygltflib
+
+from enliven.arrays import AnyArray, Float32, Int
+from enliven.exporters.gltf.blob import Blob
+from enliven.meshes import Mesh, MeshMaterials, renumbered
+
+_ROUGH = 0.9
+"""Roughness of a plain material: nothing shines that is not said to."""
+
+
+class SceneMaterials:
+    """The materials of all meshes of a scene; what is equal is stored once."""
+
+    def __init__(self, blob: Blob) -> None:
+        self._blob = blob
+        self._materials = list[dict[str, Any]]()
+        self._textures: dict[tuple[int, int | None], int] = {}
+        self._images: dict[bytes, tuple[int, dict[str, Any]]] = {}
+        self._samplers: dict[str, int] = {}
+        self._known: dict[str, int] = {}
+
+    def plain(self, name: str) -> int:
+        """Adds a plain white material, which shows a mesh's colours; returns its number."""
+        rough = {"metallicFactor": 0.0, "roughnessFactor": _ROUGH}
+        told = json.dumps({"name": name, "pbrMetallicRoughness": rough, "doubleSided": True})
+        return self._number(told)
+
+    def added(self, materials: MeshMaterials) -> list[int]:
+        """Adds the materials of a mesh with their textures; returns their numbers in the file."""
+        textures = list[int]()
+        for texture in materials.textures:
+            image = self._image(texture.image, texture.kind)
+            told = texture.sampler
+            sampler = self._samplers.setdefault(told, len(self._samplers)) if told else None
+            textures.append(self._textures.setdefault((image, sampler), len(self._textures)))
+        return [self._number(renumbered(told, textures.__getitem__)) for told in materials.definitions]
+
+    def put_into(self, document: pygltflib.GLTF2) -> None:
+        """Writes all that was added into the document."""
+        document.materials = self._materials
+        document.images = [image for _, image in self._images.values()]
+        document.samplers = [json.loads(told) for told in self._samplers]
+        for image, sampler in self._textures:
+            document.textures.append(pygltflib.Texture(source=image, sampler=sampler))
+        used = {name for material in self._materials for name in extensions_in(material)}
+        document.extensionsUsed = sorted(used)
+
+    def _number(self, told: str) -> int:
+        if told not in self._known:
+            self._known[told] = len(self._materials)
+            self._materials.append(json.loads(told))
+        return self._known[told]
+
+    def _image(self, data: AnyArray, kind: str) -> int:
+        key = data.tobytes()
+        if key not in self._images:
+            view = self._blob.add_bytes(data)
+            self._images[key] = (len(self._images), {"bufferView": view, "mimeType": kind})
+        return self._images[key][0]
+
+
+def extensions_in(value: Any) -> set[str]:
+    """The names of all extensions that a JSON value uses."""
+    found = set[str]()
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+        if key == "extensions" and isinstance(inner, dict):
+            found |= set(inner)
+        if isinstance(inner, (dict, list)):
+            found |= extensions_in(inner)
+    return found
+
+
+def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Float32]]]:
+    """Yields each material's part of a mesh.
+
+    A vertex is there several times where its corners are in different places of a texture.
+
+    Yields:
+        The material's number (-1 for none); (N,) the vertex of the mesh that each vertex of the part is;
+        (K, 3) faces; texture coordinates and colours of the part's vertices, by the format's names.
+    """
+    own = mesh.materials
+    if own is None:
+        yield -1, np.arange(len(mesh.vertices)), mesh.faces.astype(np.int64), {}
+        return
+    for number in np.unique(own.of):
+        mine = np.flatnonzero(own.of == number)
+        uvs = own.uvs[mine].reshape(3 * len(mine), -1)
+        tints = np.ones((len(uvs), 4), np.float32) if own.tints is None else own.tints[mine].reshape(-1, 4)
+        if number < 0:
+            uvs, tints = uvs[:, :0], np.ones_like(tints)
+        alike = uvs.shape[1] == 0 and bool((tints == tints[0]).all())
+        rows = mesh.faces[mine].ravel().astype(np.float64)
+        rows = rows if alike else np.concatenate([rows[:, None], uvs, tints], 1)
+        _, first, of = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        corners = {f"TEXCOORD_{k}": uvs[first, 2 * k : 2 * k + 2] for k in range(uvs.shape[1] // 2)}
+        if (tints != 1.0).any():
+            corners["COLOR_0"] = tints[first]
+        yield int(number), mesh.faces[mine].ravel()[first].astype(np.int64), of.reshape(-1, 3), corners

@@ -1,0 +1,168 @@
+"""The materials of a glTF file with their textures, kept as they are: nothing is decoded."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int32
+from enliven.errors import InputError
+from enliven.files import DAMAGE
+from enliven.formats.gltf.file import GltfFile
+from enliven.meshes import Entry, MeshMaterials, Texture, textures_in
+
+_MOST_IMAGES = 1 << 28
+"""Bytes of all encoded images of a file: ten times what detailed characters have; one small buffer can be
+named as an image thousands of times."""
+_MOST_SETS = 4
+"""Sets of texture coordinates that are kept: one or two are usual."""
+
+Corners = tuple[Float32, Float32 | None]
+"""(V, S, 2) texture coordinates and (V, 4) linear vertex colours of a primitive, or None for white."""
+
+
+class Materials:
+    """The materials that primitives use, in the order in which they are asked for.
+
+    Attributes:
+        notes: sentences about textures that were left out.
+    """
+
+    def __init__(self, file: GltfFile) -> None:
+        self._file = file
+        self._known: dict[int, int] = {}
+        self._textures: dict[int, int | None] = {}
+        self._bytes = 0
+        self.definitions = list[str]()
+        self.textures = list[Texture]()
+        self.notes = list[str]()
+
+    def number(self, primitive: Any) -> int:
+        """The number of a primitive's material, or -1 for none."""
+        at = primitive.material
+        if not isinstance(at, int) or not 0 <= at < len(self._file.document.materials):
+            return -1
+        if at not in self._known:
+            self._known[at] = self._read(at)
+        return self._known[at]
+
+    def corners(self, primitive: Any, count: int) -> Corners:
+        """What a primitive's vertices have beside their places, as far as its material uses it."""
+        attributes, sets, at = primitive.attributes, list[Float32](), self.number(primitive)
+        textured = at >= 0 and bool(textures_in(json.loads(self.definitions[at])))
+        for number in range(_MOST_SETS if textured else 0):
+            where = getattr(attributes, f"TEXCOORD_{number}", None)
+            if where is None:
+                break
+            sets.append(_rows(self._file, where, count, 2))
+        uvs = np.stack(sets, 1) if sets else np.zeros((count, 0, 2), np.float32)
+        if at < 0 or getattr(attributes, "COLOR_0", None) is None:
+            return uvs, None
+        return uvs, _rows(self._file, attributes.COLOR_0, count, 4)
+
+    def joined(self, parts: Sequence[tuple[Int32, int, Corners]]) -> MeshMaterials | None:
+        """The materials of all faces, of (faces (F, 3), material, what their vertices have) for each part."""
+        if not self.definitions:
+            return None
+        sets = max(uvs.shape[1] for _, _, (uvs, _) in parts)
+        tinted = any(tint is not None for _, _, (_, tint) in parts)
+        of, places, tints = list[Int32](), list[Float32](), list[Float32]()
+        for faces, material, (uvs, tint) in parts:
+            wide = np.zeros((len(uvs), sets, 2), np.float32)
+            wide[:, : uvs.shape[1]] = uvs
+            of.append(np.full(len(faces), material, np.int32))
+            places.append(wide[faces])
+            tints.append((np.ones((len(uvs), 4), np.float32) if tint is None else tint)[faces])
+        all_tints = np.concatenate(tints) if tinted else None
+        told = tuple(self.definitions), tuple(self.textures)
+        return MeshMaterials(*told, np.concatenate(of), np.concatenate(places), all_tints)
+
+    def _read(self, at: int) -> int:
+        """Keeps a material and what it names; returns its number, or -1 where it is damaged."""
+        value = _plain(self._file.document.materials[at])
+        try:
+            for number in set(textures_in(value)):
+                if number not in self._textures:
+                    self._textures[number] = self._texture(number)
+            self.definitions.append(json.dumps(self._kept(value), sort_keys=True, allow_nan=False))
+        except (InputError, *DAMAGE) as error:
+            self.notes.append(f"material {at} cannot be read ({str(error)[:80]}): only its colour is kept")
+            return -1
+        return len(self.definitions) - 1
+
+    def _kept(self, value: Any) -> Any:
+        """The JSON of a material with its textures numbered as here, without those that were left out."""
+        if isinstance(value, list):
+            return [self._kept(inner) for inner in value]
+        if not isinstance(value, dict):
+            return value
+        made = dict[str, Any]()
+        for key, inner in value.items():
+            made[key] = self._kept(inner)
+            if key.endswith("Texture") and isinstance(inner, dict):
+                number = self._textures[inner["index"]]
+                if number is None:
+                    del made[key]
+                else:
+                    made[key]["index"] = number
+        return made
+
+    def _texture(self, number: int) -> int | None:
+        """Keeps a texture and returns its number, or None with a note."""
+        try:
+            texture = _entry(self._file.document.textures, number)
+            image = _entry(self._file.document.images, texture.source)
+            if image.bufferView is not None:
+                data = self._file.data_of_view(image.bufferView)
+            else:
+                data = self._file.data_of_uri(image.uri)
+            self._bytes += len(data)
+            if self._bytes > _MOST_IMAGES:
+                raise ValueError(f"with the others it has more than {_MOST_IMAGES} bytes")
+            sampler = texture.sampler
+            told = (
+                "" if sampler is None else json.dumps(_plain(_entry(self._file.document.samplers, sampler)))
+            )
+            made = Texture(np.frombuffer(data, np.uint8), told)
+        except (InputError, *DAMAGE) as error:
+            reason = error.what if isinstance(error, InputError) else str(error)
+            self.notes.append(f"texture {number} is not kept ({reason[:100]})")
+            return None
+        self.textures.append(made)
+        return len(self.textures) - 1
+
+
+def _entry(entries: list[Any] | None, number: int) -> Any:
+    """An entry of a list of the document.
+
+    Raises:
+        LookupError: where it is not there.
+    """
+    if not entries or not 0 <= number < len(entries):
+        raise LookupError(f"entry {number} is not there")
+    return entries[number]
+
+
+def _plain(value: Any) -> Any:
+    """A value of the document as JSON has it."""
+    if isinstance(value, Entry):
+        return {name: _plain(inner) for name, inner in vars(value).items()}
+    return [_plain(inner) for inner in value] if isinstance(value, list) else value
+
+
+def _rows(file: GltfFile, accessor: int, count: int, width: int) -> Float32:
+    """(count, width) float32 of an accessor; what it lacks of the width is one.
+
+    Raises:
+        InputError: where it has another number of rows.
+    """
+    values: Float = np.nan_to_num(np.asarray(file.accessor(accessor), np.float64))
+    if len(values) != count:
+        raise file.wrong(f"{len(values)} texture coordinates or colours belong to {count} vertices")
+    made = np.ones((count, width), np.float32)
+    shown = min(width, values.shape[1])
+    made[:, :shown] = values[:, :shown]
+    return made
