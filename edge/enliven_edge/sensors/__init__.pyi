@@ -4,7 +4,7 @@ from .base import CHECK_IT, Condition, Sensor, SensorFault, condition_of, health
 from .diary import Diary, DiaryEntries, DiaryEntry
 from .options import sensor_options
 from .profile import SensorProfile, load_profile, profile_names
-from .registry import open_sensor, sensor_names, sensor_opener
+from .registry import open_sensor, sensor_advice, sensor_names, sensor_opener
 from .reopening import kept_open
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "load_profile",
     "open_sensor",
     "profile_names",
+    "sensor_advice",
     "sensor_names",
     "sensor_opener",
     "sensor_options",

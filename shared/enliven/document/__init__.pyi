@@ -1,3 +1,4 @@
+from .body_take import BodyTake, HoldChange
 from .character import Character, Pose, SkinWeights
 from .clip import Clip
 from .constraints import Constraint, Coupling, Position, Velocity, names_in
@@ -7,18 +8,22 @@ from .layers import STILL, Layer, Ref, Span
 from .locomotion import Kind, LocomotionSettings, Switch
 from .pin import ContactSettings, Pin
 from .possessed import GraphPart, GraphShape, PoseStream, Ride, character_of_graph, graph_shape_of
-from .project import Project, same, unused
+from .project import AnyRig, Project, same, unused
 from .props import BALL, BOX, Props
 from .puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_of_puppet
+from .rig import RigBase
 from .rigged import Shape, character_of, still_shape
 from .skeleton import Skeleton, skeleton_of
 from .surface_settings import ArapSettings
+from .time_map import Playing, TimeMap
 
 __all__ = [
     "BALL",
     "BOX",
     "STILL",
+    "AnyRig",
     "ArapSettings",
+    "BodyTake",
     "Character",
     "Clip",
     "Constraint",
@@ -29,12 +34,14 @@ __all__ = [
     "GraphPart",
     "GraphShape",
     "History",
+    "HoldChange",
     "KeyPose",
     "Kind",
     "Layer",
     "LocomotionSettings",
     "Pin",
     "Plane",
+    "Playing",
     "Pose",
     "PoseStream",
     "Position",
@@ -44,11 +51,13 @@ __all__ = [
     "PuppetLayer",
     "Ref",
     "Ride",
+    "RigBase",
     "Shape",
     "Skeleton",
     "SkinWeights",
     "Span",
     "Switch",
+    "TimeMap",
     "Velocity",
     "character_of",
     "character_of_graph",

@@ -10,6 +10,7 @@ refer to takes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,7 +20,9 @@ from enliven.document.character import Character, SkinWeights
 from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
 from enliven.document.locomotion import LocomotionSettings, Switch
+from enliven.document.rig import RigBase
 from enliven.document.surface_settings import ArapSettings
+from enliven.document.time_map import Playing
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
@@ -71,16 +74,12 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class PuppetLayer:
+class PuppetLayer(Playing):
     """A take that the puppet plays, as an animation layer of a shape: the first is at the bottom.
-
-    At the project's time t the take is at (t - offset) speed; below 0 it is played backwards from the end.
-    Before its begin and after its end the first and the last frame stay, unless it loops.
 
     Attributes:
         take: its id; it has the joints that the control points are paired with.
         points: names of the control points that it moves; empty: all.
-        offset: seconds of the project's time at which the take begins.
         weight: 0..1, how far it takes the points from where the layers under it put them.
         travel: whether the puppet goes through the world with it (``locomotion``); the
             first layer that is not muted and does so decides. Otherwise it stays where it is.
@@ -92,9 +91,6 @@ class PuppetLayer:
 
     take: str
     points: tuple[str, ...] = ()
-    offset: float = 0.0
-    speed: float = 1.0
-    loop: bool = False
     weight: float = 1.0
     muted: bool = False
     travel: bool = True
@@ -106,16 +102,14 @@ class PuppetLayer:
     mirrored: bool = False
 
     def __post_init__(self) -> None:
-        times = f"offset {self.offset}, speed {self.speed}, weight {self.weight}"
         where = f"layer of {self.take!r}"
-        if self.speed == 0.0 or not np.isfinite([self.offset, self.speed]).all():
-            raise InputError(f"{times} cannot be played", where=where)
+        self.check_time(where)
         if not 0.0 <= self.weight <= 1.0:
             raise InputError(f"the weight is {self.weight}", where=where, mend="Give one from 0 to 1.")
 
 
 @dataclass(frozen=True, eq=False)
-class Puppet:
+class Puppet(RigBase):
     """A mesh with control points, its example poses, and the takes that it plays.
 
     In the world it is at ``turn`` (yaw(t) x + root(t)) + ``place``, with x in the mesh's own frame and the
@@ -158,9 +152,17 @@ class Puppet:
         if problem:
             raise InputError(problem, where=f"puppet {self.id!r}", mend="Build the puppet again.")
 
-    def with_changes(self, **changes: object) -> Puppet:
-        """A copy with some attributes changed; this one stays as it is."""
-        return replace(self, **changes)  # type: ignore[arg-type]
+    kind = "points"
+    word = "puppet"
+
+    def needed(self) -> Mapping[str, set[str]]:
+        found = super().needed()
+        found["takes"].update(pose.take for pose in self.poses)
+        return found
+
+    def with_takes_named(self, names: Mapping[str, str]) -> Puppet:
+        poses = tuple(replace(pose, take=names[pose.take]) for pose in self.poses)
+        return super().with_takes_named(names).with_changes(poses=poses)
 
     @property
     def rest(self) -> Float:

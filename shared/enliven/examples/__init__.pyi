@@ -4,7 +4,7 @@ from .mapping import ExampleMap
 from .pairing import guess_joints
 from .performer import performed, turned_about_y, yaw_of
 from .puppet_examples import examples_of, frame_at, material_of, missing, reference_of
-from .puppet_motion import State, clock, in_world, length_of_puppets, motion_of, pose_of_state, state_of
+from .puppet_motion import State, clock, in_world, motion_of, pose_of_state, state_of
 from .puppet_solve import check_layer, seen_by
 from .suggest import Suggested, distance_to, further_poses, suggest_poses
 from .symmetric import mirrored_places, partners_of, reflected
@@ -23,7 +23,6 @@ __all__ = [
     "further_poses",
     "guess_joints",
     "in_world",
-    "length_of_puppets",
     "material_of",
     "mirrored_places",
     "missing",

@@ -30,7 +30,6 @@ __all__ = [
     "State",
     "examples_of",
     "in_world",
-    "length_of_puppets",
     "missing",
     "motion_of",
     "pose_of_state",
@@ -89,11 +88,8 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
 
 def clock(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
     """The frame (or fraction) of its take that a layer plays, and how often it was gone through before."""
-    last = motion.frames - 1
-    length = last * motion.step
-    played = (time - layer.offset) * layer.speed + (length if layer.speed < 0.0 else 0.0)
-    rounds = int(np.floor(played / length)) if layer.loop and length > 0.0 else 0
-    return float(np.clip((played - rounds * length) / motion.step, 0.0, last)), rounds
+    second, rounds = layer.played(time, (motion.frames - 1) * motion.step)
+    return min(second / motion.step, motion.frames - 1.0), rounds
 
 
 def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:
@@ -111,17 +107,6 @@ def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
     linear = np.tile(to_matrix(turn).astype(np.float32), (len(puppet.points) + 1, 1, 1))
     places = np.concatenate([np.zeros((1, 3)), state.places])
     return Pose(puppet.id, time_ns, linear, in_world(puppet, state, places).astype(np.float32))
-
-
-def length_of_puppets(project: Project) -> float:
-    """Seconds until the last take has been played once by every layer that is not muted; 0 without layers."""
-    ends = [
-        layer.offset + project.takes[layer.take].duration / abs(layer.speed)
-        for puppet in project.puppets.values()
-        for layer in puppet.layers
-        if not layer.muted
-    ]
-    return max(ends, default=0.0)
 
 
 def _played(puppet: Puppet, number: int) -> PuppetLayer:

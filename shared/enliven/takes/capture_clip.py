@@ -2,8 +2,6 @@
 
     clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
     clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip  # enliven.person.body.Body
-    clip_of_positions(skeleton, positions (F, N, 3), id, step) -> Clip                 # any tree of points
-    resampled(clip, step) -> Clip
     between_times(clip, start, stop) -> Clip
 
 Clips are in metres, +Y up; their quaternions change no sign from frame to frame.
@@ -65,7 +63,7 @@ def clip_of_capture(
     holds = np.array([0, *parents[1:]])
     world = multiply(turns[:, holds], conjugate(before[holds]))
     skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
-    return Clip(id, skeleton, _continuous(world), positions[:, 0] * scale, capture.seconds)
+    return Clip(id, skeleton, continuous(world), positions[:, 0] * scale, capture.seconds)
 
 
 def clip_of_bodies(
@@ -109,17 +107,6 @@ def clip_of_bodies(
     return _even(id, skeleton, times - times[0], turns, joints[:, 0], step)
 
 
-def clip_of_positions(skeleton: Skeleton, positions: Float, id: str, step: float) -> Clip:
-    """Returns a clip from the places of joints alone; each bone swings with the least twist.
-
-    Args:
-        positions: (F, N, 3) metres.
-        step: seconds between frames.
-    """
-    positions = np.asarray(positions, np.float64)
-    return Clip(id, skeleton, _continuous(turns_of(skeleton, positions, None)), positions[:, 0], step)
-
-
 def resampled(clip: Clip, step: float) -> Clip:
     """The clip with a frame every ``step`` seconds; its last frame is the last at or before its end."""
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
@@ -144,7 +131,7 @@ def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, 
     part = (wanted - times[before]) / width
     made = slerp(turns[before], turns[after], part[:, None])
     at = root[before] + part[:, None] * (root[after] - root[before])
-    return Clip(id, skeleton, _continuous(made), at, step)
+    return Clip(id, skeleton, continuous(made), at, step)
 
 
 def _known(bodies: Sequence[Body], still: Body) -> Float | None:
@@ -155,7 +142,7 @@ def _known(bodies: Sequence[Body], still: Body) -> Float | None:
     return multiply(world, conjugate(still.orientations))
 
 
-def _continuous(turns: Float) -> Float:
+def continuous(turns: Float) -> Float:
     """The same rotations (F, N, 4), each of the sign that is nearest to the frame before."""
     signs = np.where((turns[1:] * turns[:-1]).sum(-1) < 0, -1.0, 1.0)
     turns = turns.copy()

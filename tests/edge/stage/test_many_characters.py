@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.recording import Recording
 from enliven.samples import cactus_project
-from enliven.samples.chair import make_chair
 from enliven.wire import (
     POSE,
     REQUEST,

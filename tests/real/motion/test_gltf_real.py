@@ -10,7 +10,8 @@ import pytest
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.document.rigged import character_of
-from enliven.exporters.gltf.write import glb_of, performance_of
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.motion import frame_times
 from enliven.formats.gltf.read import read_gltf
@@ -58,7 +59,7 @@ def test_a_real_rig_moves_as_gltf_says(path):
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
 def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     rig = read_gltf(path)
-    project, end = Project().with_shapes(rig.shape), 0.0
+    project, end = Project().with_characters(rig.shape), 0.0
     if rig.clips:
         project, _ = playing(Project(), rig.shape, rig.clips[-1])
         end = min(rig.clips[-1].duration, 0.3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sample_meshes.chair import make_chair
 
 from enliven.document.clip import Clip
 from enliven.document.constraints import Coupling, Position, Velocity
@@ -14,7 +15,6 @@ from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, Puppet
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
-from enliven.samples.chair import make_chair
 from enliven.wire.convert import character_to_message, message_to_character
 
 POINTS = (ControlPoint("left", 0, "hand"), ControlPoint("right", 9, weight=2.0, foot=True))
@@ -30,9 +30,9 @@ def puppet():
     rest = mesh.vertices[[0, 9]]
     switches = Switch(0, "contact"), Switch(2, "flight")
     layer = PuppetLayer(
-        "wave", ("left",), 0.5, -2.0, True, 0.5, False, True, False, switches,
+        "wave", ("left",), 0.5, False, True, False, switches,
         (Position("left", 1, (0.0, 1.0, 0.0)),), (Velocity("left", 2, (0.0, 0.0, 0.0), "y"),),
-        (Coupling("left", "right", 3),),
+        (Coupling("left", "right", 3),), offset=0.5, speed=-2.0, loop=True,
     )  # fmt: skip
     poses = (KeyPose("wave", 0.1, rest), KeyPose("wave", 0.3, rest + 0.1))
     plane = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
@@ -40,7 +40,7 @@ def puppet():
 
 
 def project():
-    return Project().with_takes(take()).with_puppets(puppet())
+    return Project().with_takes(take()).with_characters(puppet())
 
 
 def test_a_project_file_keeps_a_puppet_bit_for_bit():
@@ -53,7 +53,7 @@ def test_the_history_shares_what_did_not_change():
     history = History(project())
     mesh = history.project.puppet("chair").mesh
     changed = project().puppet("chair").with_changes(place=np.array([2.0, 0, 0]))
-    history.do("move", history.project.with_puppets(changed))
+    history.do("move", history.project.with_characters(changed))
     assert history.project.puppet("chair").mesh is mesh
     assert history.project.puppet("chair").place[0] == 2.0
     assert history.undo().puppet("chair").place[0] == 1.0
@@ -89,7 +89,7 @@ def test_what_does_not_fit_is_refused(changes, said):
 
 def test_takes_that_are_not_there_are_named():
     with pytest.raises(InputError, match="there is no take 'wave'"):
-        Project().with_puppets(puppet())
+        Project().with_characters(puppet())
 
 
 def test_a_puppet_and_a_point_that_are_not_there():

@@ -15,7 +15,7 @@ from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import pose_of_state, state_of
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.files import save_mesh
-from enliven.modeling.puppet.edits import change_layer
+from enliven.modeling.puppet import change_layer
 from enliven.recording import Recording
 from enliven.wire.convert import message_to_character, message_to_pose
 from enliven.wire.messages import CharacterMessage, PoseMessage
@@ -121,7 +121,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
     """The slow obvious twin: all distances to all examples."""
     project = full_session(folder / "full.toml")
     puppet, clip = project.puppets["stool"], project.takes["walk"]
-    plain = project.with_puppets(puppet.with_changes(symmetry=None))
+    plain = project.with_characters(puppet.with_changes(symmetry=None))
     found = coverage_of(plain, plain.puppets["stool"], 0)
     poses = performed(clip, [point.joint for point in puppet.points]).poses
     known = [poses[round(pose.time / clip.step)] for pose in puppet.poses]
@@ -135,7 +135,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
     ("words", "said"),
     [
         (("fit", "nowhere.toml", "-o", "out.glb"), "there is no such file"),
-        (("fit", "full.toml", "-o", "out.abc"), "abc cannot be made. Known: .glb, .mcap, .enliven."),
+        (("fit", "full.toml", "-o", "out.abc"), ".abc cannot be written. Known: .bvh, .enliven, .glb, .mcap"),
         (("fit", "full.toml", "-o", "out.glb", "--start", 5, "--end", 2), "from 5 s to 2 s is nothing"),
         (("fit", "full.toml", "-o", "out.glb", "--puppet", "chair"), "no puppet 'chair'. Known: stool."),
         (("fit", "walk.enliven", "-o", "out.glb"), "it has no puppet. Make one of a mesh first."),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 sys.path.append(str(Path(__file__).parents[1]))
@@ -21,8 +21,9 @@ from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import state_of
-from enliven.modeling.puppet.edits import (
+from enliven.examples.puppet_motion import motion_of, state_of
+from enliven.modeling.edits import rename_character
+from enliven.modeling.puppet import (
     add_key_pose,
     add_point,
     change_layer,
@@ -35,13 +36,12 @@ from enliven_viewer.studio.examples.edits import (
     added_switch,
     constraints_of,
     duplicated,
+    layer_of,
     mirrored_copy,
     moved_switch,
     removed_switch,
-    renamed_puppet,
     retimed,
     spoken_joint,
-    switches_of_layer,
     turned_a_quarter,
     with_constraint,
     with_default_settings,
@@ -50,7 +50,6 @@ from enliven_viewer.studio.examples.edits import (
     without_constraint,
 )
 from enliven_viewer.studio.examples.solving import Solving
-from enliven_viewer.studio.examples.times import layer_end, layer_of, seconds_at, time_of
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
 
@@ -86,7 +85,7 @@ def test_the_last_good_motion_stays_while_the_newest_is_refused_and_it_is_told_o
     still = (Velocity("left", 1, (0.0, 0.0, 0.0)), Velocity("left", 1, (1.0, 0.0, 0.0)))
     layer = good.puppets["star"].layers[0]
     wrong = PuppetLayer(layer.take, velocities=still)
-    bad = good.with_puppets(good.puppets["star"].with_changes(layers=(wrong,)))
+    bad = good.with_characters(good.puppets["star"].with_changes(layers=(wrong,)))
     for _ in range(3):
         assert solved(solving, bad)[1] is good.puppets["star"], "the last good one"
     problem = solving.problem("star")
@@ -103,19 +102,6 @@ def test_what_only_moves_in_time_is_shown_at_once() -> None:
     moved = change_layer(project, "star", 0, offset=0.5, speed=2.0)
     assert solving.shown(moved, "star")[1] is moved.puppets["star"]
     solving.close()
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.floats(-3, 3), st.floats(0.1, 4) | st.floats(-4, -0.1), st.floats(0, 1), st.booleans())
-def test_a_layer_plays_a_second_when_it_says(offset: float, speed: float, share: float, loop: bool) -> None:
-    project = project_with("head")
-    layer = PuppetLayer("sway", offset=offset, speed=speed, loop=loop)
-    length = project.takes["sway"].duration
-    second = 0.001 + share * (length - 0.002)
-    assert seconds_at(project, layer, time_of(project, layer, second)) == pytest.approx(second, abs=1e-6)
-    assert layer_end(project, layer) == pytest.approx(offset + length / abs(speed))
-    if not loop:
-        assert seconds_at(project, layer, -1e3) == (0.0 if speed > 0 else length)
 
 
 def test_the_layer_that_is_meant_is_the_chosen_one_or_the_first_that_plays() -> None:
@@ -184,10 +170,10 @@ def test_settings_and_names_change_alone_and_come_back() -> None:
     puppet = changed.puppets["star"]
     assert (puppet.examples.acceleration, puppet.surface.hold) == (0.9, 0.1)
     assert same(with_default_settings(changed, "star"), project)
-    named = renamed_puppet(project, "star", "sun")
-    assert list(named.puppets) == ["sun"] and same(renamed_puppet(named, "sun", "star"), project)
+    named = rename_character(project, "star", "sun")
+    assert list(named.puppets) == ["sun"] and same(rename_character(named, "sun", "star"), project)
     with pytest.raises(InputError, match="already"):
-        renamed_puppet(project.with_puppets(named.puppets["sun"]), "star", "sun")
+        rename_character(project.with_characters(named.puppets["sun"]), "star", "sun")
 
 
 def test_a_mesh_is_stood_up_before_it_has_points() -> None:
@@ -356,4 +342,4 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
 
 def test_contacts_are_those_of_the_motion() -> None:
     project = change_layer(posed(), "star", 0, switches=(Switch(0, "contact"), Switch(30, "flight")))
-    assert switches_of_layer(project, "star", 0)[0] == Switch(0, "contact")
+    assert motion_of(project, project.puppet("star"), 0).switches[0] == Switch(0, "contact")

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studio_driver import Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.possessed import graph_shape_of
 from enliven.document.project import Project, same
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 NS = 1_000_000_000
@@ -35,7 +35,7 @@ def workspace(make_limb, tmp_path) -> Workspace:
             linear = np.tile(np.eye(3, dtype=np.float32), (5, 1, 1))
             poses.append(Pose(name, frame * NS // 30, linear, moved.astype(np.float32)))
         shape, stream = graph_shape_of(character, poses, name)
-        project = project.with_streams(stream).with_graphs(shape)
+        project = project.with_streams(stream).with_characters(shape)
     made = Workspace.new(Editor(), tmp_path)
     made.store.new(project)
     return made

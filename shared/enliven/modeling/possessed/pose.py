@@ -26,7 +26,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         raise InputError(f"the time is {time}", where=f"graph shape {shape.id!r}", mend="Give seconds.")
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     for part, start in zip(shape.parts, shape.starts, strict=False):
-        maps, places = _played(project.streams[part.stream], part, time)
+        maps, places = _played(project.streams[part.take], part, time)
         if part.mirrored:
             maps, places = maps * _MIRRORED * _MIRRORED[:, None], places * _MIRRORED
         places = part.size * places
@@ -60,11 +60,9 @@ def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
 
 def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
     """(K, 3, 3) and (K, 3) of a part's nodes as recorded."""
-    played = (time - part.offset) * part.speed + (stream.duration if part.speed < 0.0 else 0.0)
-    if part.loop and stream.duration > 0.0:
-        played = played % stream.duration
     last = len(stream.positions) - 1
-    frame = min(max(played / stream.step, 0.0), float(last))
+    second = 0.0 if part.muted else part.played(time, stream.duration)[0]
+    frame = min(second / stream.step, float(last))
     before = min(int(frame), max(last - 1, 0))
     after, share = min(before + 1, last), frame - before
     return (

@@ -1,7 +1,7 @@
 from .copying import copy_motion
 from .evaluate import Player, pose_from, pose_of
 from .polyline import arc_of, goes_down
-from .retarget import bind_chain, branch, clear_chain, layers_of, set_travel, without_idle_layers
+from .retarget import bind_chain, branch, clear_chain, set_travel
 from .travel import travel_scale
 
 __all__ = [
@@ -12,10 +12,8 @@ __all__ = [
     "clear_chain",
     "copy_motion",
     "goes_down",
-    "layers_of",
     "pose_from",
     "pose_of",
     "set_travel",
     "travel_scale",
-    "without_idle_layers",
 ]

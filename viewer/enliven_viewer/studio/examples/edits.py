@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import Coupling, Kind, Position, Project, Switch, Velocity, unused
+from enliven.document import Coupling, Kind, Position, Project, Puppet, Switch, Velocity, unused
 from enliven.errors import InputError
-from enliven.examples import guess_joints, motion_of
+from enliven.examples import guess_joints
 from enliven.meshes import fit_height
 from enliven.modeling.puppet import (
     add_key_pose,
@@ -84,7 +84,7 @@ def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
     turned = np.stack([x, z, -y] if axis == "x" else [-z, y, x], axis=1)
     tall = float(np.ptp(turned[:, 1]))
     mesh = fit_height(replace(puppet.mesh, vertices=turned), tall)
-    return project.with_puppets(puppet.with_changes(mesh=mesh))
+    return project.with_characters(puppet.with_changes(mesh=mesh))
 
 
 def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Project:
@@ -113,24 +113,11 @@ def retimed(project: Project, puppet_id: str, number: int, time: float) -> Proje
     return change_key_pose(project, puppet_id, number, time=frame * take.step)
 
 
-def renamed_puppet(project: Project, old: str, new: str) -> Project:
-    """A project with a puppet under another name, at its place among the others."""
-    if new == old:
-        return project
-    if not new or new in project.puppets:
-        raise InputError(f"there is a puppet {new!r} already", where="name", mend="Choose another name.")
-    puppets = {
-        (new if k == old else k): (p.with_changes(id=new) if k == old else p)
-        for k, p in project.puppets.items()
-    }
-    return replace(project, puppets=puppets)
-
-
 def with_setting(project: Project, puppet_id: str, group: str, name: str, value: Any) -> Project:
     """A project with one number of a puppet's settings changed: ``group`` is "examples", "surface"
     or "locomotion"."""
     puppet = project.puppet(puppet_id)
-    return project.with_puppets(
+    return project.with_characters(
         puppet.with_changes(**{group: replace(getattr(puppet, group), **{name: value})})
     )
 
@@ -139,7 +126,7 @@ def with_default_settings(project: Project, puppet_id: str) -> Project:
     """A project with a puppet's settings as they are by default."""
     puppet = project.puppet(puppet_id)
     plain = {name: type(getattr(puppet, name))() for name in ("examples", "surface", "locomotion")}
-    return project.with_puppets(puppet.with_changes(**plain))
+    return project.with_characters(puppet.with_changes(**plain))
 
 
 def constraints_of(project: Project, puppet_id: str, layer: int) -> tuple[HardConstraint, ...]:
@@ -172,11 +159,6 @@ def _others(
 
     all_of_them: tuple[HardConstraint, ...] = getattr(project.puppet(puppet_id).layers[layer], name)
     return name, tuple(one for one in all_of_them if about(one) != (held.point, held.frame, other))
-
-
-def switches_of_layer(project: Project, puppet_id: str, layer: int) -> tuple[Switch, ...]:
-    """The switches of contact and flight in a layer, as edited or as found; none where it does not travel."""
-    return motion_of(project, project.puppet(puppet_id), layer).switches
 
 
 def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: int) -> tuple[Switch, ...]:
@@ -219,3 +201,11 @@ def removed_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...
         if number + 1 < len(switches)
         else tuple(switches[:number])
     )
+
+
+def layer_of(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
+    """The number of the chosen layer, or of the first unmuted one; with ``take`` of those of the take."""
+    wanted = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
+    if chosen in wanted:
+        return chosen
+    return next((k for k in wanted if not puppet.layers[k].muted), next(iter(wanted), None))

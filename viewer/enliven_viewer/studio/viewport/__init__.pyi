@@ -2,56 +2,13 @@ from .axes import axes_marks
 from .colours import coloured, default_colour
 from .overlay import Disc, Fill, Label, Line, Overlay, Point
 from .picking import Hit, Lens, bone_at, crossings, joint_at, surface_at
-from .playback import Players, end_of, layers_of, length_of, used_layers
+from .playback import Players, length_of
 from .pose_at_time import PosedShape, joints_of
-from .possessed import Characters, Possessed, end_of_streams, possessed_at, possessed_of, with_performance
+from .possessed import Characters, Possessed, possessed_at, possessed_of, with_performance
 from .selection import Selection, valid_selection
-from .theme import (
-    AXES,
-    BONE,
-    CHAIN,
-    CHAINED,
-    CHOSEN,
-    CUT,
-    DARK,
-    FADED,
-    GHOST,
-    HELD_AXIS,
-    HOVERED,
-    LANES,
-    LINE,
-    PANEL,
-    PRESSED,
-    RAISED,
-    ROOT,
-    STROKE,
-    WARNING,
-    Colour,
-    point_colour,
-)
 
 __all__ = [
-    "AXES",
-    "BONE",
-    "CHAIN",
-    "CHAINED",
-    "CHOSEN",
-    "CUT",
-    "DARK",
-    "FADED",
-    "GHOST",
-    "HELD_AXIS",
-    "HOVERED",
-    "LANES",
-    "LINE",
-    "PANEL",
-    "PRESSED",
-    "RAISED",
-    "ROOT",
-    "STROKE",
-    "WARNING",
     "Characters",
-    "Colour",
     "Disc",
     "Fill",
     "Hit",
@@ -69,17 +26,12 @@ __all__ = [
     "coloured",
     "crossings",
     "default_colour",
-    "end_of",
-    "end_of_streams",
     "joint_at",
     "joints_of",
-    "layers_of",
     "length_of",
-    "point_colour",
     "possessed_at",
     "possessed_of",
     "surface_at",
-    "used_layers",
     "valid_selection",
     "with_performance",
 ]

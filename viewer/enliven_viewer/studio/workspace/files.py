@@ -11,15 +11,7 @@ from enliven.document import Project, Puppet, same, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.examples import missing
-from enliven.exporters.gltf import (
-    GraphPerformance,
-    Performance,
-    PuppetPerformance,
-    graph_performance_of,
-    performance_of,
-    puppet_performance_of,
-    write_gltf,
-)
+from enliven.exporters import exporter_of, performance_of
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, fit_height, load_mesh
 from enliven.modeling.puppet import make_puppet
@@ -75,24 +67,22 @@ def export(project: Project, path: Path) -> str:
         InputError: where there is none.
         ResourceError: where the file cannot be written.
     """
-    solid = [shape.id for shape in project.shapes.values() if shape.mesh is not None]
-    acting = [puppet.id for puppet in project.puppets.values() if moves(project, puppet)]
+    solid = [shape for shape in project.shapes.values() if shape.mesh is not None]
+    acting = [puppet for puppet in project.puppets.values() if moves(project, puppet)]
     if not solid and not project.graphs and not acting:
         mend = "Sketch one, or open a model."
         if project.puppets:
             name = next(iter(project.puppets))
             mend = " ".join(missing(project, project.puppets[name])) or f"Choose a take for {name}."
         raise InputError("nothing has a surface that moves", where="export", mend=mend)
-    moving: list[Performance | GraphPerformance | PuppetPerformance] = [
-        performance_of(project, name) for name in solid
-    ]
-    moving += [graph_performance_of(project, name) for name in project.graphs]
-    baked = [puppet_performance_of(project, name) for name in acting]
-    write_gltf(path, [*moving, *baked], path.stem)
-    count = len(moving) + len(baked)
-    said = f"Wrote {count} shape{'s' * (count != 1)} to {path.name}"
-    for one in baked:
-        said += f". {one.name} is {one.error}"
+    exporter = exporter_of(path)
+    chosen = [*solid, *project.graphs.values(), *acting]
+    made = [performance_of(project, character) for character in chosen]
+    exporter.write(path, made, path.stem)
+    said = f"Wrote {len(made)} shape{'s' * (len(made) != 1)} to {path.name}"
+    for one in made:
+        if one.error is not None:
+            said += f". {one.name} is {one.error}"
     return said
 
 
@@ -119,12 +109,12 @@ def _add_model(editor: Editor, path: Path) -> None:
     box = editor.box()
 
     def add(project: Project) -> Project:
-        shape = rig.shape.with_changes(id=unused(rig.shape.id, project.shapes))
+        shape = rig.shape.with_changes(id=unused(rig.shape.id, project.characters))
         if box is not None and shape.mesh is not None:
             aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _BESIDE
             shape = shape.with_changes(place=[aside, 0.0, 0.0])
         fresh = [clip for clip in rig.clips if clip.id not in project.takes]
-        return project.with_shapes(shape).with_takes(*fresh)
+        return project.with_characters(shape).with_takes(*fresh)
 
     if editor.edit(f"open {path.name}", add):
         _tell(editor, path, rig.notes, f"{len(rig.clips)} takes came with it." if rig.clips else "")
@@ -146,14 +136,14 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
         notes = (*notes, f"it was {tall:.3g} m tall, and was made {height} m tall")
 
     def add(project: Project) -> Project:
-        everything = {**project.shapes, **project.graphs, **project.puppets}
+        everything = project.characters
         name = unused(path.stem, everything)
         project = make_puppet(project, fitted, name)
         made.append(name)
         if box is None:
             return project
         aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _BESIDE
-        return project.with_puppets(project.puppets[name].with_changes(place=[aside, 0.0, 0.0]))
+        return project.with_characters(project.puppets[name].with_changes(place=[aside, 0.0, 0.0]))
 
     if editor.edit(f"open {path.name}", add):
         editor.puppets.choose(made[-1])
@@ -171,11 +161,11 @@ def _add_session(editor: Editor, path: Path) -> None:
             known = project.takes.get(take.id)
             names[take.id] = take.id if known is None or same(known, take) else unused(take.id, project.takes)
             project = project.with_takes(replace(take, id=names[take.id]))
-        everything = {**project.shapes, **project.graphs, **project.puppets}
+        everything = project.characters
         made.append(unused(puppet.id, everything))
         poses = tuple(replace(pose, take=names[pose.take]) for pose in puppet.poses)
         layers = tuple(replace(layer, take=names[layer.take]) for layer in puppet.layers)
-        return project.with_puppets(puppet.with_changes(id=made[-1], poses=poses, layers=layers))
+        return project.with_characters(puppet.with_changes(id=made[-1], poses=poses, layers=layers))
 
     if editor.edit(f"open {path.name}", add):
         editor.puppets.choose(made[-1])

@@ -1,0 +1,30 @@
+"""Edits of a character of any rig, by its id, and its mesh as it is at a time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from enliven.document import Project
+from enliven.errors import InputError
+from enliven.meshes import Mesh
+from enliven.modeling.edits import copy_character, cut_character, merge_characters, vertices_of
+
+copy = copy_character
+cut = cut_character
+merge = merge_characters
+
+
+def mesh_at(project: Project, character: str, time: float) -> Mesh:
+    """The mesh of a character as it is at a time of the project, in metres of the world.
+
+    Args:
+        character: its id.
+        time: seconds of the project.
+
+    Raises:
+        InputError: where there is no such character, or it has no mesh.
+    """
+    mesh = project.character(character).mesh
+    if mesh is None:
+        raise InputError("it has no mesh", where=f"character {character!r}", mend="Give it one.")
+    return replace(mesh, vertices=vertices_of(project, character, time))
