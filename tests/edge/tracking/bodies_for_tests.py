@@ -8,9 +8,10 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.capsules import nearest_capsules
 from enliven_edge.tracking.body_model.kinematics import pivots_by_length
 from enliven_edge.tracking.body_model.posture import Posture, forward
-from enliven_edge.tracking.fit import terms
+from enliven_edge.tracking.fit.carried_points import ends_by_length
 from enliven_edge.tracking.fit.gauss_newton import stepped
 from enliven_edge.tracking.fit.normal_equations import empty_sums, gather
+from enliven_edge.tracking.fit.structures import CapsuleSurface, PlacedFrames
 
 TURNS = (model.DOF_FRAME, model.DOF_AXIS)
 NO_AFFINITY = np.zeros((0, 0), np.float32)
@@ -33,7 +34,8 @@ def body_of(posture: Posture, free: int = 12):
     world, pivots = forward(posture.position, posture.rotations, posture.lengths)
     by_length = np.empty((13, 3, free))
     pivots_by_length(by_length, world, posture.rotations, model.FRAME_PARENTS, model.PIVOTS)
-    return world, pivots, by_length, model.MOVES, *TURNS, model.FRAME_LENGTHS, model.FRAME_PARENTS
+    turns = (model.MOVES, *TURNS, model.FRAME_LENGTHS, model.FRAME_PARENTS)
+    return PlacedFrames(world, pivots, by_length, *turns)
 
 
 def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
@@ -44,8 +46,9 @@ def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
     ends, radii = posture.capsules()
     radii = radii if taper else np.repeat(radii[:, :1], 2, axis=1)
     by_ends = np.empty((len(ends), 2, 3, free))
-    terms.ends_by_length(by_ends, body_of(posture, free), model.CAPSULES.frame, model.CAPSULES.ends)
-    return ends, radii, model.CAPSULES.frame, by_ends, model.FRAME_LENGTHS, posture.lengths[model.GIRTH]
+    ends_by_length(by_ends, body_of(posture, free), model.CAPSULES.frame, model.CAPSULES.ends)
+    girth = posture.lengths[model.GIRTH]
+    return CapsuleSurface(ends, radii, model.CAPSULES.frame, by_ends, model.FRAME_LENGTHS, girth)
 
 
 def gathered(term, posture: Posture, free: int = 12):

@@ -100,7 +100,7 @@ class EstimateAtPoints:
 
 def estimate_at_points(observation: Observation, estimate: Estimate) -> EstimateAtPoints:
     """Samples an estimate of the same frame at the points of an observation."""
-    rays = _rays(observation.pixels, observation.view[3])
+    rays = _rays(observation.pixels, observation.view.camera)
     return EstimateAtPoints(estimate, observation.points, estimate.parts_at(rays), rays)
 
 

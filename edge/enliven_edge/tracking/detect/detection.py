@@ -266,7 +266,7 @@ def _refined(
     for energy, posture in halfway:
         if energy <= most:
             posture, report = fitter.fit(observation, posture, iterations=_HALF_STEPS, proportions=_LOOSE)
-            odd = _oddness(seen, posture, observation.view[4][:3, 3], height)
+            odd = _oddness(seen, posture, observation.view.world_from_camera[:3, 3], height)
             ready.append((report.energy + odd, posture, report))
             yield _REFINEMENT
     return min(ready, key=lambda found: found[0])

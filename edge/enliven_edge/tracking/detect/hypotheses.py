@@ -159,7 +159,7 @@ def _under_crown(observation: Observation, centre: Float, rotations: Float, leng
     # A head is the crown's neighbour sideways; a raised hand is not.
     under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
     head = np.array([under, crown[1] - tops[highest], 0.0])
-    away = centre - observation.view[4][:3, 3]
+    away = centre - observation.view.world_from_camera[:3, 3]
     away[1] = 0.0
     head[2] = centre[2]
     posture.position = head + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))

@@ -218,7 +218,7 @@ def _standing_at(observation: Observation, posture: Posture, facing: float) -> P
     """Returns a person who stands where the points are, turned to ``facing`` radians."""
     made = Posture(posture.position.copy(), standing(facing), posture.lengths.copy())
     centre = np.median(observation.points.astype(float), axis=0)
-    away = centre - observation.view[4][:3, 3]
+    away = centre - observation.view.world_from_camera[:3, 3]
     away[1] = 0.0
     made.position = centre + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))
     lowest = made.joints()[:, 1].min() - made.position[1]

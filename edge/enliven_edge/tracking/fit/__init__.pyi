@@ -1,6 +1,7 @@
 from .alignment import align
+from .carried_points import point_row
 from .fit import FitReport, Fitter
 from .gauss_newton import cholesky
-from .terms import point_row
+from .structures import PlacedFrames
 
-__all__ = ["FitReport", "Fitter", "align", "cholesky", "point_row"]
+__all__ = ["FitReport", "Fitter", "PlacedFrames", "align", "cholesky", "point_row"]

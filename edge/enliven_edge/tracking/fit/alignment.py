@@ -12,6 +12,7 @@ from enliven.arrays import Float, Int
 from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking.body_model import Posture, forward_into, joint_limits, model
 from enliven_edge.tracking.fit import terms
+from enliven_edge.tracking.fit.carried_points import carried, robust
 from enliven_edge.tracking.fit.gauss_newton import (
     FIRST_DAMPING,
     LEAST_DAMPING,
@@ -22,6 +23,7 @@ from enliven_edge.tracking.fit.gauss_newton import (
     stepped,
 )
 from enliven_edge.tracking.fit.normal_equations import add_place, empty_sums, gather
+from enliven_edge.tracking.fit.structures import PlacedFrames
 
 _ENOUGH = 1e-3
 """Share of the energy that a step must gain for another one to be worth it: the fit proper does the rest."""
@@ -119,19 +121,19 @@ def _normal_equations(  # type: ignore[no-untyped-def]
     world, pivots = np.empty((13, 3, 3)), np.empty((13, 3))
     forward_into(world, pivots, position, rotations, lengths, parents, offsets)
     frozen = np.empty((13, 3, 0))
-    body = (world, pivots, frozen, moves, dof_frame, dof_axis, lengths_of, parents)
+    body = PlacedFrames(world, pivots, frozen, moves, dof_frame, dof_axis, lengths_of, parents)
     sums = empty_sums(len(world), np.int64(0))
     point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, 0))
     energy = 0.0
     for i in range(len(frames)):
         if weights[i] <= 0.0:
             continue
-        terms.carried(point, frames[i], local[i], lengths, body)
+        carried(point, frames[i], local[i], lengths, body)
         square = 0.0
         for a in range(3):
             apart[a] = point[a] - targets[i, a]
             square += apart[a] ** 2
-        cost, doubt = terms.robust(np.sqrt(square), width)
+        cost, doubt = robust(np.sqrt(square), width)
         energy += weights[i] * terms.SQUARE_CM * cost
         add_place(sums, frames[i], point, apart, stretch, lengths_of, weights[i] * terms.SQUARE_CM * doubt)
     gather(matrix, gradient, sums, body)

@@ -29,10 +29,9 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
     Args:
         sums: as :func:`normal_equations.empty_sums` makes them.
         seen, affinity: as :func:`capsules.nearest_capsules` takes them.
-        surface: as the other terms take it, see :mod:`terms`.
+        surface: a :class:`~enliven_edge.tracking.fit.structures.CapsuleSurface`.
     """
-    total, pull, cross, own, tug = sums
-    ends, radii, capsule_frame, by_ends, lengths_of, girth = surface
+    ends, radii, capsule_frame, tug = surface.ends, surface.radii, surface.frame, sums.tug
     many = max(1, seen.shape[1])
     which = np.empty(seen.shape[1], np.int32)
     nearest_capsules(which, seen, affinity, ends, radii, np.float32(side))
@@ -51,11 +50,12 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
         firsts *= scale
         powers *= scale
         start, way = ends[c, 0], ends[c, 1] - ends[c, 0]
-        _add_pose_terms(total[f], pull[f], squares, firsts, start, way)
+        _add_pose_terms(sums.total[f], sums.pull[f], squares, firsts, start, way)
         if len(tug) > 0:
-            growth = radii[c] / girth
-            along, moved = (start, way, by_ends[c], growth), of_frame(lengths_of, f, len(tug))
-            _add_length_terms(cross[f], own, tug, squares, firsts, powers, along, moved)
+            growth = radii[c] / surface.girth
+            along = (start, way, surface.by_ends[c], growth)
+            moved = of_frame(surface.lengths_of, f, len(tug))
+            _add_length_terms(sums.cross[f], sums.own, tug, squares, firsts, powers, along, moved)
     return weight / many * energy, explained / many
 
 

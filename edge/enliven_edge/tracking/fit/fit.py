@@ -10,15 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, Int
+from enliven.arrays import Float, Int
 from enliven_edge.tracking.body_model import Posture, joint_limits, model
-from enliven_edge.tracking.fit.gauss_newton import assemble, minimise
-from enliven_edge.tracking.fit.terms import SQUARE_CM
+from enliven_edge.tracking.fit.gauss_newton import minimise
+from enliven_edge.tracking.fit.structures import BodyState, FitModel, FitPrior, weights_of
+from enliven_edge.tracking.fit.terms import assemble
 from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.settings import FitSettings
 
-_APART = 0.02
-"""Weight of limbs that enter each other against that of all points together."""
 _STIFF = model.by_frame(1.0, {model.CHEST: 3.0, model.HEAD: 2.0})
 """(13,) factors on ``FitSettings.temporal``: the trunk turns less between two frames than the limbs do."""
 _RELAXED = model.by_frame(
@@ -50,16 +49,14 @@ def _touching_pairs() -> Int:
     return np.array([(i, j) for a, b in meet for i in groups[a] for j in groups[b]])
 
 
-def shape() -> tuple[AnyArray, ...]:
-    """The arguments of the compiled fit that describe the body model."""
+def shape() -> FitModel:
+    """The body model as the compiled fit takes it."""
     c = model.CAPSULES
     skeleton = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
     surface = (c.frame, c.ends, c.radii, model.FRAME_LENGTHS, _touching_pairs())
-    return (*skeleton, *surface, model.JOINT_FRAMES, model.JOINT_OFFSETS)
+    return FitModel(*skeleton, *surface, model.JOINT_FRAMES, model.JOINT_OFFSETS)
 
 
-Prior = tuple[Float, Float, Float, Float, Float, Float, Float, Float]
-"""What :func:`gauss_newton.minimise` takes as its ``prior``."""
 _SHAPE = shape()
 _NO_LENGTHS = np.zeros(0)
 """The weights of no lengths: they are frozen."""
@@ -108,7 +105,7 @@ class Fitter:
         """
         made = start.copy()
         prior = self._prior(start, predicted, proportions)
-        weights = self._weights(width)
+        weights = weights_of(self.settings, width)
         support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
         energy, explained = minimise(
             made.position, made.rotations, made.lengths, observation.seen, _SHAPE, prior, weights,
@@ -120,25 +117,18 @@ class Fitter:
         """(30, 30) the upper triangle of the Gauss-Newton matrix of one frame, with the lengths frozen."""
         matrix, gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
         count = len(model.CAPSULES.frame)
-        state = (posture.position, posture.rotations, posture.lengths)
+        state = BodyState(posture.position, posture.rotations, posture.lengths)
         prior = self._prior(posture, None, None)
         of_capsules = (np.zeros(count), np.zeros(count))
-        assemble(matrix, gradient, state, observation.seen, _SHAPE, prior, self._weights(None), *of_capsules)
+        weights = weights_of(self.settings)
+        assemble(matrix, gradient, state, observation.seen, _SHAPE, prior, weights, *of_capsules)
         return matrix
 
-    def _prior(self, start: Posture, predicted: Posture | None, proportions: Float | None) -> Prior:
+    def _prior(self, start: Posture, predicted: Posture | None, proportions: Float | None) -> FitPrior:
         """The terms besides the frame's: prediction, relaxation, joint ranges and proportions."""
         s = self.settings
         firmness = _NO_LENGTHS if proportions is None else proportions
         stiffness = np.zeros(13) if predicted is None else s.temporal * _STIFF
         expected = start.rotations if predicted is None else predicted.rotations
         held = (expected, stiffness, joint_limits.RELAXED, s.rest * _RELAXED)
-        return (*held, joint_limits.MIDDLE, joint_limits.REACH, start.lengths.copy(), firmness)
-
-    def _weights(self, width: float | None) -> Float:
-        """(7,) the weights of :func:`gauss_newton.minimise`."""
-        s = self.settings
-        doubted = s.width if width is None else width
-        pairs, floor = _APART * SQUARE_CM, s.floor * SQUARE_CM
-        surface = (SQUARE_CM, s.free_space * SQUARE_CM, pairs, s.ranges, doubted, floor)
-        return np.array([*surface, s.landmarks * SQUARE_CM])
+        return FitPrior(*held, joint_limits.MIDDLE, joint_limits.REACH, start.lengths.copy(), firmness)

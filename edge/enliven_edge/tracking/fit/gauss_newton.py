@@ -8,23 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import copy_row, copy_rows, njit
-from enliven_edge.tracking.body_model import capsules_into, forward_into, model, pivots_by_length, turn
-from enliven_edge.tracking.fit import data_term, terms
-from enliven_edge.tracking.fit.normal_equations import empty_sums, gather
+from enliven_edge.tracking.body_model import model, turn
+from enliven_edge.tracking.fit.structures import BodyState
+from enliven_edge.tracking.fit.terms import assemble
 
-_SIDE = 0.04
-"""Metres of cost of a surface seen from the side, see :func:`capsules.nearest_capsules`: about the radius of
-a forearm."""
-_FREE_WIDTH = 0.25
-"""Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
-_SAMPLES = np.int64(5)
-"""Points along a capsule that are tested for free space. A plain int would be a type of its own to Numba."""
-_PAIR_SAMPLES = np.int64(3)
-"""Points along the first capsule of a pair that are kept out of the second."""
-_SCALE = 0.1
-"""Weight of a person's size over that of the proportions: people differ more in size."""
-_FLOOR_SLACK = 0.02
-"""Metres by which the floor may lie higher than where it was found."""
 _ENOUGH = 1e-4
 """Share of the energy that a step must gain for another one to be worth it."""
 _LARGEST_TURN = 0.5
@@ -49,26 +36,21 @@ def minimise(  # type: ignore[no-untyped-def]
 
     Args:
         position, rotations, lengths: (3,), (13, 3, 3), (12,), as in :class:`Posture`.
-        seen: (points with their normals, affinity, view, landmarks), as the terms take them.
-        shape: the body, see :func:`fit.shape`.
-        prior: (predicted rotations, stiffness (13,), rest rotations, relaxedness (13,), middle, reach,
-            reference lengths (12,), their weights (12,), or (0,) where the lengths are frozen).
-        weights: (7,) of a point, free space, self intersection, ranges; the robust width, metres; of the
-            floor and the landmarks.
+        seen, shape, prior, weights: as :func:`terms.assemble` takes them.
         support: (C,) receives the points that each capsule explains.
         violated: (C,) receives the share of each capsule that was seen through.
     """
-    count = model.DOFS + len(prior[7])
+    count = model.DOFS + len(prior.firmness)
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
     trial_matrix, trial_gradient = np.zeros((count, count)), np.zeros(count)
     step, factor = np.empty(count), np.empty((count, count))
     tried, tried_violated = np.empty_like(support), np.empty_like(violated)
-    state = (position, rotations, lengths)
+    state = BodyState(position, rotations, lengths)
     energy, explained = assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated)
     damping = FIRST_DAMPING
     for _ in range(iterations):
         solve_damped(step, factor, matrix, gradient, damping)
-        moved = stepped(position, rotations, lengths, step, shape[3], shape[4])
+        moved = stepped(position, rotations, lengths, step, shape.dof_frame, shape.dof_axis)
         lower, better = assemble(
             trial_matrix, trial_gradient, moved, seen, shape, prior, weights, tried, tried_violated
         )
@@ -90,48 +72,6 @@ def minimise(  # type: ignore[no-untyped-def]
         if gain < _ENOUGH * energy:
             break
     return energy, explained
-
-
-@njit(cache=True, nogil=True)
-def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):  # type: ignore[no-untyped-def]
-    """The normal equations (upper triangle) and the energy at a posture; returns (energy, explained)."""
-    position, rotations, lengths = state
-    observed, affinity, view, landmarks = seen
-    dof_frame, dof_axis, pairs, joint_frames, joints = shape[3], shape[4], shape[9], shape[10], shape[11]
-    predicted, stiffness, rest, relaxedness, middle, reach, reference, firmness = prior
-    matrix[:], gradient[:] = 0.0, 0.0
-    free = len(firmness)
-    body, surface = _placed(position, rotations, lengths, shape, free)
-    sums = empty_sums(len(rotations), free)
-    energy, explained = data_term.depth_to_model(
-        sums, observed, affinity, surface, weights[0], weights[4], _SIDE, support
-    )
-    energy += terms.free_space(sums, surface, view, weights[1], _FREE_WIDTH, _SAMPLES, violated)
-    energy += terms.above_floor(sums, surface, weights[5], _FLOOR_SLACK)
-    energy += terms.near_landmarks(sums, landmarks, joint_frames, joints, lengths, body, weights[6])
-    gather(matrix, gradient, sums, body)
-    energy += terms.self_intersection(matrix, gradient, surface, body, pairs, weights[2], _PAIR_SAMPLES)
-    energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, weights[3], dof_frame, dof_axis)
-    energy += terms.stay_near(matrix, gradient, rotations, rest, relaxedness, dof_frame, dof_axis)
-    energy += terms.stay_near(matrix, gradient, rotations, predicted, stiffness, dof_frame, dof_axis)
-    if free > 0:
-        energy += terms.hold_build(matrix, gradient, lengths, reference, firmness, _SCALE)
-    return energy, explained
-
-
-@njit(cache=True, nogil=True)
-def _placed(position, rotations, lengths, shape, free):  # type: ignore[no-untyped-def]
-    """(body, surface) of a posture as the terms take them, with so many lengths that are not frozen."""
-    parents, offsets, moves, dof_frame, dof_axis, frames, local, thickness, lengths_of = shape[:9]
-    world, pivots, of_pivots = np.empty((13, 3, 3)), np.empty((13, 3)), np.empty((13, 3, free))
-    forward_into(world, pivots, position, rotations, lengths, parents, offsets)
-    pivots_by_length(of_pivots, world, rotations, parents, offsets)
-    body = (world, pivots, of_pivots, moves, dof_frame, dof_axis, lengths_of, parents)
-    count = len(frames)
-    ends, radii, by_ends = np.empty((count, 2, 3)), np.empty((count, 2)), np.empty((count, 2, 3, free))
-    capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
-    terms.ends_by_length(by_ends, body, frames, local)
-    return body, (ends, radii, frames, by_ends, lengths_of, lengths[model.GIRTH])
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
@@ -178,4 +118,4 @@ def stepped(position, rotations, lengths, step, dof_frame, dof_axis):  # type: i
     turn(turned, share * step[3 : model.DOFS], dof_frame, dof_axis)
     for p in range(len(step) - model.DOFS):
         longer[p] *= min(1.25, max(0.8, 1.0 + share * step[model.DOFS + p] / lengths[p]))
-    return moved, turned, longer
+    return BodyState(moved, turned, longer)

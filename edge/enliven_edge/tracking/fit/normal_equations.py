@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
+from enliven_edge.tracking.fit.structures import FrameSums
 
 _MOVES = 3
 """Unknowns of the translation; rotations follow, then lengths."""
@@ -30,7 +31,8 @@ def empty_sums(frames, lengths):  # type: ignore[no-untyped-def]
     of phi phi', r phi and phi l', and of all frames together those of l l' and r l.
     """
     total, pull = np.zeros((frames, 6, 6)), np.zeros((frames, 6))
-    return total, pull, np.zeros((frames, 6, lengths)), np.zeros((lengths, lengths)), np.zeros(lengths)
+    own, tug = np.zeros((lengths, lengths)), np.zeros(lengths)
+    return FrameSums(total, pull, np.zeros((frames, 6, lengths)), own, tug)
 
 
 @njit(cache=True, nogil=True)
@@ -43,7 +45,7 @@ def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight): 
         stretch: (L,) the residual's derivatives by the lengths; (0,) where they are frozen.
         lengths_of: (F, 1 + 12) as in ``model.FRAME_LENGTHS``.
     """
-    total, pull, cross, own, tug = sums
+    total, pull, cross, own, tug = sums.total, sums.pull, sums.cross, sums.own, sums.tug
     moved = of_frame(lengths_of, frame, len(tug))
     (x, y, z), (a, b, c) = (point[0], point[1], point[2]), (normal[0], normal[1], normal[2])
     phi = (a, b, c, y * c - z * b, z * a - x * c, x * b - y * a)
@@ -70,7 +72,7 @@ def add_place(sums, frame, point, apart, stretch, lengths_of, weight):  # type: 
         apart: (3,) metres, the point less its target.
         stretch: (3, L) the point's derivatives by the lengths; (3, 0) where they are frozen.
     """
-    total, pull, cross, own, tug = sums
+    total, pull, cross, own, tug = sums.total, sums.pull, sums.cross, sums.own, sums.tug
     moved = of_frame(lengths_of, frame, len(tug))
     (x, y, z), (a, b, c) = (point[0], point[1], point[2]), (apart[0], apart[1], apart[2])
     across = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))
@@ -106,11 +108,10 @@ def gather(matrix, gradient, sums, body):  # type: ignore[no-untyped-def]
     """Adds the sums to the normal equations, the upper triangle of the matrix; the sums are used up.
 
     Args:
-        body: (world, pivots, by_length, moves, dof_frame, dof_axis, lengths_of, parents) of a posture, as the
-            terms take it.
+        body: the frames of a posture.
     """
-    world, pivots, _, moves, dof_frame, dof_axis, _, parents = body
-    total, pull, cross, own, tug = sums
+    world, pivots, dof_frame, parents = body.world, body.pivots, body.dof_frame, body.parents
+    total, pull, cross, own, tug = sums.total, sums.pull, sums.cross, sums.own, sums.tug
     for f in range(len(world) - 1, 0, -1):
         parent = parents[f]
         for i in range(6):
@@ -119,8 +120,8 @@ def gather(matrix, gradient, sums, body):  # type: ignore[no-untyped-def]
                 total[parent, i, j] += total[f, i, j]
             for p in range(len(tug)):
                 cross[parent, i, p] += cross[f, i, p]
-    turns = _turns(world, pivots, dof_frame, dof_axis)
-    _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame)
+    turns = _turns(world, pivots, dof_frame, body.dof_axis)
+    _gather_turns(matrix, gradient, total, pull, turns, body.moves, dof_frame)
     first = _MOVES + len(turns)
     for p in range(len(tug)):
         gradient[first + p] += tug[p]

@@ -5,10 +5,9 @@ derivatives and the weight w adds w J'J to the matrix, w J'r to the gradient and
 Residuals of points that a frame carries are added through the sums of :mod:`normal_equations`, the others
 directly.
 
-*surface* stands for (ends (C, 2, 3), radii (C, 2), frames (C,), by_ends (C, 2, 3, L), lengths_of, girth): the
-capsules, metres, world frame, the frames that carry them, the derivatives of their ends by the lengths,
-``model.FRAME_LENGTHS``, and the body's girth, a factor on all radii. L is 12, or 0 where the lengths are
-frozen.
+The body, its surface, sums, prior and weights have their names in :mod:`structures`. :func:`assemble` adds up
+all terms: **a new term is a kernel and a line here, and a weight in** ``FitSettings``, which every term can
+take by its name. L lengths are 12, or 0 where they are frozen.
 """
 
 from __future__ import annotations
@@ -16,96 +15,37 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import deviation_into, model
-from enliven_edge.tracking.fit.normal_equations import add_place, add_ray, of_frame
+from enliven_edge.tracking.body_model import (
+    capsules_into,
+    deviation_into,
+    forward_into,
+    model,
+    pivots_by_length,
+)
+from enliven_edge.tracking.fit.carried_points import by_length, carried, ends_by_length, robust, stretch_into
+from enliven_edge.tracking.fit.data_term import depth_to_model
+from enliven_edge.tracking.fit.normal_equations import add_place, add_ray, empty_sums, gather
+from enliven_edge.tracking.fit.self_intersection import self_intersection
+from enliven_edge.tracking.fit.structures import CapsuleSurface, PlacedFrames
 from enliven_edge.tracking.frame import nearest_pixel
 
 SQUARE_CM = 1e4
 """Square centimetres of a square metre: energies are in them, residuals in metres."""
-
-
-@njit(cache=True, nogil=True)
-def _add_few(matrix, gradient, filled, values, count, residual, weight):  # type: ignore[no-untyped-def]
-    """Adds one weighted residual to the upper triangle of the normal equations.
-
-    Its row has only ``count`` entries that are not zero, the ``values`` at ``filled``, in rising order.
-    """
-    for m in range(count):
-        i = filled[m]
-        scaled = weight * values[m]
-        gradient[i] += scaled * residual
-        for n in range(m, count):
-            matrix[i, filled[n]] += scaled * values[n]
-
-
-@njit(cache=True, nogil=True)
-def point_row(row, scale, frame, point, normal, local, body):  # type: ignore[no-untyped-def]
-    """Adds scale * normal . d(point)/d(unknowns) to the row, for a point carried by a frame.
-
-    Args:
-        local: (3, 12) derivative of the point, in its frame, by the lengths.
-        body: (world, pivots, by_length, moves, dof_frame, dof_axis, frame_lengths, parents) of a posture;
-            the row has no places for the lengths where they are frozen.
-    """
-    world, pivots, by_length, moves, dof_frame, dof_axis, _, _ = body
-    for a in range(3):
-        row[a] += scale * normal[a]
-    for k in range(len(dof_frame)):
-        if moves[frame, k] == 0:
-            continue
-        f, axis = dof_frame[k], dof_axis[k]
-        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
-        x, y, z = point[0] - pivots[f, 0], point[1] - pivots[f, 1], point[2] - pivots[f, 2]
-        row[3 + k] += scale * (
-            normal[0] * (ay * z - az * y) + normal[1] * (az * x - ax * z) + normal[2] * (ax * y - ay * x)
-        )
-    if len(row) == model.DOFS:
-        return
-    nx, ny, nz = normal
-    tx = nx * world[frame, 0, 0] + ny * world[frame, 1, 0] + nz * world[frame, 2, 0]
-    ty = nx * world[frame, 0, 1] + ny * world[frame, 1, 1] + nz * world[frame, 2, 1]
-    tz = nx * world[frame, 0, 2] + ny * world[frame, 1, 2] + nz * world[frame, 2, 2]
-    for p in range(local.shape[1]):
-        moved = nx * by_length[frame, 0, p] + ny * by_length[frame, 1, p] + nz * by_length[frame, 2, p]
-        moved += tx * local[0, p] + ty * local[1, p] + tz * local[2, p]
-        row[model.DOFS + p] += scale * moved
-
-
-@njit(cache=True, nogil=True)
-def robust(residual, width):  # type: ignore[no-untyped-def]
-    """Geman-McClure: the energy r^2 / (1 + (r / width)^2) and its weight in iterated least squares."""
-    ratio = residual / width
-    w = 1.0 / (1.0 + ratio * ratio)
-    return residual * residual * w, w * w
-
-
-@njit(cache=True, nogil=True)
-def ends_by_length(out, body, capsule_frame, capsule_local):  # type: ignore[no-untyped-def]
-    """(C, 2, 3, L) the derivatives of the capsules' ends by the lengths, world frame, into ``out``."""
-    for c in range(len(capsule_frame)):
-        for e in range(2):
-            by_length(out[c, e], capsule_frame[c], capsule_local[c, e], body)
-
-
-@njit(cache=True, nogil=True)
-def by_length(out, frame, local, body):  # type: ignore[no-untyped-def]
-    """(3, L) the derivatives by the lengths of a point that is (3, 12) in its frame, into ``out``."""
-    world, of_pivot, lengths_of = body[0], body[2], body[6]
-    out[:] = 0.0
-    for p in of_frame(lengths_of, frame, out.shape[1]):
-        x, y, z = local[0, p], local[1, p], local[2, p]
-        for a in range(3):
-            out[a, p] = of_pivot[frame, a, p] + world[frame, a, 0] * x + world[frame, a, 1] * y
-            out[a, p] += world[frame, a, 2] * z
-
-
-@njit(cache=True, nogil=True)
-def _stretch(out, normal, by_ends, t, frame, lengths_of):  # type: ignore[no-untyped-def]
-    """(L,) normal . d(point)/d(length), a share t along a capsule, into ``out``; not by the girth."""
-    out[:] = 0.0
-    for p in of_frame(lengths_of, frame, len(out)):
-        for a in range(3):
-            out[p] += normal[a] * ((1.0 - t) * by_ends[0, a, p] + t * by_ends[1, a, p])
+_SIDE = 0.04
+"""Metres of cost of a surface seen from the side, see :func:`capsules.nearest_capsules`: about the radius of
+a forearm."""
+_FREE_WIDTH = 0.25
+"""Metres: the robust width of what is seen through; a whole forearm may be in the wrong place."""
+_SAMPLES = np.int64(5)
+"""Points along a capsule that are tested for free space. A plain int would be a type of its own to Numba."""
+_PAIR_SAMPLES = np.int64(3)
+"""Points along the first capsule of a pair that are kept out of the second."""
+_APART = 0.02
+"""Weight of limbs that enter each other against that of all points together."""
+_SCALE = 0.1
+"""Weight of a person's size over that of the proportions: people differ more in size."""
+_FLOOR_SLACK = 0.02
+"""Metres by which the floor may lie higher than where it was found."""
 
 
 @njit(cache=True, nogil=True)
@@ -117,15 +57,14 @@ def free_space(sums, surface, view, weight, width, samples, violated):  # type: 
     that stands in front of the observed one is pushed back.
 
     Args:
-        view: (depth, mask, nearest, camera, world_from_camera): (h, w) metres (0 unknown), (h, w) the
-            person's pixels, (h, w) of :func:`observation.nearest_columns`, (4,) fx, fy, cx, cy, and (4, 4).
+        view: an :class:`~enliven_edge.tracking.frame.ImageView`.
         violated: (C,) receives the share of each capsule's samples seen through.
     """
-    ends, radii, capsule_frame, by_ends, lengths_of, girth = surface
-    depth, mask, nearest, camera, pose = view
-    normal, point, stretch = np.empty(3), np.empty(3), np.empty(len(sums[4]))
+    ends, radii, by_ends, lengths_of = surface.ends, surface.radii, surface.by_ends, surface.lengths_of
+    depth, mask, pose = view.depth, view.mask, view.world_from_camera
+    normal, point, stretch = np.empty(3), np.empty(3), np.empty(len(sums.tug))
     first, last = np.empty(3), np.empty(3)
-    fx, fy, cx, cy = camera
+    fx, fy, cx, cy = view.camera
     energy = 0.0
     violated[:] = 0.0
     per_sample = weight / (len(ends) * samples)
@@ -152,7 +91,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):  # type: 
             else:
                 if seen == 0.0 or seen < z - radius - 0.05:
                     continue
-                near_v, near_u = nearest_pixel(v, u, nearest)
+                near_v, near_u = nearest_pixel(v, u, view.nearest)
                 if near_v < 0:
                     continue
                 violated[c] += 1.0 / samples
@@ -162,12 +101,12 @@ def free_space(sums, surface, view, weight, width, samples, violated):  # type: 
                     normal[a] = (dx * pose[a, 0] + dy * pose[a, 1]) / residual
             for a in range(3):
                 point[a] = ends[c, 0, a] + t * (ends[c, 1, a] - ends[c, 0, a])
-            _stretch(stretch, normal, by_ends[c], t, capsule_frame[c], lengths_of)
+            stretch_into(stretch, normal, by_ends[c], t, surface.frame[c], lengths_of)
             if inside and len(stretch) > 0:
-                stretch[model.GIRTH] += radius / girth
+                stretch[model.GIRTH] += radius / surface.girth
             cost, w = robust(residual, width)
             energy += per_sample * cost
-            add_ray(sums, capsule_frame[c], normal, point, stretch, lengths_of, residual, per_sample * w)
+            add_ray(sums, surface.frame[c], normal, point, stretch, lengths_of, residual, per_sample * w)
     return energy
 
 
@@ -181,111 +120,21 @@ def _in_camera(out, pose, point):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):  # type: ignore[no-untyped-def]
-    """Adds the term that keeps samples on the first capsule of each pair out of the second."""
-    ends, radii, capsule_frame, by_ends, _, _ = surface
-    filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
-    normal, point, centre = np.empty(3), np.empty(3), np.empty(3)
-    energy = 0.0
-    for k in range(len(pairs)):
-        i, j = pairs[k]
-        if _clear(ends[i], radii[i], ends[j], radii[j]):
-            continue
-        for s in range(samples):
-            t = (s + 0.5) / samples
-            along, square = 0.0, 1e-12
-            for a in range(3):
-                point[a] = ends[i, 0, a] + t * (ends[i, 1, a] - ends[i, 0, a])
-                axis = ends[j, 1, a] - ends[j, 0, a]
-                along += (point[a] - ends[j, 0, a]) * axis
-                square += axis * axis
-            along = min(1.0, max(0.0, along / square))
-            square = 0.0
-            for a in range(3):
-                centre[a] = ends[j, 0, a] + along * (ends[j, 1, a] - ends[j, 0, a])
-                square += (point[a] - centre[a]) ** 2
-            reach = radii[i, 0] + t * (radii[i, 1] - radii[i, 0])
-            reach += radii[j, 0] + along * (radii[j, 1] - radii[j, 0])
-            distance = np.sqrt(square)
-            residual = 0.85 * reach - distance
-            if residual <= 0.0 or distance < 1e-6:
-                continue
-            for a in range(3):
-                normal[a] = (point[a] - centre[a]) / distance
-            first = (capsule_frame[i], point, by_ends[i], t)
-            second = (capsule_frame[j], centre, by_ends[j], along)
-            count = _parting_row(filled, values, first, second, normal, body)
-            energy += weight * residual * residual
-            _add_few(matrix, gradient, filled, values, count, residual, weight)
-    return energy
-
-
-@njit(cache=True, nogil=True)
-def _clear(one, thick, other, broad):  # type: ignore[no-untyped-def]
-    """Whether two capsules are too far apart to meet, by the balls about them."""
-    apart, first, second = 0.0, 0.0, 0.0
-    for a in range(3):
-        apart += (0.5 * (one[0, a] + one[1, a] - other[0, a] - other[1, a])) ** 2
-        first += (0.5 * (one[1, a] - one[0, a])) ** 2
-        second += (0.5 * (other[1, a] - other[0, a])) ** 2
-    reach = max(thick[0], thick[1]) + max(broad[0], broad[1]) + np.sqrt(first) + np.sqrt(second)
-    return apart > reach * reach
-
-
-@njit(cache=True, nogil=True)
-def _parting_row(filled, values, first, second, normal, body):  # type: ignore[no-untyped-def]
-    """normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
-
-    An unknown that moves both points turns that line without making it longer, so only the unknowns that move
-    one of them count: a few for the forearm against the chest. Returns the number of filled entries.
-
-    Args:
-        first, second: the frame, the (3,) point, (2, 3, L) the derivatives of its capsule's ends by the
-            lengths, and the share along it.
-    """
-    world, pivots, _, moves, dof_frame, dof_axis, _, _ = body
-    one, point, by_one, t = first
-    other, centre, by_other, along = second
-    count = 0
-    for k in range(len(dof_frame)):
-        if moves[one, k] == moves[other, k]:
-            continue
-        f, axis = dof_frame[k], dof_axis[k]
-        side = -1.0 if moves[one, k] else 1.0
-        at = point if moves[one, k] else centre
-        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
-        x, y, z = at[0] - pivots[f, 0], at[1] - pivots[f, 1], at[2] - pivots[f, 2]
-        filled[count] = 3 + k
-        values[count] = side * (
-            normal[0] * (ay * z - az * y) + normal[1] * (az * x - ax * z) + normal[2] * (ax * y - ay * x)
-        )
-        count += 1
-    for p in range(by_one.shape[2]):
-        apart = 0.0
-        for a in range(3):
-            here = (1.0 - t) * by_one[0, a, p] + t * by_one[1, a, p]
-            apart += normal[a] * ((1.0 - along) * by_other[0, a, p] + along * by_other[1, a, p] - here)
-        filled[count], values[count] = model.DOFS + p, apart
-        count += 1
-    return count
-
-
-@njit(cache=True, nogil=True)
 def above_floor(sums, surface, weight, slack):  # type: ignore[no-untyped-def]
     """Adds the term that keeps the balls at both ends of every capsule above y = -``slack`` metres."""
-    ends, radii, capsule_frame, by_ends, lengths_of, girth = surface
-    down, stretch = np.array([0.0, -1.0, 0.0]), np.empty(len(sums[4]))
+    ends, radii, lengths_of = surface.ends, surface.radii, surface.lengths_of
+    down, stretch = np.array([0.0, -1.0, 0.0]), np.empty(len(sums.tug))
     energy = 0.0
     for c in range(len(ends)):
         for e in range(2):
             residual = radii[c, e] - slack - ends[c, e, 1]
             if residual <= 0.0:
                 continue
-            _stretch(stretch, down, by_ends[c], float(e), capsule_frame[c], lengths_of)
+            stretch_into(stretch, down, surface.by_ends[c], float(e), surface.frame[c], lengths_of)
             if len(stretch) > 0:
-                stretch[model.GIRTH] += radii[c, e] / girth
+                stretch[model.GIRTH] += radii[c, e] / surface.girth
             energy += weight * residual * residual
-            add_ray(sums, capsule_frame[c], down, ends[c, e], stretch, lengths_of, residual, weight)
+            add_ray(sums, surface.frame[c], down, ends[c, e], stretch, lengths_of, residual, weight)
     return energy
 
 
@@ -297,7 +146,7 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):  # ty
         landmarks: (20, 5) x, y, z, the weight w and the robust width of each joint; (0, 5) without landmarks.
         frames, local: (20,) and (20, 3, 12) the joints on the model.
     """
-    point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, len(sums[4])))
+    point, apart, stretch = np.empty(3), np.empty(3), np.empty((3, len(sums.tug)))
     energy = 0.0
     for j in range(len(landmarks)):
         w = weight * landmarks[j, 3]
@@ -311,22 +160,8 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):  # ty
         cost, doubt = robust(np.sqrt(square), landmarks[j, 4])
         energy += w * cost
         by_length(stretch, frames[j], local[j], body)
-        add_place(sums, frames[j], point, apart, stretch, body[6], w * doubt)
+        add_place(sums, frames[j], point, apart, stretch, body.lengths_of, w * doubt)
     return energy
-
-
-@njit(cache=True, nogil=True)
-def carried(point, frame, local, lengths, body):  # type: ignore[no-untyped-def]
-    """Writes the (3,) place of a point that a frame carries, linear in the lengths, into ``point``."""
-    world, pivots = body[0], body[1]
-    for a in range(3):
-        point[a] = pivots[frame, a]
-    for b in range(3):
-        offset = 0.0
-        for p in range(len(lengths)):
-            offset += local[b, p] * lengths[p]
-        for a in range(3):
-            point[a] += world[frame, a, b] * offset
 
 
 @njit(cache=True, nogil=True)
@@ -393,3 +228,61 @@ def joint_ranges(matrix, gradient, rotations, middle, reach, weight, dof_frame, 
         gradient[3 + k] += weight * excess
         energy += weight * excess * excess
     return energy
+
+
+@njit(cache=True, nogil=True)
+def assemble(matrix, gradient, state, seen, shape, prior, weights, support, violated):  # type: ignore[no-untyped-def]
+    """The normal equations (upper triangle) and the energy at a posture; returns (energy, explained).
+
+    A term is one line here, one kernel above, and one weight in :class:`FitSettings`.
+
+    Args:
+        state, shape, prior, weights: as in :mod:`enliven_edge.tracking.fit.structures`.
+        seen: a :class:`~enliven_edge.tracking.frame.SeenPerson`.
+        support: (C,) receives the points that each capsule explains.
+        violated: (C,) receives the share of each capsule that was seen through.
+    """
+    rotations, lengths, free = state.rotations, state.lengths, len(prior.firmness)
+    frame, axis = shape.dof_frame, shape.dof_axis
+    matrix[:], gradient[:] = 0.0, 0.0
+    body, surface = placed(state, shape, free)
+    sums = empty_sums(len(rotations), free)
+    energy, explained = depth_to_model(
+        sums, seen.points, seen.affinity, surface, SQUARE_CM, weights.width, _SIDE, support
+    )
+    through, low = weights.free_space * SQUARE_CM, weights.floor * SQUARE_CM
+    energy += free_space(sums, surface, seen.image, through, _FREE_WIDTH, _SAMPLES, violated)
+    energy += above_floor(sums, surface, low, _FLOOR_SLACK)
+    joints = (shape.joint_frames, shape.joint_offsets)
+    near = weights.landmarks * SQUARE_CM
+    energy += near_landmarks(sums, seen.landmarks, joints[0], joints[1], lengths, body, near)
+    gather(matrix, gradient, sums, body)
+    energy += self_intersection(
+        matrix, gradient, surface, body, shape.pairs, _APART * SQUARE_CM, _PAIR_SAMPLES
+    )
+    energy += joint_ranges(
+        matrix, gradient, rotations, prior.middle, prior.reach, weights.ranges, frame, axis
+    )
+    energy += stay_near(matrix, gradient, rotations, prior.rest, prior.relaxedness, frame, axis)
+    energy += stay_near(matrix, gradient, rotations, prior.predicted, prior.stiffness, frame, axis)
+    if free > 0:
+        energy += hold_build(matrix, gradient, lengths, prior.reference, prior.firmness, _SCALE)
+    return energy, explained
+
+
+@njit(cache=True, nogil=True)
+def placed(state, shape, free):  # type: ignore[no-untyped-def]
+    """The frames and the surface of a posture, with so many lengths that are not frozen."""
+    rotations, lengths, frames = state.rotations, state.lengths, shape.capsule_frame
+    world, pivots, of_pivots = np.empty((13, 3, 3)), np.empty((13, 3)), np.empty((13, 3, free))
+    forward_into(world, pivots, state.position, rotations, lengths, shape.parents, shape.pivots)
+    pivots_by_length(of_pivots, world, rotations, shape.parents, shape.pivots)
+    turns = (shape.dof_frame, shape.dof_axis)
+    body = PlacedFrames(
+        world, pivots, of_pivots, shape.moves, turns[0], turns[1], shape.lengths_of, shape.parents
+    )
+    count = len(frames)
+    ends, radii, by_ends = np.empty((count, 2, 3)), np.empty((count, 2)), np.empty((count, 2, 3, free))
+    capsules_into(ends, radii, world, pivots, lengths, frames, shape.capsule_ends, shape.capsule_radii)
+    ends_by_length(by_ends, body, frames, shape.capsule_ends)
+    return body, CapsuleSurface(ends, radii, frames, by_ends, shape.lengths_of, lengths[model.GIRTH])

@@ -2,7 +2,9 @@ from .depth_survey import DepthSurvey, survey
 from .frame_check import FrameCheck, flaw_of
 from .frame_timing import FrameTiming
 from .observation import (
+    ImageView,
     Observation,
+    SeenPerson,
     WorkingCamera,
     nearest_pixel,
     observe,
@@ -17,7 +19,9 @@ __all__ = [
     "FrameCheck",
     "FrameTiming",
     "FrameView",
+    "ImageView",
     "Observation",
+    "SeenPerson",
     "WorkingCamera",
     "flaw_of",
     "nearest_pixel",

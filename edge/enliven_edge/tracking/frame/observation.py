@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,33 @@ class WorkingCamera:
         return reduce_depth(depth, self.stride, h, w)
 
 
+class ImageView(NamedTuple):
+    """The depth image of one person.
+
+    Attributes:
+        depth: (h, w) metres, 0 where unknown.
+        mask: (h, w) the person's pixels.
+        nearest: (h, w) of :func:`nearest_columns`.
+        camera: (4,) fx, fy, cx, cy.
+        world_from_camera: (4, 4) the camera's pose.
+    """
+
+    depth: Float
+    mask: Bool
+    nearest: Int
+    camera: Float
+    world_from_camera: Float
+
+
+class SeenPerson(NamedTuple):
+    """An observation as the compiled fit takes it; ``points`` are (6, M), with their normals."""
+
+    points: Float32
+    affinity: Float32
+    image: ImageView
+    landmarks: Float
+
+
 @dataclass(frozen=True)
 class Observation:
     """The person in one frame.
@@ -47,7 +74,7 @@ class Observation:
         points: (M, 3) float32 metres, world frame, on the person's surface.
         normals: (M, 3) float32 outward unit normals of the points, world frame.
         pixels: (M, 2) row and column of the points in the working image.
-        view: (z, mask, nearest, camera, world_from_camera) as ``terms.free_space`` takes it.
+        view: the image that it was seen in.
         cut: whether the person runs out of the image at its lower border.
         affinity: (C, M) float32 metres added to the distance of a point from a capsule that it does not look
             like; (0, 0) without an estimate.
@@ -57,17 +84,17 @@ class Observation:
     points: Float32
     normals: Float32
     pixels: Int
-    view: tuple[Float, Bool, Int, Float, Float]
+    view: ImageView
     cut: bool
     affinity: Float32 = field(default_factory=lambda: np.zeros((0, 0), np.float32))
     landmarks: Float = field(default_factory=lambda: np.zeros((0, 5)))
 
     @cached_property
-    def seen(self) -> tuple[Any, ...]:
-        """(points with their normals (6, M), affinity, view, landmarks), as the compiled fit takes them."""
+    def seen(self) -> SeenPerson:
+        """The observation as the compiled fit takes it."""
         surface = np.empty((6, len(self.points)), np.float32)
         surface[:3], surface[3:] = self.points.T, self.normals.T
-        return surface, self.affinity, self.view, self.landmarks
+        return SeenPerson(surface, self.affinity, self.view, self.landmarks)
 
     def thinned(self, step: int) -> Observation:
         """The same with every ``step``-th of the points."""
@@ -156,7 +183,7 @@ def observe(
     """
     pixels = sampled(mask, points)
     found, normals = surface_samples(surface, z, pixels, world_from_camera[:3, 3].copy())
-    view = (z, mask, nearest_columns(mask), camera.camera, world_from_camera)
+    view = ImageView(z, mask, nearest_columns(mask), camera.camera, world_from_camera)
     cut = bool(mask[-2:].sum() > 0.05 * mask.shape[1])
     return Observation(found, normals, pixels, view, cut)
 

@@ -8,7 +8,7 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 from enliven_edge.tracking.body_model import Posture, frames_of, joints_into, model
 from enliven_edge.tracking.estimator import Estimate
-from enliven_edge.tracking.fit import FitReport, Fitter, cholesky, point_row
+from enliven_edge.tracking.fit import FitReport, Fitter, PlacedFrames, cholesky, point_row
 from enliven_edge.tracking.frame import Observation
 
 NAMES = (
@@ -211,7 +211,9 @@ def _joint_spread(  # type: ignore[no-untyped-def]
         frames, local: as of :func:`posture.joints_into`.
     """
     world, pivots = frames_of(position, rotations, lengths, parents, offsets)
-    body = (world, pivots, np.empty((len(world), 3, 0)), *turns, parents)
+    moves, dof_frame, dof_axis, lengths_of = turns
+    frozen = np.empty((len(world), 3, 0))
+    body = PlacedFrames(world, pivots, frozen, moves, dof_frame, dof_axis, lengths_of, parents)
     joints = np.empty((len(frames), 3))
     joints_into(joints, world, pivots, lengths, frames, local)
     factor = np.zeros(matrix.shape)

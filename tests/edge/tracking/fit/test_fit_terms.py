@@ -20,10 +20,11 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit import data_term, terms
 from enliven_edge.tracking.fit.fit import shape
-from enliven_edge.tracking.fit.gauss_newton import _placed
-from enliven_edge.tracking.frame.observation import nearest_columns
+from enliven_edge.tracking.fit.structures import BodyState
+from enliven_edge.tracking.fit.terms import placed
+from enliven_edge.tracking.frame.observation import ImageView, nearest_columns
 
-PAIRS = shape()[9]
+PAIRS = shape().pairs
 
 
 def depth_energy(posture: Posture, points, normals):
@@ -110,7 +111,7 @@ def test_the_floors_gradient_by_the_girth_holds_for_every_build(seed, girth):
 def test_the_fit_places_the_surface_that_its_terms_are_tested_with(seed, girth, free):
     posture = random_posture(seed, 0.8)
     posture.lengths[model.GIRTH] = girth
-    _, made = _placed(posture.position, posture.rotations, posture.lengths, shape(), free)
+    _, made = placed(BodyState(posture.position, posture.rotations, posture.lengths), shape(), free)
     for mine, expected in zip(made, surroundings(posture, free, taper=True), strict=True):
         np.testing.assert_allclose(mine, expected, atol=1e-12)
 
@@ -186,7 +187,7 @@ def test_a_limb_in_free_space_is_pushed_into_the_silhouette():
     depth[:, 70:90], mask[:, 70:90] = 2.4, True
     mount = np.diag([1.0, -1.0, -1.0, 1.0])
     mount[1, 3] = 1.0
-    view = (depth, mask, nearest_columns(mask), np.array([130.0, 130.0, 79.5, 59.5]), mount)
+    view = ImageView(depth, mask, nearest_columns(mask), np.array([130.0, 130.0, 79.5, 59.5]), mount)
     posture = Posture(
         np.array([0.0, 0.95, -2.5]), joint_limits.standing(arm_raise=1.4), model.lengths_for_height(1.7)
     )

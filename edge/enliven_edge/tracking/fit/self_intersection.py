@@ -1,0 +1,112 @@
+"""The term of the fit that keeps limbs out of each other, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import njit
+from enliven_edge.tracking.body_model import model
+
+
+@njit(cache=True, nogil=True)
+def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):  # type: ignore[no-untyped-def]
+    """Adds the term that keeps samples on the first capsule of each pair out of the second."""
+    ends, radii, capsule_frame, by_ends = surface.ends, surface.radii, surface.frame, surface.by_ends
+    filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
+    normal, point, centre = np.empty(3), np.empty(3), np.empty(3)
+    energy = 0.0
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        if _clear(ends[i], radii[i], ends[j], radii[j]):
+            continue
+        for s in range(samples):
+            t = (s + 0.5) / samples
+            along, square = 0.0, 1e-12
+            for a in range(3):
+                point[a] = ends[i, 0, a] + t * (ends[i, 1, a] - ends[i, 0, a])
+                axis = ends[j, 1, a] - ends[j, 0, a]
+                along += (point[a] - ends[j, 0, a]) * axis
+                square += axis * axis
+            along = min(1.0, max(0.0, along / square))
+            square = 0.0
+            for a in range(3):
+                centre[a] = ends[j, 0, a] + along * (ends[j, 1, a] - ends[j, 0, a])
+                square += (point[a] - centre[a]) ** 2
+            reach = radii[i, 0] + t * (radii[i, 1] - radii[i, 0])
+            reach += radii[j, 0] + along * (radii[j, 1] - radii[j, 0])
+            distance = np.sqrt(square)
+            residual = 0.85 * reach - distance
+            if residual <= 0.0 or distance < 1e-6:
+                continue
+            for a in range(3):
+                normal[a] = (point[a] - centre[a]) / distance
+            first = (capsule_frame[i], point, by_ends[i], t)
+            second = (capsule_frame[j], centre, by_ends[j], along)
+            count = _parting_row(filled, values, first, second, normal, body)
+            energy += weight * residual * residual
+            _add_few(matrix, gradient, filled, values, count, residual, weight)
+    return energy
+
+
+@njit(cache=True, nogil=True)
+def _add_few(matrix, gradient, filled, values, count, residual, weight):  # type: ignore[no-untyped-def]
+    """Adds one weighted residual to the upper triangle of the normal equations.
+
+    Its row has only ``count`` entries that are not zero, the ``values`` at ``filled``, in rising order.
+    """
+    for m in range(count):
+        i = filled[m]
+        scaled = weight * values[m]
+        gradient[i] += scaled * residual
+        for n in range(m, count):
+            matrix[i, filled[n]] += scaled * values[n]
+
+
+@njit(cache=True, nogil=True)
+def _clear(one, thick, other, broad):  # type: ignore[no-untyped-def]
+    """Whether two capsules are too far apart to meet, by the balls about them."""
+    apart, first, second = 0.0, 0.0, 0.0
+    for a in range(3):
+        apart += (0.5 * (one[0, a] + one[1, a] - other[0, a] - other[1, a])) ** 2
+        first += (0.5 * (one[1, a] - one[0, a])) ** 2
+        second += (0.5 * (other[1, a] - other[0, a])) ** 2
+    reach = max(thick[0], thick[1]) + max(broad[0], broad[1]) + np.sqrt(first) + np.sqrt(second)
+    return apart > reach * reach
+
+
+@njit(cache=True, nogil=True)
+def _parting_row(filled, values, first, second, normal, body):  # type: ignore[no-untyped-def]
+    """normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
+
+    An unknown that moves both points turns that line without making it longer, so only the unknowns that move
+    one of them count: a few for the forearm against the chest. Returns the number of filled entries.
+
+    Args:
+        first, second: the frame, the (3,) point, (2, 3, L) the derivatives of its capsule's ends by the
+            lengths, and the share along it.
+    """
+    world, pivots, moves = body.world, body.pivots, body.moves
+    one, point, by_one, t = first
+    other, centre, by_other, along = second
+    count = 0
+    for k in range(len(body.dof_frame)):
+        if moves[one, k] == moves[other, k]:
+            continue
+        f, axis = body.dof_frame[k], body.dof_axis[k]
+        side = -1.0 if moves[one, k] else 1.0
+        at = point if moves[one, k] else centre
+        ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
+        x, y, z = at[0] - pivots[f, 0], at[1] - pivots[f, 1], at[2] - pivots[f, 2]
+        filled[count] = 3 + k
+        values[count] = side * (
+            normal[0] * (ay * z - az * y) + normal[1] * (az * x - ax * z) + normal[2] * (ax * y - ay * x)
+        )
+        count += 1
+    for p in range(by_one.shape[2]):
+        apart = 0.0
+        for a in range(3):
+            here = (1.0 - t) * by_one[0, a, p] + t * by_one[1, a, p]
+            apart += normal[a] * ((1.0 - along) * by_other[0, a, p] + along * by_other[1, a, p] - here)
+        filled[count], values[count] = model.DOFS + p, apart
+        count += 1
+    return count

@@ -1,0 +1,107 @@
+"""The named structures that the compiled fit takes: the body model, a posture of it, sums, prior and weights.
+
+F frames, C capsules, K rotational unknowns, L lengths: 12, or 0 where they are frozen.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+from enliven.arrays import Float, Int
+from enliven_edge.tracking.settings import FitSettings
+
+
+class FitModel(NamedTuple):
+    """The body model, the same in every fit; see :mod:`enliven_edge.tracking.body_model.model`."""
+
+    parents: Int
+    pivots: Float
+    moves: Int
+    dof_frame: Int
+    dof_axis: Int
+    capsule_frame: Int
+    capsule_ends: Float
+    capsule_radii: Float
+    lengths_of: Int
+    pairs: Int
+    joint_frames: Int
+    joint_offsets: Float
+
+
+class BodyState(NamedTuple):
+    """A posture: (3,) metres, (F, 3, 3) rotations and (12,) lengths."""
+
+    position: Float
+    rotations: Float
+    lengths: Float
+
+
+class PlacedFrames(NamedTuple):
+    """The frames of a posture: (F, 3, 3) turns, (F, 3) pivots in metres, (F, 3, L) those by the lengths."""
+
+    world: Float
+    pivots: Float
+    by_length: Float
+    moves: Int
+    dof_frame: Int
+    dof_axis: Int
+    lengths_of: Int
+    parents: Int
+
+
+class CapsuleSurface(NamedTuple):
+    """The capsules of a posture: (C, 2, 3) ends and (C, 2) radii in metres, world frame.
+
+    ``by_ends`` (C, 2, 3, L) are the derivatives of the ends by the lengths; ``girth`` is a factor on all
+    radii.
+    """
+
+    ends: Float
+    radii: Float
+    frame: Int
+    by_ends: Float
+    lengths_of: Int
+    girth: float
+
+
+class FrameSums(NamedTuple):
+    """The weighted sums of residuals by frame, see :mod:`enliven_edge.tracking.fit.normal_equations`."""
+
+    total: Float
+    pull: Float
+    cross: Float
+    own: Float
+    tug: Float
+
+
+class FitPrior(NamedTuple):
+    """What is expected besides the frame; ``stiffness`` and ``relaxedness`` (F,) are weights of rotations.
+
+    ``firmness`` (12,) are the weights of the ``reference`` lengths, or (0,) where the lengths are frozen.
+    """
+
+    predicted: Float
+    stiffness: Float
+    rest: Float
+    relaxedness: Float
+    middle: Float
+    reach: Float
+    reference: Float
+    firmness: Float
+
+
+_NAMES = tuple(field.name for field in fields(FitSettings))
+FitWeights: Any = namedtuple("FitWeights", _NAMES)  # type: ignore[misc]
+"""The numbers of :class:`FitSettings` by their names: a new setting is a weight that every term can take."""
+
+
+def weights_of(settings: FitSettings, width: float | None = None) -> Any:
+    """Returns the weights as the compiled fit takes them, all of one type.
+
+    Args:
+        width: metres at which residuals are doubted, the setting's where None.
+    """
+    weights = FitWeights(*(float(getattr(settings, name)) for name in _NAMES))
+    return weights if width is None else weights._replace(width=float(width))
