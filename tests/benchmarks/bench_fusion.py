@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from figure import Figure
+from fusion_measures import agreement, fused, jitter_mm
 
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
@@ -21,8 +22,7 @@ from enliven_edge.fusion.calibration.calibration import calibrate
 from enliven_edge.fusion.calibration.collecting import Collector
 from enliven_edge.fusion.calibration.tracks import stream_of
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.measures import agreement, jitter_mm
-from enliven_edge.fusion.live.merge import eyes, fused, in_world, settings_before_fusion
+from enliven_edge.fusion.live.merge import eyes, in_world, settings_before_fusion
 from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
 from enliven_edge.fusion.placement.space import Space
 from enliven_edge.importing.base import ImportOptions

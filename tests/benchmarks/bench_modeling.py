@@ -23,6 +23,7 @@ import trimesh
 from figure import Figure
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
+from strokes import tentacle
 from threadpoolctl import threadpool_limits
 
 from enliven.arrays import Float
@@ -32,7 +33,6 @@ from enliven.meshes.mesh import Mesh
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
 from enliven.modeling.mesh.mesh_union import united
 from enliven.modeling.sketching.sketch import shape_from_stroke
-from enliven.modeling.sketching.strokes import tentacle
 from enliven.modeling.skinning.heat_diffusion import bone_heat, segments_of
 
 BONES = 30

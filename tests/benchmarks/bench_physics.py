@@ -17,7 +17,7 @@ from figure import Figure
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.spheres import pack_spheres
 from enliven.document.props import BOX
-from enliven.samples.chair import make_chair
+from enliven.samples import load_sample
 from enliven_edge.physics.settings import EngineSettings
 from enliven_edge.physics.world import PropSpecs, World
 
@@ -85,7 +85,7 @@ def _frames(world: World, where: Callable[[int], np.ndarray], count: int) -> lis
 
 
 def _chair() -> Any:
-    mesh = make_chair()
+    mesh = load_sample("chair")
     return character_from(mesh, DeformationGraph.build(mesh, nodes=128), "chair")
 
 

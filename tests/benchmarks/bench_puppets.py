@@ -21,7 +21,7 @@ from enliven.document.character import Pose
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.puppet_motion import examples_of
 from enliven.person.body import Body
-from enliven.samples.cactus_puppet import cactus_project
+from enliven.samples import cactus_project
 from enliven.wire.convert import pose_to_message
 from enliven.wire.envelope import pack_stream
 from enliven.wire.posecode import PoseCodec

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fusion_measures import agreement, fused, jitter_mm
 
 from enliven.frames import BodyFrame
 from enliven_edge.fusion.calibration.calibration import calibrate
 from enliven_edge.fusion.calibration.quality import Verdict
 from enliven_edge.fusion.calibration.tracks import stream_of
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.measures import agreement, jitter_mm
-from enliven_edge.fusion.live.merge import eyes, fused, in_world
+from enliven_edge.fusion.live.merge import eyes, in_world
 from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, rigid, turn
 from enliven_edge.fusion.settings import CalibrationSettings
 from enliven_edge.importing.base import ImportOptions

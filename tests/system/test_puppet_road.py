@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from patience import PATIENCE
 from PIL import Image
+from sample_meshes.cactus_puppet import cactus_project
 
 from enliven.document.character import Character, Pose
 from enliven.frames import BodyFrame, Frame
 from enliven.recording import Recording
-from enliven.samples.cactus_puppet import cactus_project
 from enliven.takes.possessed import read_possessed
 from enliven.wire.convert import message_to_character, message_to_pose
 from enliven.wire.messages import CharacterMessage, PoseMessage

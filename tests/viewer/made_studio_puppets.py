@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from studio_driver import HeadlessStage
 
 from enliven.document.project import Project
 from enliven.document.puppet import Plane
@@ -14,7 +15,6 @@ from enliven.modeling.puppet import add_point, make_puppet, play_take
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import HeadlessStage
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.workspace.workspace import Workspace
 

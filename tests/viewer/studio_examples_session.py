@@ -7,12 +7,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from made_studio_puppets import project_with
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
-from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.filming import WindowStage
-from enliven_viewer.studio.session import (
+from made_studio_puppets import project_with
+from studio_driver import (
     Action,
     Click,
     Do,
@@ -26,7 +24,11 @@ from enliven_viewer.studio.session import (
     Widget,
     steps,
 )
-from enliven_viewer.studio.session import actions as pace
+from studio_driver import actions as pace
+from studio_driver.filming import WindowStage
+
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from made_studio_puppets import studio, vertex
-
-from enliven_viewer.studio.filming import WindowStage
-from enliven_viewer.studio.session import (
+from studio_driver import (
     STEP,
     Action,
     Click,
@@ -27,6 +26,8 @@ from enliven_viewer.studio.session import (
     Wait,
     steps,
 )
+from studio_driver.filming import WindowStage
+
 from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace

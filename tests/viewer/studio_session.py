@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+
+from strokes import limb
+from studio_driver import JointPlace, Place, where
+
 from enliven.modeling.sketching.sketch import shape_from_stroke
-from enliven.modeling.sketching.strokes import limb
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import JointPlace, Place, where
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -33,7 +36,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     editor = workspace.editor
 
     def at(place: Place) -> ImVec2:
-        from enliven_viewer.studio.filming import WindowStage
+        from studio_driver.filming import WindowStage
 
         return ImVec2(*where(place, WindowStage(window)))
 

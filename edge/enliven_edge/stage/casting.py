@@ -1,34 +1,37 @@
-"""Casting makes an actor on the stage from a mesh file or from a mesh that the project generates."""
+"""Casting makes an actor on the stage from a mesh file or from a mesh that ships."""
 
 from __future__ import annotations
 
 import logging
 import re
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from enliven.deformation.graph import DeformationGraph, character_from
 from enliven.meshes import Mesh, fit_height, refine
-from enliven.samples import make_chair, make_lamp
+from enliven.samples import load_sample
 from enliven_edge.stage.actor_settings import ActorSettings
 from enliven_edge.stage.embedded_actor import EmbeddedActor
 from enliven_edge.stage.standing import fit_standing_person
 
 log = logging.getLogger(__name__)
 
-MADE = {"chair": make_chair, "lamp": make_lamp}
-"""The meshes that the project makes itself, by name instead of by path."""
+MADE: tuple[Literal["chair", "lamp"], ...] = ("chair", "lamp")
+"""The meshes that ship, by name instead of by path."""
 _OWN_PARTS = {"lamp": "hip and right arm"}
-"""The parts of the body that a generated mesh is made to be held with; others are held with all."""
+"""The parts of the body that a shipped mesh is made to be held with; others are held with all."""
 _HEIGHT = 1.75
 """Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
 _LONGEST_EDGE = 0.04
 """Metres: longer edges are split, as a triangle must be narrower than a limb to bend with it."""
 
 
-def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y") -> EmbeddedActor:
-    """The actor of a mesh file, or of a mesh that the project makes.
+def cast(
+    spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y", name: str = ""
+) -> EmbeddedActor:
+    """The actor of a mesh file, or of a mesh that ships.
 
     A mesh that meets its performer is scaled to a person's height, moved to where a standing person fits into
     it, and refined where its triangles are too large to bend; one that stays fixed is taken as modelled, in
@@ -38,6 +41,7 @@ def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up:
         spec: a path, or a name of :data:`MADE`.
         nodes: of the deformation graph.
         up: "x", "y" or "z", the mesh's own axis that points up.
+        name: the character's id; empty: the file's stem.
 
     Raises:
         InputError: for a mesh that cannot be used.
@@ -45,7 +49,7 @@ def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up:
     settings = settings or ActorSettings()
     mesh, size = _prepared(spec, settings, up)
     graph = DeformationGraph.build(mesh, nodes=nodes)
-    return EmbeddedActor(character_from(mesh, graph, name_of(spec)), graph, settings, size)
+    return EmbeddedActor(character_from(mesh, graph, name or name_of(spec)), graph, settings, size)
 
 
 def parts_for(spec: str) -> str:
@@ -63,8 +67,9 @@ def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]
 
     Repairs are logged.
     """
-    if spec in MADE:
-        return MADE[spec](), 1.0
+    for name in MADE:
+        if spec == name:
+            return load_sample(name), 1.0
     from enliven.meshes import load_mesh
 
     mesh, notes = load_mesh(spec)

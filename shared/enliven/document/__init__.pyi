@@ -1,3 +1,4 @@
+from .body_take import BodyTake, HoldChange
 from .character import Character, Pose, SkinWeights
 from .clip import Clip
 from .constraints import Constraint, Coupling, Position, Velocity, names_in
@@ -22,6 +23,7 @@ __all__ = [
     "STILL",
     "AnyRig",
     "ArapSettings",
+    "BodyTake",
     "Character",
     "Clip",
     "Constraint",
@@ -32,6 +34,7 @@ __all__ = [
     "GraphPart",
     "GraphShape",
     "History",
+    "HoldChange",
     "KeyPose",
     "Kind",
     "Layer",

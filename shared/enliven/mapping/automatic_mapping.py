@@ -135,7 +135,7 @@ def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
 
 
-def retargeted(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
+def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
     """A shape that moves by a take.
 
     Args:

@@ -1,6 +1,5 @@
-from .files import load_mesh
+from .files import load_mesh, save_mesh
 from .gltf_json import Entry, gltf_document
-from .isosurface import surface_of
 from .kernels import (
     corner_sums,
     edge_lengths,
@@ -30,10 +29,10 @@ __all__ = [
     "longest_edge",
     "normals_of",
     "refine",
+    "save_mesh",
     "shells",
     "space_curve",
     "split_long_edges",
     "submesh",
-    "surface_of",
     "weld",
 ]

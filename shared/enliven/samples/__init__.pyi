@@ -1,5 +1,3 @@
-from .cactus_puppet import cactus_project
-from .chair import make_chair
-from .lamp import make_lamp
+from .shipped import cactus_project, load_sample
 
-__all__ = ["cactus_project", "make_chair", "make_lamp"]
+__all__ = ["cactus_project", "load_sample"]

@@ -65,7 +65,7 @@ def clip_of_capture(
     holds = np.array([0, *parents[1:]])
     world = multiply(turns[:, holds], conjugate(before[holds]))
     skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
-    return Clip(id, skeleton, _continuous(world), positions[:, 0] * scale, capture.seconds)
+    return Clip(id, skeleton, continuous(world), positions[:, 0] * scale, capture.seconds)
 
 
 def clip_of_bodies(
@@ -117,7 +117,7 @@ def clip_of_positions(skeleton: Skeleton, positions: Float, id: str, step: float
         step: seconds between frames.
     """
     positions = np.asarray(positions, np.float64)
-    return Clip(id, skeleton, _continuous(turns_of(skeleton, positions, None)), positions[:, 0], step)
+    return Clip(id, skeleton, continuous(turns_of(skeleton, positions, None)), positions[:, 0], step)
 
 
 def resampled(clip: Clip, step: float) -> Clip:
@@ -144,7 +144,7 @@ def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, 
     part = (wanted - times[before]) / width
     made = slerp(turns[before], turns[after], part[:, None])
     at = root[before] + part[:, None] * (root[after] - root[before])
-    return Clip(id, skeleton, _continuous(made), at, step)
+    return Clip(id, skeleton, continuous(made), at, step)
 
 
 def _known(bodies: Sequence[Body], still: Body) -> Float | None:
@@ -155,7 +155,7 @@ def _known(bodies: Sequence[Body], still: Body) -> Float | None:
     return multiply(world, conjugate(still.orientations))
 
 
-def _continuous(turns: Float) -> Float:
+def continuous(turns: Float) -> Float:
     """The same rotations (F, N, 4), each of the sign that is nearest to the frame before."""
     signs = np.where((turns[1:] * turns[:-1]).sum(-1) < 0, -1.0, 1.0)
     turns = turns.copy()

@@ -10,15 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-from enliven.arrays import Float
-from enliven.document.clip import Clip
-from enliven.frames import BodyFrame
-from enliven.meshes.files import save_mesh
-from enliven.person.body import PARENTS, Body, Joint
-from enliven.recording import Recorder
-from enliven.samples.cactus import make_cactus
-from enliven_viewer.studio.session import (
+from studio_driver import (
     Action,
     Click,
     Do,
@@ -34,6 +26,14 @@ from enliven_viewer.studio.session import (
     Wait,
     Widget,
 )
+
+from enliven.arrays import Float
+from enliven.document.clip import Clip
+from enliven.frames import BodyFrame
+from enliven.meshes.files import save_mesh
+from enliven.person.body import PARENTS, Body, Joint
+from enliven.recording import Recorder
+from enliven.samples import load_sample
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
@@ -137,7 +137,7 @@ def cactus(workspace: Workspace, folder: Path) -> Actions:
     """Open, put points, pair, pose four examples, adjust, export."""
     folder = folder / "my models"
     folder.mkdir()
-    save_mesh(make_cactus(), folder / f"{CACTUS}.ply")
+    save_mesh(load_sample("cactus"), folder / f"{CACTUS}.ply")
     write_take(folder / f"{TAKE}.mcap")
     yield Say("Open any mesh. It needs no skeleton")
     yield from _opened(f"{CACTUS}.ply", folder)

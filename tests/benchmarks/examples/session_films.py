@@ -20,10 +20,10 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import Float
-from enliven.modeling.sketching.strokes import limb
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import (
+sys.path.insert(0, str(Path(__file__).parents[2] / "helpers"))
+
+from strokes import limb
+from studio_driver import (
     Action,
     Click,
     Do,
@@ -44,6 +44,9 @@ from enliven_viewer.studio.session import (
     Widget,
     play,
 )
+
+from enliven.arrays import Float
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -301,7 +304,7 @@ def main(arguments: list[str]) -> int:
                 play(actions, HeadlessStage(workspace))
                 said = f"{len(workspace.editor.history.names)} edits"
             else:
-                from enliven_viewer.studio.filming import film
+                from studio_driver.filming import film
 
                 said = f"{film(actions, workspace, OUT / f'{name}.mp4', title=name)} pictures"
             project = workspace.editor.project

@@ -13,7 +13,7 @@ from enliven.arrays import Float
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.deformation.possession.attachment import Attachment, AttachmentSettings, attach
 from enliven.formats.motion.expmap import read_expmap
-from enliven.samples.chair import make_chair
+from enliven.samples import load_sample
 from enliven_synthesis.body.performer import Performer
 from enliven_synthesis.motion.mocap import Captured
 
@@ -52,7 +52,7 @@ def joints_of(name: str) -> Float:
 @cache
 def problem(nodes: int) -> list[Problem]:
     """One for each motion; the performer takes hold as the jumper stands before the jump."""
-    graph = DeformationGraph.build(make_chair(), nodes=nodes)
+    graph = DeformationGraph.build(load_sample("chair"), nodes=nodes)
     standing = joints_of(MOTIONS[1])[0]
     held = attach(graph, standing, np.ones(20), settings=AttachmentSettings(reach=_REACH))
     out = []

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from fusion_measures import fused
 from patience import PATIENCE, until
 from tolerances import alike
 from walkers import Walker, stand, told
@@ -17,7 +18,7 @@ from enliven_edge.fusion.live.arrival import ArrivalClocks
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.health import SensorState
-from enliven_edge.fusion.live.merge import eyes, fused
+from enliven_edge.fusion.live.merge import eyes
 from enliven_edge.fusion.placement.space import Place, Space, rows
 from enliven_edge.tracking.tracker import Tracker
 

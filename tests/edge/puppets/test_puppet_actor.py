@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.cactus_puppet import cactus_project
 
 from enliven.document.character import Pose
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.puppet_motion import examples_of
 from enliven.person.body import Body, Joint
-from enliven.samples.cactus_puppet import cactus_project
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
 from enliven_edge.stage.stage import Stage

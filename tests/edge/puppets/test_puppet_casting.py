@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sample_meshes.cactus_puppet import TAKE, cactus_project
 
 from enliven.cli import run
 from enliven.document.project import Project
@@ -15,7 +16,6 @@ from enliven.errors import InputError
 from enliven.example_sessions.text import write_session
 from enliven.formats.project.file import write_project
 from enliven.meshes.mesh import Mesh
-from enliven.samples.cactus_puppet import TAKE, cactus_project
 from enliven_edge.stage.puppet.casting import cast_puppet
 from enliven_edge.stage.puppet.spec import is_puppet
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.cactus_puppet import cactus_project
 from tolerances import assert_alike
 
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.examples.spacetime.locomotion import locate
 from enliven.person.body import Joint
-from enliven.samples.cactus_puppet import cactus_project
 from enliven_edge.stage.puppet.feet import Feet, Footing
 from enliven_edge.stage.puppet.locomotion import Locomotion
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor

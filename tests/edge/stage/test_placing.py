@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.possession.body_in_mesh import find_body_in_mesh
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import PARENTS, Body, Joint
-from enliven.samples.chair import make_chair
 from enliven_edge.stage.carrying import Mapped
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor

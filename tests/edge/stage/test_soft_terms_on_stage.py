@@ -6,6 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from sample_meshes.chair import make_chair
+from sample_meshes.isosurface import surface_of
 
 from enliven.camera import Intrinsics
 from enliven.deformation.constraints.floor_contact import FloorSettings
@@ -15,10 +17,8 @@ from enliven.deformation.constraints.soft import Points
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
-from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import PARTS, Body
-from enliven.samples.chair import make_chair
 from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.joint_limits import standing
@@ -278,7 +278,7 @@ def test_what_the_tracker_sees_reaches_the_mesh(chair, follow):
     for frame in frames:
         bodies = tracker.track(frame)
         seen = tracker.surfaces()
-        (pose,) = house.perform(bodies, frame.time_ns, seen)
+        (pose,) = house.perform(bodies, frame.time_ns, tracker.surfaces)
         actor = house.actors["chair"]
         if bodies and not actor.holds:
             house.possess("chair")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
 from enliven.person.body import Body, Joint
-from enliven.samples.chair import make_chair
 from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.placement import Placement, facing, meeting
 from enliven_edge.stage.stage import Stage

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.chair import make_chair
 
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import PARENTS, Joint
-from enliven.samples.chair import make_chair
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.standing import _Nearness, best_stand, fit_standing_person, standing_figure
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.chair import make_chair
 from tolerances import SOLVED, assert_alike
 
 from enliven import rotation
@@ -14,7 +15,6 @@ from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_s
 from enliven.deformation.possession.nearest_nodes import nearest_facing
 from enliven.errors import InputError
 from enliven.person.body import BONES, PARENTS, PARTS, J, Joint
-from enliven.samples.chair import make_chair
 
 SURE = np.ones(J)
 LEFT_ARM = (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT)

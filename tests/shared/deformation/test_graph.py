@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.chair import make_chair
+from sample_meshes.isosurface import surface_of
 
 from enliven.deformation.graph.connectivity import components, joints, weak_edges
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.graph.surface import between_nodes, net_of, voronoi_cells
 from enliven.errors import InputError
-from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh
-from enliven.samples.chair import make_chair
 
 
 def capsule(points, a, b, radius):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sample_meshes.isosurface import surface_of
 
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.deformation.possession.body_in_mesh import extremities, find_body_in_mesh
-from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import Joint
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.sampling import distance, distance_matrix, poisson_disk, scatter, throw_darts
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
-from enliven.samples.chair import make_chair
 
 
 def as_printed(p, n_p, q, n_q):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.isosurface import surface_of
 
 from enliven import rotation
 from enliven.deformation.constraints.floor_contact import FloorContact, FloorSettings
@@ -15,7 +16,6 @@ from enliven.deformation.constraints.soft import Points, grid_subsample, joined_
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Pose
-from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh
 
 RADIUS = 0.06

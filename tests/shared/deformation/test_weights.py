@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.chair import make_chair
+from sample_meshes.isosurface import surface_of
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.deformation.graph.surface import between_nodes, net_of
 from enliven.deformation.graph.weights import carriers
-from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh, refine
-from enliven.samples.chair import make_chair
 
 
 def capsules(points, ends, radius):

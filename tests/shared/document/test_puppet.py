@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sample_meshes.chair import make_chair
 
 from enliven.document.clip import Clip
 from enliven.document.constraints import Coupling, Position, Velocity
@@ -14,7 +15,6 @@ from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, Puppet
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
-from enliven.samples.chair import make_chair
 from enliven.wire.convert import character_to_message, message_to_character
 
 POINTS = (ControlPoint("left", 0, "hand"), ControlPoint("right", 9, weight=2.0, foot=True))

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+import strokes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_makers import partition_of_unity, volume, watertight
 
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_loops import winding
-from enliven.modeling.sketching import strokes
 from enliven.modeling.sketching.axis_bones import simplified
 from enliven.modeling.sketching.outline import _crossings, outline_of
 from enliven.modeling.sketching.sketch import SketchPlane, SketchSettings, shape_from_stroke

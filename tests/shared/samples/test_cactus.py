@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sample_meshes.cactus_puppet import cactus_project
 from scipy.spatial import cKDTree
 
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.project import same
 from enliven.examples.puppet_motion import examples_of, missing
 from enliven.meshes.mesh import Mesh
-from enliven.samples.cactus import make_cactus
-from enliven.samples.cactus_puppet import cactus_project
+from enliven.samples import load_sample
 
 
 @pytest.fixture(scope="module")
 def mesh() -> Mesh:
-    return make_cactus()
+    return load_sample("cactus")
 
 
 def test_it_is_closed_and_its_own_mirror_image(mesh: Mesh) -> None:

@@ -7,12 +7,12 @@ from enliven.deformation.graph.connectivity import weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes.kernels import shells
 from enliven.meshes.repair import repair
-from enliven.samples.lamp import make_lamp
+from enliven.samples import load_sample
 
 
 @pytest.fixture(scope="module")
 def lamp():
-    return make_lamp()
+    return load_sample("lamp")
 
 
 def test_every_shell_is_closed_and_faces_outwards(lamp):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_meshes.chair import make_chair
 
 from enliven.document.character import Character, Pose
 from enliven.document.puppet import ControlPoint, Puppet, character_of_puppet
@@ -17,7 +18,6 @@ from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven.samples.chair import make_chair
 from enliven.wire.characters import CharacterMessage, SurfaceMessage
 from enliven.wire.convert import character_to_message, message_to_character, message_to_pose, pose_to_message
 from enliven.wire.posecode import PoseCodec

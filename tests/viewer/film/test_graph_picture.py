@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from sample_meshes.isosurface import surface_of
 
 from enliven.cli import run
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.meshes.files import save_mesh
-from enliven.meshes.isosurface import surface_of
 from enliven.meshes.mesh import Mesh
 from enliven_viewer.film.graph_picture import BRIDGE, HEADER, SIDES, fitted, graph_rows, view_of
 from enliven_viewer.render.skinned import linear_from_srgb

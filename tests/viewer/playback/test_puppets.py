@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from patience import until
+from sample_meshes.chair import make_chair
 from tolerances import SOLVED, assert_alike
 
 from enliven.arrays import Float
@@ -18,7 +19,6 @@ from enliven.document.puppet import ControlPoint, Puppet, character_of_puppet
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh, refine
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven.samples.chair import make_chair
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.playback.timeline import Timeline

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sample_meshes.chair import make_chair
 
 from enliven.arrays import Float
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven.samples.chair import make_chair
 from enliven_viewer.render.camera import CameraView, OrbitCamera
 from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.renderer import Renderer

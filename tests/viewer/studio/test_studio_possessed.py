@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studio_driver import Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.possessed import graph_shape_of
 from enliven.document.project import Project, same
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 NS = 1_000_000_000

@@ -7,13 +7,7 @@ from time import sleep
 import numpy as np
 import pytest
 from made_studio_puppets import star, studio, vertex
-from tolerances import SOLVED, alike
-
-from enliven.document.project import same
-from enliven.formats.project.file import read_project, write_project
-from enliven.meshes.mesh import refine
-from enliven.modeling.puppet import add_key_pose, add_point, change_point, make_puppet, play_take
-from enliven_viewer.studio.session import (
+from studio_driver import (
     STEP,
     Click,
     Do,
@@ -26,6 +20,12 @@ from enliven_viewer.studio.session import (
     Wait,
     play,
 )
+from tolerances import SOLVED, alike
+
+from enliven.document.project import same
+from enliven.formats.project.file import read_project, write_project
+from enliven.meshes.mesh import refine
+from enliven.modeling.puppet import add_key_pose, add_point, change_point, make_puppet, play_take
 from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.workspace.workspace import Workspace
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from studio_driver import Action, Click, Do, Drag, HeadlessStage, Key, Pixel, play
 
 from enliven.document.project import same
 from enliven.motion.layers.evaluate import Player
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.session import Action, Click, Do, Drag, HeadlessStage, Key, Pixel, play
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 FILMS = Path(__file__).parents[2] / "benchmarks" / "examples" / "session_films.py"

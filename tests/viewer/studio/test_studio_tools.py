@@ -7,14 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-
-from enliven.document.project import Project
-from enliven.document.rigged import Shape
-from enliven.motion.layers.retarget import bind_chain
-from enliven_viewer.studio import motions
-from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.session import (
+from studio_driver import (
     Click,
     Do,
     Drag,
@@ -30,6 +23,13 @@ from enliven_viewer.studio.session import (
     Widget,
     play,
 )
+
+from enliven.document.project import Project
+from enliven.document.rigged import Shape
+from enliven.motion.layers.retarget import bind_chain
+from enliven_viewer.studio import motions
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Limb = Callable[..., Shape]

@@ -46,11 +46,11 @@ def graph(
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.deformation.graph import DeformationGraph, character_from
     from enliven.meshes import fit_height, load_mesh, refine
-    from enliven.samples import make_chair
+    from enliven.samples import load_sample
     from enliven_viewer.film import write_graph_picture
 
     if mesh == CHAIR:
-        shape = make_chair()
+        shape = load_sample("chair")
     else:
         shape, notes = load_mesh(mesh)
         for note in notes:

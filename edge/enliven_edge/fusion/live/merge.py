@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import heapq
-from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.frames import BodyFrame
 from enliven.person import Body
 from enliven.rotation import from_matrix, multiply
-from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.placement import Space, moved
 from enliven_edge.tracking import TrackerSettings
 
@@ -74,30 +70,6 @@ def in_world(bodies: list[Body], world_from_sensor: Float) -> list[Body]:
         )
         for body in bodies
     ]
-
-
-def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser) -> Iterator[BodyFrame]:
-    """Yields the fused bodies of recorded body streams, each in its sensor's own level frame and clock.
-
-    Args:
-        streams: by sensor of the space.
-        fuser: of the same sensors; asked for its warnings by the caller.
-    """
-    rhythm = OutputSchedule()
-    for time_ns, name, frame in heapq.merge(
-        *(_timed(name, frames, space) for name, frames in streams.items()), key=lambda entry: entry[0]
-    ):
-        place = space.sensors[name]
-        fuser.update(name, in_world(frame.bodies, place.level), time_ns)
-        if rhythm.due(name, time_ns):
-            yield BodyFrame(fuser.bodies(time_ns), time_ns, "fused")
-
-
-def _timed(name: str, frames: Iterable[BodyFrame], space: Space) -> Iterator[tuple[int, str, BodyFrame]]:
-    """Yields the frames of one sensor with their time on the common clock."""
-    offset = space.sensors[name].clock_offset_ns
-    for frame in frames:
-        yield frame.time_ns + offset, name, frame
 
 
 def eyes(space: Space) -> dict[str, Float]:

@@ -16,7 +16,7 @@ def _cactus() -> Project:
 
 
 MADE = {"cactus": _cactus}
-"""The puppets that the project makes itself, by name instead of by path."""
+"""The puppets that ship, by name instead of by path."""
 ENDINGS = (".toml", ".enliven")
 """The endings of files that a puppet is read from."""
 

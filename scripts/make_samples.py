@@ -1,0 +1,51 @@
+"""Writes the sample characters that ship: .venv/bin/python scripts/make_samples.py
+
+The files are small because coordinates are whole steps and neighbours in an array differ by little: what is
+stored are the differences along it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from sample_meshes.cactus_puppet import cactus_project
+from sample_meshes.chair import make_chair
+from sample_meshes.lamp import make_lamp
+
+from enliven.formats.project import write_project
+from enliven.meshes import Mesh
+from enliven.samples.shipped import HERE, STEP
+
+
+def write_samples(folder: Path) -> None:
+    """Writes chair.npz, lamp.npz and cactus.enliven into a folder."""
+    for mesh in (make_chair(), make_lamp()):
+        steps = np.rint(mesh.vertices / STEP).astype(np.int32)
+        np.savez_compressed(
+            folder / f"{mesh.name}.npz",
+            vertices=differences(steps),
+            faces=differences(mesh.faces),
+            colours=mesh.colours,
+        )
+    project = cactus_project()
+    puppet = project.puppet("cactus")
+    write_project(
+        folder / "cactus.enliven", project.with_characters(puppet.with_changes(mesh=stepped(puppet.mesh)))
+    )
+
+
+def differences(rows: np.ndarray) -> np.ndarray:
+    """(3, N) int16: each of the rows (N, 3) less the row before it."""
+    return np.ascontiguousarray(np.diff(rows, axis=0, prepend=0).astype(np.int16).T)
+
+
+def stepped(mesh: Mesh) -> Mesh:
+    """The mesh with coordinates in whole steps, and its faces in an order that packs well."""
+    order = np.lexsort(mesh.faces.T[::-1])
+    return replace(mesh, vertices=np.rint(mesh.vertices / STEP) * STEP, faces=mesh.faces[order])
+
+
+if __name__ == "__main__":
+    write_samples(HERE)

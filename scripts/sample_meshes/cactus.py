@@ -1,0 +1,157 @@
+"""A saguaro in a flower pot, with two arms and two eyes: a mesh that no skeleton of a person fits into."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Int, UInt8
+from enliven.meshes import Mesh
+from sample_meshes.isosurface import surface_of
+
+POT, SOIL, GREEN, WHITE, BLACK, BLOOM, HEART = range(7)
+"""The numbers of the parts, rows of ``_COLOURS``."""
+_COLOURS = np.array(
+    [
+        (196, 98, 62),
+        (92, 66, 50),
+        (72, 134, 84),
+        (246, 244, 236),
+        (34, 34, 40),
+        (236, 92, 138),
+        (250, 200, 90),
+    ],
+    np.float64,
+)
+"""sRGB of the parts, in the order of their names."""
+_PALE = np.array([206, 224, 168], np.float64)
+"""Of the thorns."""
+
+TOP = np.array([0.0, 1.30, 0.0])
+"""Metres, the top of the trunk."""
+ELBOW = np.array([0.37, 0.70, 0.0])
+"""Metres, the outside of the left arm's bend."""
+TIP = np.array([0.40, 1.10, 0.0])
+"""Metres, the end of the left arm."""
+FOOT = np.array([0.15, 0.0, 0.0])
+"""Metres, the left of the pot."""
+
+_TRUNK = 0.148
+"""Metres, the trunk's radius: of a saguaro as tall as a child."""
+_ARM = 0.078
+"""Metres, an arm's radius: about half the trunk's."""
+_RIBS = 9
+"""Ribs of the trunk, chosen by eye."""
+_BLEND = 0.045
+"""Metres over which trunk and arms run into each other: they are grown, not joined."""
+_FILLET = 0.016
+"""Metres over which all other parts run into each other; it is finer than ``_BLEND``."""
+
+
+def make_cactus(cell: float = 0.018) -> Mesh:
+    """A cactus 1.3 m tall that stands on y = 0, looks along +Z, and is its own mirror image across x = 0.
+
+    Its arms leave the trunk at 0.62 m, to the sides, and bend up. It is one closed surface; the vertices have
+    colours.
+
+    Args:
+        cell: metres, about the length of an edge.
+    """
+    low, high = np.array([-0.56, -0.04, -0.28]), np.array([0.56, 1.42, 0.28])
+    # The grid is its own mirror image, so that the mesh is.
+    low[0] = -cell * (np.ceil(0.56 / cell) + 0.5)
+    vertices, faces = surface_of(lambda points: _parts(points)[0], low, high, cell)
+    part = _parts(vertices)[1]
+    return Mesh(vertices - [0.0, vertices[:, 1].min(), 0.0], faces, "cactus", _coloured(vertices, part))
+
+
+def _parts(points: Float) -> tuple[Float, Int]:
+    """(N,) signed distance of points (N, 3), and (N,) the nearest part."""
+    mirrored = np.abs(points) * [1.0, 0.0, 0.0] + points * [0.0, 1.0, 1.0]
+    green = _green(mirrored)
+    eye = np.linalg.norm(mirrored - [0.055, 1.08, 0.138], axis=1) - 0.036
+    pupil = np.linalg.norm(mirrored - [0.053, 1.082, 0.166], axis=1) - 0.016
+    distances = np.stack([_pot(points), _soil(points), green, eye, pupil, *_bloom(points)])
+    # With fillets no crevice is narrower than a cell.
+    whole = distances[0]
+    for distance in distances[1:]:
+        whole = _joined(whole, distance, _FILLET)
+    return whole, distances.argmin(0)
+
+
+def _green(points: Float) -> Float:
+    """Trunk and left arm; the right one is its mirror image."""
+    trunk = _capsule(points, np.array([0.0, 0.22, 0.0]), TOP - [0.0, _TRUNK, 0.0], _TRUNK)
+    trunk = trunk + 0.009 * _ribs(points, _RIBS, _TRUNK)
+    shoulder, bend = np.array([0.08, 0.62, 0.0]), np.array([0.30, 0.66, 0.0])
+    out = _capsule(points, shoulder, bend, _ARM)
+    up = _capsule(points, np.array([0.365, 0.74, 0.0]), TIP - [0.0, _ARM, 0.0], _ARM)
+    corner = _capsule(points, bend, np.array([0.365, 0.74, 0.0]), _ARM)
+    up = up + 0.006 * _ribs(points - [0.385, 0.0, 0.0], 7, _ARM)
+    arm = _joined(_joined(out, corner, 0.03), up, 0.03)
+    return _joined(trunk, arm, _BLEND)
+
+
+def _ribs(points: Float, count: int, radius: float) -> Float:
+    """0 on the ribs around the upright axis to 2 between them; none on the axis, where they meet."""
+    ring, away = np.arctan2(points[:, 2], points[:, 0]), np.hypot(points[:, 0], points[:, 2])
+    between = 1.0 - np.cos(count * (ring + np.pi / 2))
+    return np.asarray(between * np.minimum(away / (0.6 * radius), 1.0) ** 2)
+
+
+def _pot(points: Float) -> Float:
+    """A cone that opens upwards, with a rim."""
+    away, height = np.hypot(points[:, 0], points[:, 2]), points[:, 1]
+    wall = (away - (0.155 + 0.19 * height)) * 0.98
+    body = np.maximum(wall, np.abs(height - 0.115) - 0.115)
+    rim = _rounded(away - 0.185, height - 0.225, 0.030, 0.026, 0.014)
+    rim = np.maximum(rim, -(0.16 - away))
+    disc = _rounded(away, height - 0.225, 0.215, 0.026, 0.014)
+    return np.asarray(np.minimum(body, np.minimum(rim, disc)))
+
+
+def _soil(points: Float) -> Float:
+    """A low mound in the pot."""
+    squeezed = (points - [0.0, 0.235, 0.0]) * [1.0, 4.0, 1.0]
+    return np.asarray((np.linalg.norm(squeezed, axis=1) - 0.182) / 2.0)
+
+
+def _bloom(points: Float) -> tuple[Float, Float]:
+    """Six petals around a heart, on the top."""
+    at = points - TOP - [0.0, 0.004, 0.0]
+    ring = np.arctan2(at[:, 2], at[:, 0])
+    nearest = np.round((ring - np.pi / 2) / (np.pi / 3)) * (np.pi / 3) + np.pi / 2
+    centre = 0.045 * np.stack([np.cos(nearest), np.full(len(at), 0.35), np.sin(nearest)], 1)
+    petal = np.linalg.norm((at - centre) * [1.0, 1.6, 1.0], axis=1) - 0.030
+    heart = np.linalg.norm(at - [0.0, 0.022, 0.0], axis=1) - 0.026
+    return petal, heart
+
+
+def _capsule(points: Float, start: Float, end: Float, radius: float) -> Float:
+    way = end - start
+    share = np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - start - share[:, None] * way, axis=1) - radius)
+
+
+def _rounded(across: Float, up: Float, wide: float, tall: float, corner: float) -> Float:
+    """A rectangle with round corners, turned about the upright axis."""
+    out = np.stack([np.abs(across) - wide + corner, np.abs(up) - tall + corner])
+    return np.asarray(np.hypot(*np.maximum(out, 0.0)) + np.minimum(out.max(0), 0.0) - corner)
+
+
+def _joined(a: Float, b: Float, blend: float) -> Float:
+    """The union with a fillet (I. Quilez's polynomial smooth minimum)."""
+    share = np.maximum(blend - np.abs(a - b), 0.0) / blend
+    return np.asarray(np.minimum(a, b) - share * share * blend / 4.0)
+
+
+def _coloured(vertices: Float, part: Int) -> UInt8:
+    """(V, 3) the parts' colours; the ribs are darker in between, and carry thorns."""
+    colours = _COLOURS[part]
+    ring = np.arctan2(vertices[:, 2], vertices[:, 0])
+    rib = 0.5 + 0.5 * np.cos(_RIBS * (ring + np.pi / 2))
+    trunk = (part == GREEN) & (np.abs(vertices[:, 0]) < 0.16)
+    shade = np.where(part == GREEN, 0.90 + 0.16 * np.where(trunk, rib, 0.7), 1.0)
+    colours = colours * shade[:, None]
+    thorn = trunk & (rib > 0.93) & (np.cos(2 * np.pi * vertices[:, 1] / 0.085) > 0.75)
+    colours[thorn] = _PALE
+    return np.asarray(np.clip(colours, 0, 255), np.uint8)

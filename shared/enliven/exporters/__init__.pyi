@@ -1,0 +1,12 @@
+from .performance import Performance
+from .registry import Exporter, exporter_of, suffixes
+from .sampling import performance_of, performance_of_clip
+
+__all__ = [
+    "Exporter",
+    "Performance",
+    "exporter_of",
+    "performance_of",
+    "performance_of_clip",
+    "suffixes",
+]

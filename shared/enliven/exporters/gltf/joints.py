@@ -1,0 +1,92 @@
+"""A shape as a GLB needs it: joint names, local turns, clean weights, colours and normals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, UInt8, UInt16
+from enliven.document import Skeleton
+from enliven.exporters.performance import continuous
+from enliven.rotation import conjugate, multiply, normalized
+
+
+def bone_names(skeleton: Skeleton) -> list[str]:
+    """Names each bone after the joint where it begins; of several there, all but one also say where they
+    lead."""
+    named = []
+    for j, parent in enumerate(skeleton.parents):
+        if j == 0:
+            named.append(skeleton.names[0])
+            continue
+        onward = parent > 0 and j == _onward(skeleton, int(parent))
+        begin, end = skeleton.names[parent], skeleton.names[j]
+        named.append(begin if onward else f"{begin} to {end}")
+    return named
+
+
+def _onward(skeleton: Skeleton, joint: int) -> int:
+    """Returns the child that continues a joint's bone in the straightest line."""
+    into = skeleton.vectors[joint]
+
+    def straight(child: int) -> float:
+        out = skeleton.vectors[child]
+        return float(into @ out / max(float(np.linalg.norm(into) * np.linalg.norm(out)), 1e-12))
+
+    return max(skeleton.children[joint], key=straight)
+
+
+def local_turns(skeleton: Skeleton, turns: Float) -> Float:
+    """(T, N, 4) the turn of each bone in the bone before it, D_parent^-1 D, with no jump of sign in time."""
+    local = turns.copy()
+    for j in range(1, len(skeleton)):
+        local[:, j] = multiply(conjugate(turns[:, skeleton.parents[j]]), turns[:, j])
+    return continuous(normalized(local))
+
+
+def local_offsets(skeleton: Skeleton) -> Float:
+    """(N, 3) where the joint of each bone is in that of the bone before: along that bone, at rest."""
+    offsets = np.zeros((len(skeleton), 3))
+    offsets[1:] = skeleton.vectors[skeleton.parents[1:]]
+    return offsets
+
+
+def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
+    """(V, 4) of each as the format wants them: a bone once a vertex, 0 where the weight is, sums of one."""
+    indices, exact = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
+    for b in range(1, 4):
+        for a in range(b):
+            same = indices[:, a] == indices[:, b]
+            exact[same, a] += exact[same, b]
+            exact[same, b] = 0.0
+    total = exact.sum(1, keepdims=True)
+    exact = np.where(total > 0, exact / np.where(total > 0, total, 1.0), [[1.0, 0.0, 0.0, 0.0]])
+    made = exact.astype(np.float32)
+    indices[made == 0] = 0
+    return indices, made
+
+
+def listed(values: Float | Float32) -> list[float]:
+    """Converts to a JSON list; numbers are rounded to float32, which every reader accepts."""
+    return [float(v) for v in np.asarray(values, np.float32)]
+
+
+def unit32(quaternions: Float) -> Float32:
+    """Normalises quaternions in float32."""
+    made = quaternions.astype(np.float32)
+    length = np.linalg.norm(made.astype(np.float64), axis=-1, keepdims=True)
+    return np.asarray(made / length, np.float32)
+
+
+def unit_normals(normals: Float) -> Float32:
+    """Normalises normals; a vertex of faces without area gets a unit normal too."""
+    missing = np.linalg.norm(normals, axis=1) < 0.5
+    single = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
+    return np.asarray(single / np.linalg.norm(single.astype(np.float64), axis=1, keepdims=True), np.float32)
+
+
+def linear16(colours: UInt8) -> UInt16:
+    """Returns (V, 4) linear opaque colours of 16 bits: 8 bits would band in dark colours."""
+    srgb = colours / 255.0
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    opaque = np.concatenate([linear, np.ones((len(linear), 1))], 1)
+    return np.round(opaque * 65535).astype(np.uint16)

@@ -1,0 +1,60 @@
+"""The limbs of a body that choose and drive: branches of a matching source, with their chains."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+from enliven.matching.source import MatchSource, source_of
+from enliven.person import Body, Joint, parts_named
+
+LIMBS: dict[str, tuple[Joint, ...]] = {
+    "head": (Joint.SHOULDER_CENTER, Joint.HEAD),
+    "left arm": (
+        Joint.SHOULDER_CENTER, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT
+    ),
+    "right arm": (
+        Joint.SHOULDER_CENTER, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT
+    ),
+    "left leg": (Joint.HIP_CENTER, Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT),
+    "right leg": (Joint.HIP_CENTER, Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT),
+}  # fmt: skip
+"""The chains of a person, from the trunk outwards."""
+_TRUNK = (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)
+"""The chain of the trunk, from the hips to the head."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodySource:
+    """The limbs of a body that choose and drive.
+
+    Attributes:
+        source: the limbs as branches around one point of the trunk.
+        chains: for each branch the joints from the trunk outwards, neighbours in the body's tree.
+    """
+
+    source: MatchSource
+    chains: tuple[tuple[Joint, ...], ...]
+
+
+def body_source(body: Body, parts: str) -> BodySource:
+    """Returns the limbs that the parts belong to, with this body's lengths.
+
+    Limbs at one end of the trunk begin there. Limbs at both ends begin at the middle of the trunk, taken as
+    one point. Parts of the trunk alone are one chain, from the hips to the head.
+
+    Raises:
+        InputError: for an unknown part.
+    """
+    wanted = parts_named(parts)
+    chains = [chain for chain in LIMBS.values() if wanted & set(chain[1:])]
+    if not chains or wanted <= set(_TRUNK) - {Joint.HEAD}:
+        chains = [_TRUNK]
+    starts = {chain[0] for chain in chains}
+    root = starts.pop() if len(starts) == 1 else Joint.SPINE
+    links = [(int(root), int(chain[1])) for chain in chains]
+    links += [(int(a), int(b)) for chain in chains for a, b in itertools.pairwise(chain[1:])]
+    joints = {int(root), *(int(joint) for chain in chains for joint in chain[1:])}
+    source = source_of(body.joints, links, int(root), joints)
+    by_tip = {int(chain[-1]): chain for chain in chains}
+    return BodySource(source, tuple(by_tip[branch.extended[-1]] for branch in source.branches))

@@ -1,0 +1,41 @@
+"""Reads the sample characters, which lie beside this file and are made by scripts/make_samples.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from enliven.document import Project
+from enliven.formats.project import read_project
+from enliven.meshes import Mesh
+
+HERE = Path(__file__).resolve().parent
+"""The folder of the files."""
+STEP = 2.0**-14
+"""Metres between two values of a coordinate in the files: 0.06 mm, a two-hundredth of an edge."""
+
+
+def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
+    """Returns a sample mesh with coloured vertices that stands on y = 0, in metres.
+
+    chair: an armchair 1.75 m tall, one closed surface, that faces +Z. A person who stands at the origin has
+        the legs in its back legs, the spine in its back, and the forearms, held forward, in its armrests.
+    lamp: a sprung desk lamp 1.7 m tall, eighteen closed shells, that reaches to the right. A person who
+        stands at the origin facing +Z, the right arm held out, has hip and arm in its lower and upper arm.
+    cactus: a saguaro 1.3 m tall in a pot, its own mirror image across x = 0, with two arms and two eyes.
+    """
+    if name == "cactus":
+        return cactus_project().puppet(name).mesh
+    with np.load(HERE / f"{name}.npz") as stored:
+        steps, faces = (stored[key].cumsum(1, np.int32).T for key in ("vertices", "faces"))
+        return Mesh(steps * STEP, faces, name, stored["colours"])
+
+
+def cactus_project() -> Project:
+    """Returns a project: the cactus as a puppet that a tracked person moves, and the take of its poses.
+
+    The performer's poses are made of directions of bones; they are not recordings.
+    """
+    return read_project(HERE / "cactus.enliven")

@@ -1,0 +1,131 @@
+"""Films of sessions: the real window, driven by the session's input, picture by picture into an MP4."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from imgui_bundle import imgui
+
+from enliven_viewer.film import FilmWriter, Tiles, write_sheet
+from enliven_viewer.studio.viewport import Point
+from enliven_viewer.studio.window import KEYS, StudioWindow
+from enliven_viewer.studio.workspace import Workspace
+from studio_driver import STEP, Action, steps
+
+_BIT_RATE = 6.0
+"""Mbit/s of the film: the small text of panels stays readable."""
+
+
+class WindowStage:
+    """A stage that gives its input to ImGui, as a mouse and a keyboard do; places are the window's pixels."""
+
+    pace = 0.35
+
+    def __init__(self, window: StudioWindow) -> None:
+        self._window, self.workspace = window, window.workspace
+        self.at: Point = (0.0, 0.0)
+        self._up: list[imgui.Key] = []
+
+    def settle(self) -> None:
+        """Let go of keys that were pressed in the picture before, and say again where the pointer is."""
+        io = imgui.get_io()
+        for key in self._up:
+            io.add_key_event(key, False)
+        self._up = []
+        io.add_mouse_pos_event(*self.at)
+
+    def move(self, at: Point) -> None:
+        self.at = at
+        imgui.get_io().add_mouse_pos_event(*at)
+
+    def button(self, button: int, down: bool) -> None:
+        imgui.get_io().add_mouse_button_event(button, down)
+
+    def shift(self, down: bool) -> None:
+        imgui.get_io().add_key_event(imgui.Key.mod_shift, down)
+
+    def key(self, key: str) -> None:
+        *modifiers, name = key.split("+")
+        pressed = [getattr(imgui.Key, f"mod_{modifier}") for modifier in modifiers] + [KEYS[name]]
+        for one in pressed:
+            imgui.get_io().add_key_event(one, True)
+        self._up = pressed
+
+    def write(self, text: str) -> None:
+        imgui.get_io().add_input_characters_utf8(text)
+
+    def activate(self, name: str) -> bool:
+        """A widget in a window is clicked."""
+        return False
+
+    def rename(self, name: str) -> bool:
+        """A window has a field to type into."""
+        return False
+
+    def viewport(self) -> Point:
+        area = self._window.places.viewport
+        return area.x, area.y
+
+    def source(self) -> Point:
+        return self._corner("source")
+
+    def timeline(self) -> Point:
+        return self._corner("timeline")
+
+    def widget(self, name: str) -> Point:
+        left, top, right, bottom = self.workspace.widget(name)
+        return (left + right) / 2, (top + bottom) / 2
+
+    def _corner(self, name: str) -> Point:
+        left, top, _, _ = self.workspace.widget(name)
+        return left, top
+
+
+def film(
+    actions: Iterable[Action],
+    workspace: Workspace,
+    path: Path,
+    *,
+    title: str = "",
+    every: int = 1,
+    tiles: int = 12,
+) -> int:
+    """Play a session in the window and write a film of it, with a contact sheet beside it.
+
+    Args:
+        every: only each so-many-th picture goes into the film (at 30 pictures a second).
+        tiles: pictures of the contact sheet.
+
+    Returns:
+        How many pictures the film has.
+    """
+    window = StudioWindow(workspace, STEP)
+    chosen = Tiles(tiles, 640)
+    playing: list[Iterator[None]] = []
+    settings = workspace.editor.settings
+    size = (settings.width, settings.height)
+    with FilmWriter(path, size, 1 / STEP / every, _BIT_RATE) as writer:
+
+        def before(window: StudioWindow) -> None:
+            if window.pictures < 3:  # the panels must have been drawn before a widget can be found
+                return
+            if not playing:
+                stage = WindowStage(window)
+                stages.append(stage)
+                imgui.get_io().mouse_draw_cursor = True
+                playing.append(steps(actions, stage))
+            stages[0].settle()
+            if next(playing[0], StopIteration) is StopIteration:
+                window.close()
+
+        def after(window: StudioWindow) -> None:
+            if window.pictures > 3 and window.pictures % every == 0:
+                picture = window.pixels()
+                writer.add(picture)
+                chosen.add(writer.count * STEP * every, picture)
+
+        stages: list[WindowStage] = []
+        window.run(before=before, after=after)
+    write_sheet(path.with_suffix(".png"), chosen.chosen(), 3, title or path.stem, "enliven studio")
+    return writer.count

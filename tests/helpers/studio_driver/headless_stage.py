@@ -1,0 +1,120 @@
+"""A stage without a window: a session's input goes straight to the tools."""
+
+from __future__ import annotations
+
+import math
+
+from enliven.errors import InputError
+from enliven.modeling.edits import rename_character
+from enliven_viewer.studio.places import places_in
+from enliven_viewer.studio.tools import MapTool
+from enliven_viewer.studio.viewport import Point
+from enliven_viewer.studio.workspace import Workspace
+from studio_driver.actions import STEP
+from studio_driver.places import source_of
+
+_AREA = 100_000.0
+"""Pixels between the areas of a stage without a window: each is far from the others."""
+
+
+class HeadlessStage:
+    """A stage without a window: the viewport, the view of sources and the timeline, each far from the others.
+
+    Args:
+        pace: seconds that the pointer takes to a place.
+    """
+
+    pace = STEP
+
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace, self.at = workspace, (0.0, 0.0)
+        area = places_in(workspace.editor.settings.width, workspace.editor.settings.height).viewport
+        workspace.editor.size = (area.width, area.height)
+        workspace.editor.frame_all(at_once=True)
+        self._shift = False
+        self._in = ""
+
+    def move(self, at: Point) -> None:
+        self.at = at = float(math.floor(at[0])), float(math.floor(at[1]))  # whole pixels, as a mouse has
+        area = self._in or self._area()
+        if area == "source":
+            source_of(self.workspace).move((at[0] - _AREA, at[1]))
+        elif area == "timeline":
+            self.workspace.timeline.drag(at[0] - 2 * _AREA)
+        else:
+            self.workspace.input.move(at, shift=self._shift)
+
+    def button(self, button: int, down: bool) -> None:
+        area, x = self._in or self._area(), self.at[0]
+        self._in = area if down else ""
+        if area == "source":
+            source = source_of(self.workspace)
+            source.press((x - _AREA, self.at[1])) if down else source.release()
+        elif area == "timeline":
+            timeline = self.workspace.timeline
+            timeline.press(x - 2 * _AREA, self.at[1]) if down else timeline.release(x - 2 * _AREA)
+        elif down:
+            self.workspace.input.press(self.at, button, shift=self._shift)
+        else:
+            self.workspace.input.release(self.at, button, shift=self._shift)
+
+    def shift(self, down: bool) -> None:
+        self._shift = down
+
+    def key(self, key: str) -> None:
+        self.workspace.input.key(key)
+
+    def write(self, text: str) -> None:
+        """Do nothing, since there is no field without a window."""
+
+    def viewport(self) -> Point:
+        return 0.0, 0.0
+
+    def source(self) -> Point:
+        return _AREA, 0.0
+
+    def timeline(self) -> Point:
+        return 2 * _AREA, 0.0
+
+    def widget(self, name: str) -> Point:
+        raise InputError(f"there is no window, so {name!r} has no place", where="session", mend="Use a key.")
+
+    def rename(self, name: str) -> bool:
+        """Rename the chosen shape, since there is no field."""
+        editor = self.workspace.editor
+        before = editor.selection.shape or ""
+        if editor.edit("rename", lambda project: rename_character(project, before, name)):
+            editor.select(shape=name)
+        return True
+
+    def activate(self, name: str) -> bool:
+        """Do what a click on a widget does, for the widgets that a session needs.
+
+        Raises:
+            InputError: for one that it does not know.
+        """
+        kind, _, rest = name.partition(" ")
+        mapping = self.workspace.input.tools["map"]
+        assert isinstance(mapping, MapTool)
+        if kind == "tool":
+            self.workspace.input.take(rest)
+        elif kind == "takes":
+            pass  # a list that opens
+        elif kind in ("take", "pick"):
+            self.workspace.input.take("map")
+            mapping.source.show(rest)
+        elif kind == "loop":
+            mapping.loop = not mapping.loop
+        elif kind == "find":
+            mapping.rank()
+        elif kind == "whole":
+            mapping.map_whole()
+        elif kind == "match":
+            mapping.accept(mapping.offered[int(rest)])
+            mapping.offered = []
+        else:
+            raise InputError(f"there is no window, so {name!r} cannot be clicked", where="session")
+        return True
+
+    def _area(self) -> str:
+        return ("viewport", "source", "timeline")[min(int(self.at[0] // (_AREA / 2) + 1) // 2, 2)]

@@ -1,0 +1,89 @@
+"""Puppets as GLB: strictly right, and where the solved surface is, as a reader of its own plays the file."""
+
+import made_puppets
+import numpy as np
+import pytest
+from slow_gltf import SlowGltf
+from strict_gltf import checked_glb
+
+from enliven.deformation.arap.control_point_surface import PuppetSurface
+from enliven.document.puppet import PuppetLayer
+from enliven.errors import InputError
+from enliven.examples.baking.settings import BakeSettings
+from enliven.examples.puppet_motion import in_world, state_of
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of, write_gltf
+from enliven.formats.gltf.read import read_gltf
+from enliven.rotation import from_rotation_vector
+
+PLACE, TURN = np.array([1.0, 0.0, -2.0]), from_rotation_vector(np.array([0.0, 0.7, 0.0]))
+
+
+@pytest.fixture(scope="module")
+def bean():
+    """It goes through the world, and stands somewhere else."""
+    return made_puppets.project(layers=(PuppetLayer("dance"),), place=PLACE, turn=TURN)
+
+
+def solved(project, times):
+    """(T, V, 3) in the world, as the surface's solver has it."""
+    puppet = project.puppet("bean")
+    surface = PuppetSurface(puppet.mesh, [p.vertex for p in puppet.points], settings=puppet.surface)
+    out = []
+    for number, time in enumerate(times):
+        state = state_of(project, puppet, time)
+        moved = surface.solve(state.places) if number else surface.settle(state.places)
+        out.append(in_world(puppet, state, moved))
+    return np.array(out)
+
+
+@pytest.mark.parametrize("how", ["skin", "morphs"])
+def test_a_file_plays_as_the_surface_is_solved_within_the_stated_error(bean, tmp_path, how):
+    settings = BakeSettings(rms=0.001, worst=0.01, keys=0.0002)
+    made = performance_of(bean, "bean", 0.3, 2.3, 20.0, how=how, settings=settings)
+    assert made.error.rms <= 0.001 * made.error.size and made.error.worst <= 0.01 * made.error.size
+    path = tmp_path / "bean.glb"
+    write_gltf(path, [made])
+    checked_glb(path.read_bytes())
+    expected = solved(bean, 0.3 + made.times)
+    slow, off = SlowGltf(path), []
+    for frame, time in list(enumerate(made.times))[::7]:
+        shown = slow.vertices_at(0, float(np.float32(time)))
+        off.append(np.linalg.norm(shown - expected[frame], axis=1))
+    off = np.array(off)
+    assert off.max() <= made.error.worst + made.keys + 1e-5
+    assert np.sqrt((off**2).mean()) <= 1.5 * made.error.rms + made.keys
+    assert np.linalg.norm(expected[0] - expected[-1], axis=1).max() > 50 * made.error.rms
+
+
+def test_keys_are_left_out_where_they_tell_nothing(bean):
+    few = performance_of(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.002))
+    all_of_them = performance_of(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.0))
+    assert len(glb_of([few])) < 0.7 * len(glb_of([all_of_them]))
+
+
+def test_a_puppet_that_plays_nothing_stands_at_rest():
+    still = made_puppets.project(layers=())
+    made = performance_of(still, "bean")
+    assert made.error.worst < 1e-6 and len(made.times) == 1
+    document = checked_glb(glb_of([made]))
+    assert "animations" not in document
+
+
+def test_puppets_and_their_times_are_checked(bean):
+    with pytest.raises(InputError, match="no character 'pea'"):
+        performance_of(bean, "pea")
+    with pytest.raises(InputError, match="is no time"):
+        performance_of(bean, "bean", 2.0, 1.0)
+    unposed = bean.with_characters(bean.puppet("bean").with_changes(poses=()))
+    with pytest.raises(InputError, match="Pose two examples"):
+        performance_of(unposed, "bean")
+
+
+def test_a_baked_puppet_is_read_again_though_its_joints_hang_free(bean, tmp_path):
+    path = tmp_path / "bean.glb"
+    write_gltf(path, [performance_of(bean, "bean")])
+    rig = read_gltf(path)
+    mesh = bean.puppet("bean").mesh
+    assert rig.shape.mesh is not None and len(rig.shape.mesh.vertices) == len(mesh.vertices)
+    assert len(rig.shape.skeleton) > 3 and rig.notes, "bones only turn: it says what was lost"

@@ -1,0 +1,63 @@
+"""The samples that ship are what scripts/make_samples.py makes, and small."""
+
+from __future__ import annotations
+
+import zipfile
+
+import make_samples
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from enliven.formats.project.file import read_project
+from enliven.meshes.mesh import Mesh
+from enliven.samples import shipped
+from enliven.samples.shipped import STEP, cactus_project, load_sample
+
+FILES = ("chair.npz", "lamp.npz", "cactus.enliven")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("samples")
+    make_samples.write_samples(folder)
+    return folder
+
+
+def assert_the_same_surface(shown: Mesh, made: Mesh) -> None:
+    """Every vertex of each has one of the other within two steps: processors round a sine differently."""
+    assert abs(len(shown.vertices) - len(made.vertices)) <= 8
+    assert abs(len(shown.faces) - len(made.faces)) <= 16
+    for one, other in ((shown, made), (made, shown)):
+        away, at = cKDTree(other.vertices).query(one.vertices)
+        assert np.quantile(away, 0.999) <= 2 * STEP and away.max() < 0.01
+        assert np.quantile(np.abs(one.colours.astype(int) - other.colours[at]), 0.999) <= 1
+
+
+@pytest.mark.parametrize("name", ["chair", "lamp"])
+def test_the_script_makes_the_meshes_that_ship(made, monkeypatch, name):
+    shown = load_sample(name)
+    monkeypatch.setattr(shipped, "HERE", made)
+    assert_the_same_surface(shown, load_sample(name))
+
+
+def test_the_script_makes_the_puppet_that_ships(made):
+    shown, again = cactus_project(), read_project(made / "cactus.enliven")
+    puppet, other = shown.puppet("cactus"), again.puppet("cactus")
+    assert_the_same_surface(puppet.mesh, other.mesh)
+    assert [p.name for p in puppet.points] == [p.name for p in other.points]
+    for pose, same in zip(puppet.poses, other.poses, strict=True):
+        np.testing.assert_allclose(pose.places, same.places, atol=0.01)
+    assert list(shown.takes) == list(again.takes) == ["cactus poses"]
+
+
+def test_a_shipped_mesh_is_within_a_step_of_the_made_one():
+    from sample_meshes.lamp import make_lamp
+
+    np.testing.assert_allclose(load_sample("lamp").vertices, make_lamp().vertices, atol=STEP)
+
+
+def test_the_files_are_small_and_whole():
+    assert sum((shipped.HERE / name).stat().st_size for name in FILES) < 300_000
+    for name in FILES:
+        assert zipfile.ZipFile(shipped.HERE / name).testzip() is None
