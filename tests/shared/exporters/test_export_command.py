@@ -105,8 +105,8 @@ def show(made, recorded, tmp_path):
     character, poses = recorded
     graph, stream = graph_shape_of(replace(character, id="chair", kind="graph"), poses, "sit")
     bean = made_puppets.project()
-    project = replace(project, takes={**project.takes, **bean.takes}, puppets=bean.puppets)
-    write_project(tmp_path / "show.enliven", project.with_streams(stream).with_characters(graph))
+    project = project.with_takes(*bean.takes.values()).with_streams(stream)
+    write_project(tmp_path / "show.enliven", project.with_characters(graph, *bean.puppets.values()))
     return tmp_path
 
 

@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Character, GraphShape, Pose, Project, Ride, character_of_graph
+from enliven.document import (
+    Character,
+    GraphPart,
+    GraphShape,
+    Pose,
+    PoseStream,
+    Project,
+    Ride,
+    character_of_graph,
+)
 from enliven.errors import InputError
 from enliven.modeling.mesh import CutSurface, SeamSettings
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
@@ -18,6 +27,8 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 class GraphRig:
     """A deformation graph that plays what was recorded of it."""
+
+    frames = 60.0
 
     def centre(self, shape: GraphShape) -> Float:
         """Its node 0 at rest."""
@@ -86,6 +97,20 @@ class GraphRig:
         positions = centre + axes.vectors(shape.positions - centre)
         return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts))
 
+    def node(self, shape: GraphShape, name: str) -> int:
+        """Nodes have no names."""
+        raise InputError(f"there is no node {name!r}", where=shape.where, mend="Nodes have numbers.")
+
+    def as_graph(
+        self, project: Project, shape: GraphShape, times: Float, stream_id: str
+    ) -> tuple[GraphShape, PoseStream, str]:
+        """All parts in one stream, as they are at the times."""
+        poses = [graph_pose(project, shape, float(time)) for time in times]
+        linear, positions = (np.stack(each) for each in zip(*poses, strict=True))
+        stream = PoseStream(stream_id, linear, positions, float(times[1] - times[0]))
+        part = GraphPart(stream_id, np.arange(len(shape.positions)), offset=float(times[0]))
+        return shape.with_playing(part), stream, ""
+
     def cut(
         self, project: Project, shape_id: str, stroke: CutSurface, time: float, notes: list[str]
     ) -> tuple[Project, tuple[str, ...]]:
@@ -106,6 +131,5 @@ class GraphRig:
     ) -> Project:
         """The graft rides on a node of the host."""
         if isinstance(node, str):
-            where = project.graph(host_id).where
-            raise InputError(f"there is no node {node!r}", where=where, mend="Nodes have numbers.")
+            node = self.node(project.graph(host_id), node)
         return merge_graphs(project, host_id, graft_id, time, node=node, loose=loose, seam=seam, notes=notes)

@@ -8,9 +8,20 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document import Character, Plane, Pose, Project, Puppet, PuppetLayer, character_of_puppet
+from enliven.document import (
+    Character,
+    GraphShape,
+    Plane,
+    Pose,
+    PoseStream,
+    Project,
+    Puppet,
+    PuppetLayer,
+    character_of_puppet,
+)
 from enliven.examples import in_world, pose_of_state
 from enliven.modeling.mesh import CutSurface, SeamSettings
+from enliven.modeling.puppet.baking import baked
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import state_at, surface_of_puppet
 from enliven.modeling.puppet.surgery import cut_puppet
@@ -19,7 +30,9 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
 class PuppetRig:
-    """Control points that example poses move."""
+    """Control points that example poses move; each frame of a bake solves its surface."""
+
+    frames = 30.0
 
     def centre(self, puppet: Puppet) -> Float:
         """On the floor under the middle of the mesh at rest."""
@@ -67,6 +80,17 @@ class PuppetRig:
             turn=turn,
             place=stood + axes.vectors(puppet.place - stood),
         )
+
+    def node(self, puppet: Puppet, name: str) -> int:
+        return puppet.index(name)
+
+    def as_graph(
+        self, project: Project, puppet: Puppet, times: Float, stream_id: str
+    ) -> tuple[GraphShape, PoseStream, str]:
+        """Baked: nodes that follow the solved surface."""
+        rate, ids = 1.0 / float(times[1] - times[0]), (puppet.id, stream_id)
+        graph, stream, error = baked(project, puppet, float(times[0]), float(times[-1]), rate, ids)
+        return graph, stream, f", {error}"
 
     def cut(
         self, project: Project, puppet_id: str, stroke: CutSurface, time: float, notes: list[str]

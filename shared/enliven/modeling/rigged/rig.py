@@ -7,7 +7,18 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Character, Layer, Pose, Project, Shape, character_of, unused
+from enliven.document import (
+    Character,
+    GraphPart,
+    GraphShape,
+    Layer,
+    Pose,
+    PoseStream,
+    Project,
+    Shape,
+    character_of,
+    unused,
+)
 from enliven.modeling.mesh import CutSurface, SeamSettings, posed_vertices
 from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bones_of, rebuilt
@@ -15,11 +26,13 @@ from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.posed import posed, with_travel_kept
 from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.motion.layers import Player
-from enliven.rotation import IDENTITY, multiply, normalized, rotate
+from enliven.rotation import IDENTITY, multiply, normalized, rotate, to_matrix
 
 
 class ShapeRig:
     """A skeleton with skin."""
+
+    frames = 60.0
 
     def centre(self, shape: Shape) -> Float:
         """Where its root is, as modeled."""
@@ -73,6 +86,22 @@ class ShapeRig:
         mesh = None if shape.mesh is None else moved_mesh(shape.mesh, centre, axes, centre)
         layers = tuple(axes.layer(layer) for layer in shape.layers)
         return with_travel_kept(project, shape, rebuilt(shape, bones, mesh=mesh, layers=layers))
+
+    def node(self, shape: Shape, name: str) -> int:
+        return shape.skeleton.index(name)
+
+    def as_graph(
+        self, project: Project, shape: Shape, times: Float, stream_id: str
+    ) -> tuple[GraphShape, PoseStream, str]:
+        """Each bone becomes a node where it begins; skin and pose stay, and at the times nothing is off."""
+        drawn, mesh = character_of(shape), shape.mesh
+        assert mesh is not None
+        turns, joints = Player(project, shape.id).sample(times)
+        above = np.maximum(shape.skeleton.parents, 0)
+        stream = PoseStream(stream_id, to_matrix(turns), joints[:, above], float(times[1] - times[0]))
+        part = GraphPart(stream_id, np.arange(len(above)), offset=float(times[0]))
+        pivots = shape.skeleton.positions[above]
+        return GraphShape(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
 
     def cut(
         self, project: Project, shape_id: str, stroke: CutSurface, time: float, notes: list[str]
