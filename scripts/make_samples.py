@@ -1,4 +1,4 @@
-"""Writes the sample characters that ship: .venv/bin/python scripts/make_samples.py
+"""Writes the sample characters and motions that ship: .venv/bin/python scripts/make_samples.py
 
 The files are small because coordinates are whole steps and neighbours in an array differ by little: what is
 stored are the differences along it.
@@ -13,10 +13,13 @@ import numpy as np
 from sample_meshes.cactus_puppet import cactus_project
 from sample_meshes.chair import make_chair
 from sample_meshes.lamp import make_lamp
+from sample_motions import library
 
+from enliven.document import Project
 from enliven.formats.project import write_project
 from enliven.meshes import Mesh
 from enliven.samples.shipped import HERE, STEP
+from enliven_viewer.studio.motions import MOTIONS
 
 
 def write_samples(folder: Path) -> None:
@@ -36,6 +39,11 @@ def write_samples(folder: Path) -> None:
     )
 
 
+def write_motions(path: Path) -> None:
+    """Writes the studio's library of motions."""
+    write_project(path, Project().with_takes(*library()))
+
+
 def differences(rows: np.ndarray) -> np.ndarray:
     """(3, N) int16: each of the rows (N, 3) less the row before it."""
     return np.ascontiguousarray(np.diff(rows, axis=0, prepend=0).astype(np.int16).T)
@@ -49,3 +57,4 @@ def stepped(mesh: Mesh) -> Mesh:
 
 if __name__ == "__main__":
     write_samples(HERE)
+    write_motions(MOTIONS)

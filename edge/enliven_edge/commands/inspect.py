@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from enliven.recording import Recording
     from enliven_edge.inspection import Inspector, SensorLog
 
+_BIT_RATE = 6.0
+"""Mbit/s of a film where the encoder takes no quality: as much as the viewer's films."""
 _USUAL_RATE = 30.0
 """Frames a second of a recording with too few frames to tell: that of depth cameras."""
 
@@ -81,13 +83,14 @@ def _film(
     import numpy as np
     from PIL import Image
 
-    from enliven_edge.inspection import DepthFilm, Inspector, contact_sheet
+    from enliven.film_writer import FilmWriter
+    from enliven_edge.inspection import Inspector, contact_sheet
     from enliven_edge.tracking import Tracker
 
     inspector = Inspector(Tracker(), width, rates[0])
     kept: list[UInt8] = []
     picked = set(np.linspace(0, count - 1, min(12, count)).round().astype(int))
-    with DepthFilm(output, rates[1]) as film:
+    with FilmWriter(output, None, rates[1], _BIT_RATE) as film:
         numbered = zip(range(count), _pictures(source, log, inspector), strict=False)
         for n, picture in track(numbered, "Filming", total=count, transient=True):
             film.add(picture)

@@ -53,10 +53,7 @@ def performance_of(
     Raises:
         InputError: where there is no such character, the times make no sense, or it lacks something to move.
     """
-    if isinstance(character, str):
-        project.character(character)
-        character = project.characters[character]
-    found = character
+    found = project.characters[project.character(character).id] if isinstance(character, str) else character
     times = frame_times(start, project.end_of(found) if end is None else end, rate, found.id)
     if isinstance(found, Puppet):
         return _of_puppet(project, found, times, how, settings or BakeSettings())

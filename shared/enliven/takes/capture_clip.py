@@ -2,8 +2,6 @@
 
     clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
     clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip  # enliven.person.body.Body
-    clip_of_positions(skeleton, positions (F, N, 3), id, step) -> Clip                 # any tree of points
-    resampled(clip, step) -> Clip
     between_times(clip, start, stop) -> Clip
 
 Clips are in metres, +Y up; their quaternions change no sign from frame to frame.
@@ -107,17 +105,6 @@ def clip_of_bodies(
     skeleton = Skeleton(tuple(names or BODY_NAMES), np.array(PARENTS, np.int32), positions)
     turns = turns_of(skeleton, joints, _known(bodies, still))
     return _even(id, skeleton, times - times[0], turns, joints[:, 0], step)
-
-
-def clip_of_positions(skeleton: Skeleton, positions: Float, id: str, step: float) -> Clip:
-    """Returns a clip from the places of joints alone; each bone swings with the least twist.
-
-    Args:
-        positions: (F, N, 3) metres.
-        step: seconds between frames.
-    """
-    positions = np.asarray(positions, np.float64)
-    return Clip(id, skeleton, continuous(turns_of(skeleton, positions, None)), positions[:, 0], step)
 
 
 def resampled(clip: Clip, step: float) -> Clip:

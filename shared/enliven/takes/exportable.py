@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from enliven.document import AnyRig, Character, Clip, Pose, Project, Puppet, Shape, unused
+from enliven.document import Character, Clip, GraphShape, Pose, Project, Puppet, Shape, unused
 from enliven.errors import InputError
 from enliven.examples import missing
 from enliven.exporters import Performance, performance_of, performance_of_clip
@@ -128,7 +128,7 @@ def _of_clip(clip: Clip, rank: int = 0) -> Exportable:
 
 def _sampled(
     project: Project,
-    character: AnyRig,
+    character: Shape | GraphShape | Puppet,
     start: float,
     end: float | None,
     rate: float | None,
@@ -154,11 +154,10 @@ def _recorded(
     if character.kind == "bones":
         still, clip, offset = rigged_of(replace(character, id=name), poses, begin)
         project, shape = playing(Project(), still, clip)
-        shape = shape.with_playing(*(replace(layer, offset=offset) for layer in shape.layers))
-        project = project.with_characters(shape)
-        return _sampled(project, shape, start, end, rate, morphs, 1 / clip.step)
+        late = shape.later(offset)
+        return _sampled(project.with_characters(late), late, start, end, rate, morphs, 1 / clip.step)
     graph, stream = played(replace(character, id=name), poses, begin, Project(), [])
-    project = Project(characters={name: graph}, streams={stream.id: stream})
+    project = Project().with_streams(stream).with_characters(graph)
     return _sampled(project, graph, start, end, rate, morphs, 1 / stream.step)
 
 

@@ -108,7 +108,7 @@ def played(
     """Returns the shape of a character, and the stream of its poses at even steps."""
     poses, seconds, grid = even_times(character, poses, begin)
     step = float(grid[1] - grid[0])
-    ids = unused(character.id, project.graphs), unused(character.id, project.streams)
+    ids = unused(character.id, project.characters), unused(character.id, project.streams)
     if character.kind == "points":
         return _solved(character, poses, seconds, grid, ids, notes)
     shape, whole = graph_shape_of(character, poses, ids[1], step)

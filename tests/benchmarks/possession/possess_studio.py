@@ -10,8 +10,8 @@ import numpy as np
 from possess_take import Shot, Take
 
 from enliven.arrays import UInt8
+from enliven.film_writer import FilmWriter
 from enliven.person.body import Body
-from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.live.hud import time_text
 from enliven_viewer.playback.timeline import CueFrame

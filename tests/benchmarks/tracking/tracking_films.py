@@ -21,10 +21,10 @@ from PIL import Image
 from tracking_cache import delivered
 from tracking_set import DATA, sequences
 
+from enliven.film_writer import FilmWriter
 from enliven.frames import DepthFrame
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
-from enliven_edge.inspection.film import DepthFilm
 from enliven_edge.inspection.inspector import Inspector
 from enliven_edge.inspection.picture import contact_sheet
 from enliven_edge.tracking.tracker import Tracker
@@ -81,7 +81,7 @@ def _shots_of_vcl3d() -> list[list[DepthFrame]]:
 def make(name: str, takes: list[list[DepthFrame]]) -> None:
     """One film and its contact sheet: frames evenly spread, or the last of each take where there are many."""
     pictures = [p for frames in takes for p in Inspector(Tracker()).pictures(frames)]
-    with DepthFilm(OUT / f"{name}.mp4", 30.0) as film:
+    with FilmWriter(OUT / f"{name}.mp4", None, 30.0, 8.0) as film:
         for picture in pictures:
             film.add(picture)
     chosen = np.linspace(len(pictures) / 24, len(pictures) - 1 - len(pictures) / 24, 12).round().astype(int)

@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 
 from enliven.camera import Intrinsics, project, world_from_level_camera
 from enliven.errors import InputError, ResourceError
+from enliven.film_writer import FilmWriter
 from enliven.frames import BodyFrame
 from enliven.person.body import Body, Joint
 from enliven.recording import Recorder
 from enliven_edge.commands.inspect import inspect
-from enliven_edge.inspection.film import DepthFilm
 from enliven_edge.inspection.inspector import Inspector
 from enliven_edge.inspection.picture import (
     confidence_colour,
@@ -91,7 +91,7 @@ def test_a_sheet_holds_every_picture() -> None:
 def test_a_film_can_be_watched(tmp_path) -> None:
     av = pytest.importorskip("av")
     path = tmp_path / "new" / "a.mp4"
-    with DepthFilm(path, 25.0) as film:
+    with FilmWriter(path, None, 25.0, 8.0) as film:
         for n in range(10):
             film.add(np.full((121, 161, 3), 20 * n, np.uint8))
     with av.open(str(path)) as file:
@@ -101,7 +101,7 @@ def test_a_film_can_be_watched(tmp_path) -> None:
 
 
 def test_no_picture_no_file(tmp_path) -> None:
-    with DepthFilm(tmp_path / "a.mp4", 25.0):
+    with FilmWriter(tmp_path / "a.mp4", None, 25.0, 8.0):
         pass
     assert not (tmp_path / "a.mp4").exists()
 
@@ -116,7 +116,7 @@ def test_without_pyav_the_extra_is_named(tmp_path, monkeypatch) -> None:
 
     monkeypatch.setattr(builtins, "__import__", absent)
     with pytest.raises(ResourceError, match=r"enliven-edge\[film\]"):
-        DepthFilm(tmp_path / "a.mp4", 25.0)
+        FilmWriter(tmp_path / "a.mp4", None, 25.0, 8.0)
 
 
 def test_a_person_is_followed_in_the_pictures() -> None:

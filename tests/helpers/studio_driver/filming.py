@@ -7,7 +7,8 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from enliven_viewer.film import FilmWriter, Tiles, write_sheet
+from enliven.film_writer import FilmWriter
+from enliven_viewer.film import Tiles, write_sheet
 from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.window import KEYS, StudioWindow
 from enliven_viewer.studio.workspace import Workspace

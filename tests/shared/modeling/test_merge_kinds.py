@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
+from surgery_worlds import random_turns
 from test_character_laws import RIGS, WORLDS
 
 from enliven.document.possessed import GraphShape
@@ -15,6 +16,7 @@ from enliven.modeling.edits import (
     change_layers,
     cut_character,
     merge_characters,
+    mirror_character,
     move_character,
     paste_character,
     rig_of,
@@ -22,6 +24,7 @@ from enliven.modeling.edits import (
     vertices_of,
 )
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
+from enliven.rotation import rotate
 
 BAKED = 0.02
 """Share of a puppet's size by which it may be off when it is baked (BakeSettings): what the note says."""
@@ -93,6 +96,24 @@ def test_a_possessed_leg_grows_out_of_a_rigged_body():
     assert len(parts) == 2 and len(cut.characters) == 2
     again = project_of(project_bytes(merged))
     np.testing.assert_array_equal(vertices_of(again, ours, 0.9), vertices_of(merged, ours, 0.9))
+
+
+@settings(deadline=None, max_examples=8)
+@given(factor=st.floats(0.4, 2.5), time=st.floats(-0.5, 2.0), seed=st.integers(0, 99))
+def test_what_rides_is_scaled_mirrored_and_moved_with_its_host_at_every_time(factor, time, seed):
+    project, ours, theirs = beside("bones", "graph", 0.5)
+    merged = merge_characters(project, ours, theirs, 0.5, loose=True)
+    seen, random = vertices_of(merged, ours, time), np.random.default_rng(seed)
+    centre = rig_of(merged.characters[ours]).centre(merged.characters[ours])
+    scaled = vertices_of(scale_character(merged, ours, factor), ours, time)
+    np.testing.assert_allclose(scaled, centre + factor * (seen - centre), atol=1e-6)
+    normal = random.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    mirrored = vertices_of(mirror_character(merged, ours, normal), ours, time)
+    np.testing.assert_allclose(mirrored, seen - 2 * ((seen - centre) @ normal)[:, None] * normal, atol=1e-6)
+    turn, offset = random_turns(random), random.normal(size=3)
+    moved = vertices_of(move_character(merged, ours, offset, turn), ours, time)
+    np.testing.assert_allclose(moved, rotate(turn, seen) + offset, atol=1e-6)
 
 
 def test_a_loop_goes_on_for_ever():

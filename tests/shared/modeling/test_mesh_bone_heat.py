@@ -10,7 +10,8 @@ from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.skinning.heat_diffusion import bone_heat, cotangents, heat_weights, outward, segments_of
-from enliven.modeling.skinning.skin_values import dense, renumbered, sparse
+from enliven.modeling.skinning.skin_values import dense, sparse
+from enliven.modeling.skinning.skins import renumbered
 from enliven.modeling.skinning.visibility import nearest_seen
 
 

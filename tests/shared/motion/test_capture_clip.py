@@ -9,17 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import alike
 
+from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture, composed
 from enliven.person.body import PARENTS, Body, Joint
 from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
 from enliven.takes.capture_clip import (
+    _even,
     between_times,
     clip_of_bodies,
     clip_of_capture,
-    clip_of_positions,
-    resampled,
 )
 from enliven.takes.positions import turns_of
 
@@ -124,7 +124,7 @@ def test_positions_alone_give_turns_that_put_the_joints_there(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 8)
     truth = joints_of(random_clip(rng, skeleton))
-    clip = clip_of_positions(skeleton, truth, "take", 0.1)
+    clip = Clip("take", skeleton, turns_of(skeleton, truth, None), truth[:, 0], 0.1)
     np.testing.assert_allclose(joints_of(clip), truth, atol=1e-6)
 
 
@@ -213,7 +213,8 @@ def test_bodies_and_times_must_fit():
 def test_resampling_keeps_the_frames_and_puts_slerps_between(seed, part):
     rng = np.random.default_rng(seed)
     clip = random_clip(rng, random_skeleton(rng, 5))
-    finer = resampled(clip, clip.step * part)
+    times = np.arange(len(clip.turns)) * clip.step
+    finer = _even("take", clip.skeleton, times, clip.turns, clip.root, clip.step * part)
     every = round(1 / part)
     assert len(finer.turns) == 8 * every + 1 and finer.duration == pytest.approx(clip.duration)
     assert angle(finer.turns[::every], clip.turns) < 1e-6

@@ -13,6 +13,7 @@ from enliven.formats.project.file import read_project
 from enliven.meshes.mesh import Mesh
 from enliven.samples import shipped
 from enliven.samples.shipped import STEP, cactus_project, load_sample
+from enliven_viewer.studio.motions import library
 
 FILES = ("chair.npz", "lamp.npz", "cactus.enliven")
 
@@ -55,6 +56,17 @@ def test_a_shipped_mesh_is_within_a_step_of_the_made_one():
     from sample_meshes.lamp import make_lamp
 
     np.testing.assert_allclose(load_sample("lamp").vertices, make_lamp().vertices, atol=STEP)
+
+
+def test_the_script_makes_the_motions_that_ship(tmp_path):
+    make_samples.write_motions(tmp_path / "motions.enliven")
+    again = read_project(tmp_path / "motions.enliven").takes
+    assert [clip.id for clip in library()] == list(again)
+    for clip in library():
+        np.testing.assert_allclose(clip.turns, again[clip.id].turns, atol=1e-12)
+        np.testing.assert_allclose(clip.root, again[clip.id].root, atol=1e-12)
+        looped = clip.id != "quarter turn"
+        assert np.allclose(clip.turns[0], clip.turns[-1], atol=1e-9) == looped
 
 
 def test_the_files_are_small_and_whole():

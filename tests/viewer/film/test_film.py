@@ -15,8 +15,8 @@ from rich.console import Console
 from enliven.document.character import Character, Pose
 from enliven.errors import InputError, ResourceError
 from enliven.film_encoders import AUTO, ENCODERS, FilmEncoder, choose_encoder
+from enliven.film_writer import FilmWriter
 from enliven.settings import load_settings
-from enliven_viewer.film.encoder import FilmWriter
 from enliven_viewer.film.film import make_film
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.playback.document import Document, EdgeState

@@ -6,15 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from imgui_bundle import hello_imgui
 from PIL import Image, ImageDraw, ImageFont
 
 from enliven.health import HealthState, Severity
-from enliven_viewer.live.hud import Hud, HudState, time_text, timeline_area, timeline_fraction, wrapped
+from enliven_viewer.live.hud import Hud, HudState, time_text, timeline_area, timeline_fraction
 from enliven_viewer.playback.document import EdgeState
 from enliven_viewer.render.overlay.canvas import Canvas
-from enliven_viewer.render.overlay.font import CHARACTERS, make_atlas
+from enliven_viewer.theme import FONT
+
+CHARACTERS = "".join(chr(code) for code in range(33, 127)) + "°·±é…"
+"""What the texts of the window and the notices of edges are made of."""
 
 
 def canvas_of(gl, width: int, height: int):
@@ -30,37 +34,60 @@ def pixels(target) -> np.ndarray:
 
 
 def test_a_rectangle_covers_its_pixels_and_no_others(gl) -> None:
-    target, canvas = canvas_of(gl, 64, 48), Canvas(gl, (16,))
-    canvas.rectangle(10, 5, 20, 8, (1, 1, 1, 1))
-    canvas.draw(target)
+    target, canvas = canvas_of(gl, 64, 48), Canvas(gl)
+    with canvas.over(target):
+        canvas.rectangle(10, 5, 20, 8, (1, 1, 1, 1))
     expected = np.zeros((48, 64))
     expected[5:13, 10:30] = 255
     assert np.abs(pixels(target)[..., 0] - expected).max() <= 1
 
 
+def written(gl, text: str, size: int, **where) -> tuple[np.ndarray, tuple[float, float]]:
+    """(200, 400) ink, 0..1, of a text at (100, 20), and its extent."""
+    target, canvas = canvas_of(gl, 400, 200), Canvas(gl)
+    with canvas.over(target):
+        canvas.text(100, 20, text, size, (1, 1, 1, 1), **where)
+        extent = canvas.extent(text, size, where.get("wrap", 0.0))
+    canvas.release()
+    return pixels(target)[..., 0] / 255, extent
+
+
 def test_text_is_what_the_typeface_draws(gl) -> None:
-    target, canvas = canvas_of(gl, 200, 40), Canvas(gl, (18,))
-    width = canvas.text(4, 6, "Hold: 3.5 ms", 18, (1, 1, 1, 1))
-    canvas.draw(target)
-    plain = Image.new("L", (200, 40))
-    ImageDraw.Draw(plain).text((4, 6), "Hold: 3.5 ms", fill=255, font=ImageFont.load_default(18))
-    drawn, expected = pixels(target)[..., 0] / 255, np.asarray(plain) / 255
-    assert abs(drawn.sum() / expected.sum() - 1) < 0.05
-    reach = np.nonzero(drawn.max(0))[0]
-    assert abs(reach.max() - np.nonzero(expected.max(0))[0].max()) <= 3
-    assert width == pytest.approx(ImageFont.load_default(18).getlength("Hold: 3.5 ms"), abs=4)
+    font = ImageFont.truetype(hello_imgui.asset_file_full_path(FONT), 20)
+    drawn, (width, height) = written(gl, "Hold: 3.5 ms", round(20 * sum(font.getmetrics()) / 20))
+    plain = Image.new("L", (400, 200))
+    ImageDraw.Draw(plain).text((100, 20), "Hold: 3.5 ms", fill=255, font=font)
+    expected = np.asarray(plain) / 255
+    assert abs(drawn.sum() / expected.sum() - 1) < 0.12
+    for axis in (0, 1):
+        ink, other = (np.nonzero(one.max(axis) > 0.3)[0] for one in (drawn, expected))
+        assert abs(ink.min() - other.min()) <= 2 and abs(ink.max() - other.max()) <= 4
+    assert width == pytest.approx(font.getlength("Hold: 3.5 ms"), abs=4)
+    assert np.nonzero(drawn.max(1))[0].max() < 20 + height
 
 
-def test_every_character_of_the_atlas_has_ink_of_its_own() -> None:
-    coverage, faces = make_atlas((14, 20))
-    shapes = set()
-    for character in CHARACTERS.replace(" ", ""):
-        glyph = faces[20].glyph(character)
-        ink = coverage[glyph.y : glyph.y + glyph.height, glyph.x : glyph.x + glyph.width]
-        assert ink.max() > 100, character
-        shapes.add((ink.shape, ink.tobytes()))
-    assert len(shapes) == len(CHARACTERS) - 1
-    assert faces[20].glyph("漢") is faces[20].glyph("?")
+def test_every_character_that_is_written_has_ink_of_its_own(gl) -> None:
+    shapes = {written(gl, character, 24)[0].tobytes() for character in CHARACTERS}
+    assert len(shapes) == len(CHARACTERS)
+
+
+def test_text_ends_or_is_centred_where_it_is_told(gl) -> None:
+    for align in (0.5, 1.0):
+        drawn, (width, _) = written(gl, "Hhhh", 20, align=align)
+        ink = np.nonzero(drawn.max(0) > 0.3)[0]
+        assert ink.min() == pytest.approx(100 - align * width, abs=3)
+        assert ink.max() == pytest.approx(100 + (1 - align) * width, abs=3)
+
+
+@given(st.text(alphabet="ab cd ef", max_size=60).filter(str.strip), st.integers(40, 200))
+@settings(max_examples=20)
+def test_no_line_is_wider_than_told_and_nothing_is_lost(gl, text: str, width: int) -> None:
+    lines, (wide, _) = written(gl, " ".join(text.split()), 16, wrap=width)
+    longest = max(written(gl, word, 16)[1][0] for word in text.split())
+    assert wide <= max(width, longest) + 1
+    assert np.nonzero(lines.max(0))[0].max(initial=0) <= 100 + max(width, longest) + 1
+    apart = sum(written(gl, word, 16)[0].sum() for word in text.split())
+    assert lines.sum() == pytest.approx(apart, rel=0.1)
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])
@@ -126,13 +153,6 @@ def test_an_edge_that_is_not_heard_says_nothing_of_its_health(gl) -> None:
     hud.draw(first, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")))
     hud.draw(second, HudState(edge=replace(ailing(Severity.ERROR), connected=False, phase="")))
     np.testing.assert_array_equal(pixels(first), pixels(second))
-
-
-@given(st.text(alphabet="ab cd ef", max_size=80), st.integers(1, 20))
-def test_wrapping_keeps_every_word_and_no_line_is_too_wide(text: str, width: int) -> None:
-    lines = wrapped(text, width, len)
-    assert " ".join(lines).split() == text.split()
-    assert all(len(line) <= width or " " not in line for line in lines)
 
 
 def test_clocks() -> None:

@@ -93,9 +93,9 @@ def test_cards_are_drawn_above_the_timeline_and_only_where_there_is_room(gl) -> 
 
     def ink(size: tuple[int, int]) -> np.ndarray:
         target.clear(0.2, 0.2, 0.2, 1)
-        canvas = Canvas(gl, (14,))
-        draw_cards(canvas, size, 1.0, 14, cards)
-        canvas.draw(target)
+        canvas = Canvas(gl)
+        with canvas.over(target):
+            draw_cards(canvas, size, 1.0, 14, cards)
         picture = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(360, 640, 3)[::-1]
         return np.abs(picture.astype(int) - 51).sum(-1) > 12
 
@@ -111,10 +111,10 @@ def test_a_line_of_the_canvas_covers_its_pixels_and_no_others(gl) -> None:
     texture = gl.texture((64, 64), 4)
     target = gl.framebuffer([texture])
     target.clear(0, 0, 0, 1)
-    canvas = Canvas(gl, (14,))
-    canvas.line(np.array([10.0, 12.0]), np.array([40.0, 52.0]), 6.0, (1, 1, 1, 1))
-    canvas.line(np.array([56.0, 8.0]), np.array([56.0, 8.0]), 8.0, (1, 1, 1, 1))
-    canvas.draw(target)
+    canvas = Canvas(gl)
+    with canvas.over(target):
+        canvas.line(np.array([[10.0, 12.0], [40.0, 52.0]]), 6.0, (1, 1, 1, 1))
+        canvas.line(np.array([[56.0, 8.0], [56.0, 8.0]]), 8.0, (1, 1, 1, 1))
     picture = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(64, 64, 3)[::-1, :, 0]
     y, x = np.mgrid[0:64, 0:64] + 0.5
     along = np.clip(((x - 10) * 30 + (y - 12) * 40) / 2500, 0, 1)

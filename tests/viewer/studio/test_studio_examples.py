@@ -21,7 +21,7 @@ from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import state_of
+from enliven.examples.puppet_motion import motion_of, state_of
 from enliven.modeling.edits import rename_character
 from enliven.modeling.puppet import (
     add_key_pose,
@@ -42,7 +42,6 @@ from enliven_viewer.studio.examples.edits import (
     removed_switch,
     retimed,
     spoken_joint,
-    switches_of_layer,
     turned_a_quarter,
     with_constraint,
     with_default_settings,
@@ -343,4 +342,4 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
 
 def test_contacts_are_those_of_the_motion() -> None:
     project = change_layer(posed(), "star", 0, switches=(Switch(0, "contact"), Switch(30, "flight")))
-    assert switches_of_layer(project, "star", 0)[0] == Switch(0, "contact")
+    assert motion_of(project, project.puppet("star"), 0).switches[0] == Switch(0, "contact")

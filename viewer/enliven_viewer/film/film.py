@@ -15,14 +15,13 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from enliven.arrays import UInt8
 from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
-from enliven_viewer.film.encoder import FilmWriter
+from enliven.film_writer import FilmWriter
 from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.live import cards_of, draw_cards, time_text
 from enliven_viewer.playback import NS, Document, SolvedSurfaces, TimelineMoment
 from enliven_viewer.render import EMPTY_BOX, FilmCamera, Renderer, SceneStyle, scene_of
 from enliven_viewer.render.gl import offscreen_context
-from enliven_viewer.render.overlay import Canvas
 from enliven_viewer.settings import ViewerSettings
 
 _IDLE = 0.005
@@ -97,8 +96,12 @@ class _Studio:
         self.document, self.settings = document, settings
         self.size = (settings.width, settings.height)
         self._renderer = Renderer(offscreen_context(), self.size, settings.render)
-        self._text = max(round(settings.height / 40), 10)
-        self._canvas = Canvas(self._renderer.ctx, (self._text,)) if caption else None
+        self._text = max(round(settings.height / 35), 10)
+        self._canvas: Canvas | None = None
+        if caption:
+            from enliven_viewer.render.overlay import Canvas  # loads ImGui, which only a caption needs
+
+            self._canvas = Canvas(self._renderer.ctx)
         self._camera = FilmCamera(settings.render.opening)
         self._surfaces = SolvedSurfaces(wait=True)
         self._possessed_at: float | None = None
@@ -120,9 +123,10 @@ class _Studio:
         view = self._camera.view(aspect)
         self._renderer.draw(scene, view)
         if self._canvas:
-            cards = cards_of(scene, view)
-            draw_cards(self._canvas, self.size, self.size[1] / 720, self._text, cards)
-            self._caption(moment, second)
+            with self._canvas.over(self._renderer.picture.resolved):
+                cards = cards_of(scene, view)
+                draw_cards(self._canvas, self.size, self.size[1] / 720, self._text, cards)
+                self._caption(moment, second)
         picture = self._renderer.picture.raw()
         self.count += 1
         self.draw_seconds += time.perf_counter() - began
@@ -154,7 +158,6 @@ class _Studio:
         right, top = self.size[0] - margin, self.size[1] - margin - line
         self._canvas.text(right + 1, top + 1, text, line, (0.0, 0.0, 0.0, 0.5), align=1.0)
         self._canvas.text(right, top, text, line, (0.95, 0.96, 0.98, 0.8), align=1.0)
-        self._canvas.draw(self._renderer.picture.resolved)
 
 
 def _moments(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import moderngl
@@ -10,7 +9,7 @@ import moderngl
 from enliven.health import HealthState, Severity
 from enliven_viewer.live.match_cards import Card, draw_cards
 from enliven_viewer.playback import EdgeState
-from enliven_viewer.render.overlay import Canvas, Colour
+from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET, TRACK, WAIT
 
 KEYS = (
     ("Space", "pause, go on"),
@@ -34,23 +33,6 @@ KEYS = (
     ("Drag", "turn; right: move; wheel: closer"),
 )
 """The keys and what they do, as the help lists them."""
-
-INK: Colour = (0.95, 0.96, 0.98, 0.96)
-"""Text: bright on the dark panels."""
-QUIET: Colour = (0.78, 0.81, 0.86, 0.85)
-"""Text of less weight."""
-GLASS: Colour = (0.05, 0.06, 0.085, 0.58)
-"""Panels: dark enough to read on, and the stage shows through."""
-ACCENT: Colour = (1.0, 0.69, 0.30, 1.0)
-"""Amber: what is active or live."""
-GOOD: Colour = (0.42, 0.86, 0.56, 1.0)
-"""Green: all is well."""
-WAIT: Colour = (1.0, 0.74, 0.30, 1.0)
-"""Yellow: a warning, or something that is waited for."""
-BAD: Colour = (1.0, 0.36, 0.33, 1.0)
-"""Red: an error."""
-TRACK: Colour = (1.0, 1.0, 1.0, 0.20)
-"""The part of the timeline that was not played yet."""
 
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
@@ -113,78 +95,61 @@ class Hud:
     """
 
     def __init__(self, ctx: moderngl.Context, scale: float = 1.0) -> None:
-        self._ctx = ctx
-        self._make(scale)
+        from enliven_viewer.render.overlay import Canvas  # loads ImGui, which only a HUD needs
 
-    def _make(self, scale: float) -> None:
-        self.scale = scale
-        self._small, self._normal, self._large = (round(s * scale) for s in (14, 16, 26))
-        self._canvas = Canvas(self._ctx, (self._small, self._normal, self._large))
+        self._canvas = Canvas(ctx)
+        self.rescale(scale)
 
     def rescale(self, scale: float) -> None:
         """Take another scale (the window went to another screen)."""
-        if abs(scale - self.scale) > 1e-3:
-            self._canvas.release()
-            self._make(scale)
+        self.scale = scale
+        self._small, self._normal, self._large = (round(s * scale) for s in (16, 18, 30))
 
     def draw(self, target: moderngl.Framebuffer, state: HudState) -> None:
         """Draw everything onto a framebuffer."""
         size = (target.width, target.height)
-        below = self._state_panel(state)
-        if state.edge is not None and state.edge.connected and state.edge.health:
-            self._health_panel(size, below, state.edge.health)
-        if state.length_s > 0:
-            self._timeline(size, state)
-        if state.cards:
-            draw_cards(self._canvas, size, self.scale, self._small, state.cards)
-        if state.notice:
-            self._notice(size, state.notice)
-        if state.help:
-            self._help(size)
-        self._canvas.draw(target)
+        with self._canvas.over(target):
+            below = self._state_panel(state)
+            if state.edge is not None and state.edge.connected and state.edge.health:
+                self._health_panel(size, below, state.edge.health)
+            if state.length_s > 0:
+                self._timeline(size, state)
+            if state.cards:
+                draw_cards(self._canvas, size, self.scale, self._small, state.cards)
+            if state.notice:
+                self._notice(size, state.notice)
+            if state.help:
+                self._help(size)
 
     def _state_panel(self, state: HudState) -> float:
         """Top left: link, phase, pace, latency; where it ends, pixels from the top."""
-        s, canvas = self.scale, self._canvas
-        lines = _state_lines(state)
-        line = canvas.line_height(self._small)
-        widest = max(canvas.width(text, self._small) for text in lines)
-        height = 22 * s + canvas.line_height(self._normal) + line * len(lines)
+        s, canvas, lines = self.scale, self._canvas, "\n".join(_state_lines(state))
+        widest, high = canvas.extent(lines, self._small)
+        height = 48 * s + high
         canvas.rectangle(16 * s, 16 * s, max(292 * s, 60 * s + widest), height, GLASS, 10 * s)
-        y = 27 * s
         good = state.edge is None or state.edge.connected
-        canvas.disc(33 * s, y + 9 * s, 5 * s, GOOD if good else WAIT)
-        canvas.text(46 * s, y, _headline(state), self._normal, INK)
-        y += canvas.line_height(self._normal) + 2 * s
-        for text in lines:
-            canvas.text(46 * s, y, text, self._small, QUIET)
-            y += line
+        canvas.disc(33 * s, 36 * s, 5 * s, GOOD if good else WAIT)
+        canvas.text(46 * s, 26 * s, _headline(state), self._normal, INK)
+        canvas.text(46 * s, 50 * s, lines, self._small, QUIET)
         return 16 * s + height
 
     def _health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
         """Draw below the state the problems and what to do, the gravest first; count those without room."""
-        s, canvas = self.scale, self._canvas
-        line, gap = canvas.line_height(self._small), 8 * s
+        s, canvas, gap = self.scale, self._canvas, 8 * self.scale
         width = min(430 * s, size[0] - 32 * s)
-        bottom = size[1] - 62 * s
-        y = top + gap
+        bottom, y, wrap = size[1] - 62 * s, top + gap, width - 42 * s
         for shown, state in enumerate(states):
-            what, mend = (
-                wrapped(text, width - 42 * s, lambda t: canvas.width(t, self._small))
-                for text in (state.what, state.mend)
-            )
-            height = line * (len(what) + len(mend)) + 18 * s
+            texts = ((state.what, INK), (state.mend, QUIET))
+            height = 18 * s + sum(canvas.extent(text, self._small, wrap)[1] for text, _ in texts)
             if y + height > bottom:
-                if y + line < bottom:
-                    more = f"and {len(states) - shown} more"
-                    canvas.text(30 * s, y, more, self._small, QUIET)
+                if y + self._small < bottom:
+                    canvas.text(30 * s, y, f"and {len(states) - shown} more", self._small, QUIET)
                 return
             canvas.rectangle(16 * s, y, width, height, GLASS, 10 * s)
-            colour = SEVERITY[state.severity]
-            canvas.rectangle(16 * s, y + 8 * s, 4 * s, height - 16 * s, colour, 2 * s)
-            for row, text in enumerate((*what, *mend)):
-                tint = INK if row < len(what) else QUIET
-                canvas.text(32 * s, y + 8 * s + row * line, text, self._small, tint)
+            canvas.rectangle(16 * s, y + 8 * s, 4 * s, height - 16 * s, SEVERITY[state.severity], 2 * s)
+            line = y + 8 * s
+            for text, tint in texts:
+                line += canvas.text(32 * s, line, text, self._small, tint, wrap=wrap)
             y += height + gap
 
     def _timeline(self, size: tuple[int, int], state: HudState) -> None:
@@ -195,7 +160,7 @@ class Hud:
         canvas.rectangle(x, y, width, height, TRACK, height / 2)
         canvas.rectangle(x, y, width * state.fraction, height, ACCENT, height / 2)
         canvas.disc(x + width * state.fraction, y + height / 2, 8 * s, INK)
-        top = y + height / 2 - 0.62 * self._small
+        top = y + (height - self._small) / 2
         canvas.text(x - 18 * s, top, time_text(state.shown_s), self._small, INK, align=1.0)
         if state.live:
             canvas.disc(x + width + 22 * s, y + height / 2, 4 * s, GOOD)
@@ -207,14 +172,14 @@ class Hud:
     def _notice(self, size: tuple[int, int], notice: str) -> None:
         """The middle of the picture: one line."""
         s, canvas = self.scale, self._canvas
-        width = canvas.width(notice, self._large) + 64 * s
-        canvas.rectangle((size[0] - width) / 2, size[1] * 0.42 - 18 * s, width, 68 * s, GLASS, 14 * s)
+        width = canvas.extent(notice, self._large)[0] + 64 * s
+        canvas.rectangle((size[0] - width) / 2, size[1] * 0.42 - 20 * s, width, 68 * s, GLASS, 14 * s)
         canvas.text(size[0] / 2, size[1] * 0.42, notice, self._large, INK, align=0.5)
 
     def _help(self, size: tuple[int, int]) -> None:
         """On the right: the keys."""
         s, canvas = self.scale, self._canvas
-        line = canvas.line_height(self._normal) + 3 * s
+        line = 24 * s
         width, height = 372 * s, line * len(KEYS) + 26 * s
         beside = size[0] > 2 * width
         x, y = (size[0] - width - 16 * s, 16 * s) if beside else (16 * s, 104 * s)
@@ -222,17 +187,6 @@ class Hud:
         for row, (key, meaning) in enumerate(KEYS):
             canvas.text(x + 114 * s, y + 14 * s + row * line, key, self._normal, INK, align=1.0)
             canvas.text(x + 132 * s, y + 14 * s + row * line, meaning, self._normal, QUIET)
-
-
-def wrapped(text: str, width: float, measure: Callable[[str], float]) -> list[str]:
-    """The text in lines no wider than ``width``, broken between words; a word that is wider stands alone."""
-    lines: list[str] = []
-    for word in text.split():
-        if lines and measure(f"{lines[-1]} {word}") <= width:
-            lines[-1] += f" {word}"
-        else:
-            lines.append(word)
-    return lines
 
 
 def _headline(state: HudState) -> str:

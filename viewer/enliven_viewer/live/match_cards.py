@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.matching import Board
 from enliven_viewer.render import CameraView, Scene, SceneCharacter
-from enliven_viewer.render.overlay import TINTS, Canvas, Colour
+from enliven_viewer.render.overlay import TINTS
+from enliven_viewer.theme import ACCENT, FAINT, GLASS, INK, QUIET
+
+if TYPE_CHECKING:
+    from enliven_viewer.render.overlay import Canvas
 
 WIDTH = 124.0
 """Pixels of a card on a plain screen: nine fit beside one another in 1280."""
@@ -22,16 +27,6 @@ PAD = 10.0
 """Pixels between the edge of a card and its text."""
 WIDE = 2.0
 """How much wider than high the picture on a card is."""
-_GLASS: Colour = (0.05, 0.06, 0.085, 0.62)
-"""The card: a little denser than the panels, for the thin lines on it."""
-_MEANT: Colour = (1.0, 0.69, 0.30, 0.95)
-"""Frame of the match that would be taken, and how long the pose was held: amber."""
-_BONE: Colour = (0.78, 0.81, 0.86, 0.42)
-"""Bones that no limb of the performer drives: faint."""
-_INK: Colour = (0.95, 0.96, 0.98, 0.92)
-"""The title of a card."""
-_QUIET: Colour = (0.78, 0.81, 0.86, 0.85)
-"""The score of a card: dimmer than the title."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,18 +100,17 @@ def draw_cards(
 def _draw_card(canvas: Canvas, x: float, y: float, s: float, text: int, card: Card) -> None:
     width, height = WIDTH * s, HEIGHT * s
     if card.meant:
-        canvas.rectangle(x - 2 * s, y - 2 * s, width + 4 * s, height + 4 * s, _MEANT, 11 * s)
-        canvas.rectangle(x, y, width, height, (*_GLASS[:3], 0.96), 9 * s)
+        canvas.rectangle(x - 2 * s, y - 2 * s, width + 4 * s, height + 4 * s, ACCENT, 11 * s)
+        canvas.rectangle(x, y, width, height, (*GLASS[:3], 0.96), 9 * s)
     else:
-        canvas.rectangle(x, y, width, height, _GLASS, 9 * s)
-    canvas.text(x + PAD * s, y + 5 * s, card.title, text, _INK if card.meant else _QUIET)
-    canvas.text(x + PAD * s, y + height - 7 * s - text, card.score, text, _QUIET)
+        canvas.rectangle(x, y, width, height, GLASS, 9 * s)
+    canvas.text(x + PAD * s, y + 5 * s, card.title, text, INK if card.meant else QUIET)
+    canvas.text(x + PAD * s, y + height - 7 * s - text, card.score, text, QUIET)
     side = height - 2 * (text + 8 * s)
     corner = np.array([x + (width - WIDE * side) / 2, y + text + 8 * s])
-    for a, b in corner + side * card.bones:
-        canvas.line(a, b, 1.2 * s, _BONE)
+    for bone in corner + side * card.bones:
+        canvas.line(bone, 1.2 * s, FAINT)
     for line, tint in zip(card.lines, itertools.cycle(TINTS), strict=False):
-        for a, b in itertools.pairwise(corner + side * line):
-            canvas.line(a, b, 3.0 * s, (*tint, 1.0))
+        canvas.line(corner + side * line, 3.0 * s, (*tint, 1.0))
     if card.held > 0.0:
-        canvas.rectangle(x + 8 * s, y + height - 5 * s, (width - 16 * s) * card.held, 3 * s, _MEANT, 1.5 * s)
+        canvas.rectangle(x + 8 * s, y + height - 5 * s, (width - 16 * s) * card.held, 3 * s, ACCENT, 1.5 * s)

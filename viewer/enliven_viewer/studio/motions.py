@@ -1,121 +1,20 @@
-"""A small library of motions that the studio brings: made by formulas, on chains of a few joints.
+"""A small library of motions on chains of a few joints, which scripts/make_samples.py makes by formulas.
 
-Every one begins and ends in the same pose, so that it can be looped. They are takes like any other: map a
-chain of one onto a chain of a shape.
+Every one but the last begins and ends in the same pose, so that it can be looped. They are takes like any
+other: map a chain of one onto a chain of a shape.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+from pathlib import Path
 
-import numpy as np
+from enliven.document import Clip
+from enliven.formats.project import read_project
 
-from enliven.arrays import Float
-from enliven.document import Clip, Skeleton
-from enliven.rotation import IDENTITY, from_rotation_vector, multiply
-
-STEP = 1 / 30
-"""Seconds between two frames of a motion, as cameras have them."""
-_SIDE = np.array([0.0, 0.0, 1.0])
-_FORTH = np.array([1.0, 0.0, 0.0])
-
-Bends = Callable[[float], list[Float]]
-"""For a phase in [0, 1]: a rotation vector for each bone, in the axes of the bone before it."""
+MOTIONS = Path(__file__).resolve().parent / "motions.enliven"
+"""The file of the motions, a project of takes alone."""
 
 
 def library() -> tuple[Clip, ...]:
-    """Every motion of the library."""
-    return tuple(make() for make in _MAKERS)
-
-
-def wave() -> Clip:
-    """A wave that runs along a chain that points up, side to side, growing towards its end."""
-
-    def bends(phase: float) -> list[Float]:
-        return [_SIDE * (0.10 + 0.09 * k) * math.sin(2 * math.pi * (phase - 0.16 * k)) for k in range(6)]
-
-    return _clip("wave", _chain(6, 0.2), 2.0, bends)
-
-
-def curl() -> Clip:
-    """A chain that points up rolls up to one side and unrolls again."""
-
-    def bends(phase: float) -> list[Float]:
-        rolled = 0.5 - 0.5 * math.cos(2 * math.pi * phase)
-        return [-_SIDE * rolled * (0.12 + 0.12 * k) for k in range(5)]
-
-    return _clip("curl", _chain(5, 0.2), 2.4, bends)
-
-
-def reach() -> Clip:
-    """An arm that hangs folded stretches forward, snaps shut and folds again."""
-
-    def bends(phase: float) -> list[Float]:
-        out = _bump(phase, 0.10, 0.42, 0.62)
-        shut = _bump(phase, 0.36, 0.52, 0.95)
-        return [_SIDE * (-0.75 * out), _SIDE * (1.15 * out - 0.5 * shut), _SIDE * (-0.7 * out + 1.2 * shut)]
-
-    return _clip("reach", _chain(3, 0.32), 1.8, bends)
-
-
-def walk() -> Clip:
-    """A leg that hangs down steps: it swings forward with its knee bent, and pushes back straight."""
-
-    def bends(phase: float) -> list[Float]:
-        swing = math.sin(2 * math.pi * phase)
-        lifted = max(0.0, math.cos(2 * math.pi * phase)) ** 1.5
-        return [_FORTH * (-0.42 * swing), _FORTH * (0.85 * lifted), _FORTH * (-0.35 * lifted + 0.12 * swing)]
-
-    return _clip("walk", _chain(3, -0.3), 1.2, bends)
-
-
-def sway() -> Clip:
-    """A body that breathes and leans gently from side to side."""
-
-    def bends(phase: float) -> list[Float]:
-        lean = math.sin(2 * math.pi * phase)
-        breath = math.sin(4 * math.pi * phase)
-        return [0.10 * lean * _SIDE + 0.04 * breath * _FORTH] * 2 + [-0.12 * lean * _SIDE]
-
-    return _clip("sway", _chain(3, 0.25), 3.0, bends)
-
-
-def quarter_turn() -> Clip:
-    """One bone turns by a quarter, counter-clockwise, and stays: the motion of AniMesh's Figure 6."""
-
-    def bends(phase: float) -> list[Float]:
-        eased = phase * phase * (3 - 2 * phase)
-        return [_SIDE * (math.pi / 2 * eased)]
-
-    return _clip("quarter turn", _chain(1, 1.0), 1.0, bends)
-
-
-_MAKERS = (wave, curl, reach, walk, sway, quarter_turn)
-
-
-def _chain(bones: int, length: float) -> Skeleton:
-    """Joints one above the other; below one another where ``length``, metres a bone, is negative."""
-    heights = length * np.arange(bones + 1) + (0.2 if length > 0 else 0.2 - bones * length)
-    places = np.zeros((bones + 1, 3))
-    places[:, 1] = heights
-    names = tuple("root" if k == 0 else f"bone {k}" for k in range(bones + 1))
-    return Skeleton(names, np.arange(-1, bones, dtype=np.int32), places)
-
-
-def _clip(name: str, skeleton: Skeleton, seconds: float, bends: Bends) -> Clip:
-    """Make a clip of a chain from the bends of its bones, each in the axes of the bone before."""
-    frames = round(seconds / STEP) + 1
-    bent = from_rotation_vector(np.array([bends(frame / (frames - 1)) for frame in range(frames)]))
-    turns = np.tile(IDENTITY, (frames, len(skeleton), 1))
-    for bone in range(bent.shape[1]):
-        turns[:, bone + 1] = multiply(turns[:, bone], bent[:, bone])
-    return Clip(name, skeleton, turns, np.tile(skeleton.positions[0], (frames, 1)), STEP)
-
-
-def _bump(phase: float, start: float, top: float, end: float) -> float:
-    """From 0 at ``start`` smoothly to 1 at ``top`` and back to 0 at ``end``."""
-    if not start < phase < end:
-        return 0.0
-    share = (phase - start) / (top - start) if phase < top else (end - phase) / (end - top)
-    return share * share * (3 - 2 * share)
+    """Every motion of the library: wave, curl, reach, walk, sway, and a quarter turn."""
+    return tuple(read_project(MOTIONS).takes.values())

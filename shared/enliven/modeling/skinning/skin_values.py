@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, Int
+from enliven.arrays import AnyArray, Float
 from enliven.document import SkinWeights
 
 
@@ -51,21 +51,6 @@ def stacked(skins: Sequence[SkinWeights]) -> SkinWeights:
     return SkinWeights(
         np.concatenate([skin.indices for skin in skins]), np.concatenate([skin.weights for skin in skins])
     )
-
-
-def renumbered(skin: SkinWeights, numbers: Int) -> SkinWeights:
-    """The skin with bone j called ``numbers[j]``; bones that get one number add up.
-
-    A vertex keeps its weights to the bit where no two of its bones get one number.
-    """
-    indices = np.maximum(numbers, 0)[skin.indices].astype(np.uint16)
-    weights = skin.weights.copy()
-    for k in range(1, 4):
-        for m in range(k):
-            twice = (indices[:, k] == indices[:, m]) & (weights[:, k] > 0) & (weights[:, m] > 0)
-            weights[twice, m] += weights[twice, k]
-            weights[twice, k] = 0.0
-    return SkinWeights(indices, weights)
 
 
 def bone_count(skin: SkinWeights) -> int:

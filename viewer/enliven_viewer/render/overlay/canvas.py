@@ -1,122 +1,90 @@
-"""Flat shapes and text over a picture: rounded rectangles, discs and lines of text in one draw call."""
+"""Flat shapes and text over a picture, drawn by ImGui: rounded rectangles, discs, lines and lines of text."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import moderngl
-import numpy as np
+from imgui_bundle import hello_imgui, imgui
 
 from enliven.arrays import Float
-from enliven_viewer.render.gl import UNITS, load_program
-from enliven_viewer.render.overlay.font import make_atlas
-
-Colour = tuple[float, float, float, float]
-"""sRGB and opacity, 0..1 each."""
-
-_CORNERS = np.array([[0, 0], [1, 0], [0, 1], [0, 1], [1, 0], [1, 1]], np.float64)
+from enliven_viewer.theme import FONT, Colour
 
 
 class Canvas:
-    """Collects shapes, positions in pixels from the top left, and draws them.
+    """A context of ImGui for one OpenGL context; positions are pixels from the picture's top left.
 
-    Args:
-        sizes: the sizes of text in use, pixels; another size takes the nearest of them.
+    Shapes and text are added inside :meth:`over`, which draws them at its end.
     """
 
-    def __init__(self, ctx: moderngl.Context, sizes: tuple[int, ...]) -> None:
+    def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        coverage, self._faces = make_atlas(sizes)
-        self._atlas = ctx.texture((coverage.shape[1], coverage.shape[0]), 1, coverage.tobytes(), alignment=1)
-        self._atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._program = load_program(ctx, "canvas.vert", "canvas.frag")
-        self._buffer = ctx.buffer(reserve=11 * 4 * 6 * 256, dynamic=True)
-        self._array = ctx.vertex_array(
-            self._program, [(self._buffer, "2f 2f 4f 3f", "in_position", "in_uv", "in_tint", "in_box")]
-        )
-        self._quads: list[np.ndarray] = []
+        self._imgui = imgui.create_context()
+        imgui.set_current_context(self._imgui)
+        io = imgui.get_io()
+        io.set_ini_filename("")
+        io.fonts.add_font_from_file_ttf(hello_imgui.asset_file_full_path(FONT), 16.0)
+        imgui.backends.opengl3_init("#version 330")
 
     def release(self) -> None:
         """Give the GPU's memory back."""
-        for item in (self._array, self._buffer, self._atlas, self._program):
-            item.release()
+        imgui.set_current_context(self._imgui)
+        imgui.backends.opengl3_shutdown()
+        imgui.destroy_context(self._imgui)
+
+    @contextmanager
+    def over(self, target: moderngl.Framebuffer) -> Iterator[None]:
+        """Draws onto a framebuffer everything that is added inside."""
+        imgui.set_current_context(self._imgui)
+        imgui.get_io().display_size = target.size
+        imgui.backends.opengl3_new_frame()
+        imgui.new_frame()
+        self._list = imgui.get_background_draw_list()
+        yield
+        imgui.render()
+        target.use()
+        imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
     def rectangle(
         self, x: float, y: float, width: float, height: float, colour: Colour, radius: float = 0.0
     ) -> None:
         """A rectangle with round corners; ``x``, ``y`` is its top left."""
-        if width <= 0 or height <= 0:
-            return
-        half = np.array([width, height]) / 2
-        local = (2 * _CORNERS - 1) * (half + 1)
-        rows = np.empty((6, 11))
-        rows[:, 0:2] = local + half + [x, y]
-        rows[:, 2:4] = local
-        rows[:, 4:8] = colour
-        rows[:, 8:11] = (*half, min(radius, float(half.min())))
-        self._quads.append(rows)
+        self._list.add_rect_filled((x, y), (x + width, y + height), _packed(colour), radius)
 
     def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
         """A disc around ``x``, ``y``."""
-        self.rectangle(x - radius, y - radius, 2 * radius, 2 * radius, colour, radius)
+        self._list.add_circle_filled((x, y), radius, _packed(colour))
 
-    def line(self, start: Float, end: Float, width: float, colour: Colour) -> None:
-        """A line with round ends between two points, (2,) each."""
-        along = end - start
-        length = float(np.linalg.norm(along))
-        if length <= 0.0:
-            self.disc(float(start[0]), float(start[1]), width / 2, colour)
-            return
-        along = along / length
-        half = np.array([length + width, width]) / 2
-        local = (2 * _CORNERS - 1) * (half + 1)
-        rows = np.empty((6, 11))
-        rows[:, 0:2] = local @ np.array([along, [-along[1], along[0]]]) + (start + end) / 2
-        rows[:, 2:4] = local
-        rows[:, 4:8] = colour
-        rows[:, 8:11] = (*half, width / 2)
-        self._quads.append(rows)
+    def line(self, points: Float, width: float, colour: Colour) -> None:
+        """A line through points (N, 2), with round ends."""
+        self._list.add_polyline(points.tolist(), _packed(colour), width, 0)
+        for x, y in points[[0, -1]].tolist():
+            self.disc(x, y, width / 2, colour)
 
-    def text(self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0) -> float:
-        """Add a line of text below ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.
+    def text(
+        self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0, wrap: float = 0.0
+    ) -> float:
+        """Add text below ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.
+
+        Args:
+            wrap: pixels of a line at most, broken between words; 0 for one line.
 
         Returns:
-            its width in pixels.
+            its height in pixels.
         """
-        face = self._faces[min(self._faces, key=lambda s: abs(s - size))]
-        width = face.width(text)
-        pen = x - align * width
-        for character in text:
-            glyph = face.glyph(character)
-            corner = np.array([round(pen) + glyph.left, round(y) + glyph.top])
-            size_ = np.array([glyph.width, glyph.height])
-            rows = np.empty((6, 11))
-            rows[:, 0:2] = corner + _CORNERS * size_
-            rows[:, 2:4] = [glyph.x, glyph.y] + _CORNERS * size_
-            rows[:, 4:8] = colour
-            rows[:, 8:11] = (0.0, 0.0, -1.0)
-            self._quads.append(rows)
-            pen += glyph.advance
-        return width
+        wide, high = self.extent(text, size, wrap)
+        at = (round(x - align * wide), round(y))
+        self._list.add_text(imgui.get_font(), size, at, _packed(colour), text, wrap)
+        return high
 
-    def width(self, text: str, size: int) -> float:
-        """Pixels that a line of text takes."""
-        return self._faces[min(self._faces, key=lambda s: abs(s - size))].width(text)
+    def extent(self, text: str, size: int, wrap: float = 0.0) -> tuple[float, float]:
+        """Width and height in pixels of text, in lines of ``wrap`` pixels at most; 0 for one line."""
+        imgui.push_font(None, size)
+        wide, high = imgui.calc_text_size(text, wrap_width=wrap or -1.0)
+        imgui.pop_font()
+        return wide, high
 
-    def line_height(self, size: int) -> int:
-        """Pixels from one line of text to the next."""
-        return self._faces[min(self._faces, key=lambda s: abs(s - size))].line
 
-    def draw(self, target: moderngl.Framebuffer) -> None:
-        """Draw everything that was collected onto a framebuffer, and begin anew."""
-        if not self._quads:
-            return
-        data = np.concatenate(self._quads).astype("f4").tobytes()
-        count, self._quads = 6 * len(self._quads), []
-        self._buffer.orphan(len(data))
-        self._buffer.write(data)
-        target.use()
-        self.ctx.enable_only(moderngl.BLEND)
-        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
-        self._atlas.use(UNITS["glyphs"])
-        self._program["viewport"] = (float(target.width), float(target.height))
-        self._array.render(moderngl.TRIANGLES, vertices=count)
+def _packed(colour: Colour) -> int:
+    return imgui.color_convert_float4_to_u32(colour)

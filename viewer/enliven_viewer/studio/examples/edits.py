@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.document import Coupling, Kind, Position, Project, Puppet, Switch, Velocity, unused
 from enliven.errors import InputError
-from enliven.examples import guess_joints, motion_of
+from enliven.examples import guess_joints
 from enliven.meshes import fit_height
 from enliven.modeling.puppet import (
     add_key_pose,
@@ -159,11 +159,6 @@ def _others(
 
     all_of_them: tuple[HardConstraint, ...] = getattr(project.puppet(puppet_id).layers[layer], name)
     return name, tuple(one for one in all_of_them if about(one) != (held.point, held.frame, other))
-
-
-def switches_of_layer(project: Project, puppet_id: str, layer: int) -> tuple[Switch, ...]:
-    """The switches of contact and flight in a layer, as edited or as found; none where it does not travel."""
-    return motion_of(project, project.puppet(puppet_id), layer).switches
 
 
 def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: int) -> tuple[Switch, ...]:

@@ -7,11 +7,11 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from enliven.errors import EnlivenError
-from enliven_viewer.live import WAIT
 from enliven_viewer.studio.panels.menu import spoken
 from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace import MENU_COMMANDS, FileBrowser, Workspace
+from enliven_viewer.theme import WAIT
 
 _FOLDER = "\uf07b"
 _TITLES = {

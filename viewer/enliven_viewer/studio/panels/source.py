@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.sources import Offer
 from enliven_viewer.studio.tools import MapTool
-from enliven_viewer.studio.viewport import CHAIN, DARK
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, CHAIN, DARK, INK, QUIET
 
 _SHARE = 0.56
 """Share of the side panel that the view of sources takes: the list of shapes still fits above."""

@@ -7,9 +7,8 @@ from contextlib import contextmanager
 
 from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui
 
-from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.viewport import DARK, LINE, PANEL, PRESSED, RAISED, Colour
+from enliven_viewer.theme import ACCENT, DARK, FONT, INK, LINE, PANEL, PRESSED, QUIET, RAISED, Colour
 
 BODY = 15.0
 """Pixels of the usual text."""
@@ -17,7 +16,6 @@ SMALL = 12.5
 """Pixels of small text, such as labels of lanes."""
 EYE, CLOSED_EYE = "\uf06e", "\uf070"
 """Icons of Font Awesome 4: a layer that plays, and one that is muted."""
-_ROBOTO = "fonts/Roboto/Roboto-Regular.ttf"
 FIXED = (
     imgui.WindowFlags_.no_move
     | imgui.WindowFlags_.no_resize
@@ -29,7 +27,7 @@ FIXED = (
 
 def load_fonts() -> None:
     """Roboto with Font Awesome's glyphs."""
-    hello_imgui.load_font_ttf_with_font_awesome_icons(_ROBOTO, BODY)
+    hello_imgui.load_font_ttf_with_font_awesome_icons(FONT, BODY)
 
 
 def apply_style() -> None:

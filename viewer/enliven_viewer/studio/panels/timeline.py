@@ -6,13 +6,13 @@ import zlib
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import ACCENT, INK, QUIET, time_text
+from enliven_viewer.live import time_text
 from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, quiet, small
 from enliven_viewer.studio.panels.timeline_puppets import draw_puppet_lanes
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.timeline import LABELS, LANE, RULER, Bar, TimelineLayout
-from enliven_viewer.studio.viewport import DARK, LANES, LINE, RAISED, Colour
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, DARK, INK, LANES, LINE, QUIET, RAISED, Colour
 
 _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
 """Icons of Font Awesome 4, on the buttons of the transport."""

@@ -8,12 +8,11 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Position, Velocity
-from enliven_viewer.live import ACCENT, BAD, GOOD, INK, QUIET
 from enliven_viewer.studio.panels.examples import constraint_text
 from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, small
 from enliven_viewer.studio.timeline import LABELS, LaneRow, PuppetLanes
-from enliven_viewer.studio.viewport import CHAIN, DARK, RAISED, Colour, point_colour
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, BAD, CHAIN, DARK, GOOD, INK, QUIET, RAISED, Colour, point_colour
 
 _CONTACT: Colour = (0.46, 0.70, 0.50, 1.0)
 """The time on the floor: green."""

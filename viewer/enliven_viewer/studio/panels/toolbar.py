@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.panels.style import packed, panel
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, INK, QUIET
 
 _SIZE = ImVec2(72, 50)
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.live import ACCENT, BAD, GLASS, GOOD, INK, QUIET, wrapped
 from enliven_viewer.studio.panels.menu import spoken
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.toasts import Toast
 from enliven_viewer.studio.viewport import Disc, Fill, Line, axes_marks
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET
 
 _WIDE = 380.0
 """Pixels of a line of a message at most: about sixty letters, easy to read."""
@@ -58,13 +58,12 @@ def _hint(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-un
     tool = workspace.input.tool
     shift = imgui.calc_text_size(f"{tool.label}   ").x
     room = max(area.width - shift - 54, 80.0)
-    lines = wrapped(tool.hint, room, lambda text: imgui.calc_text_size(text).x) or [""]
-    wide = shift + max(imgui.calc_text_size(line).x for line in lines) + 28
-    x, y, high = area.x + 14, area.y + 14, 32 + 19 * (len(lines) - 1)
+    extent = imgui.calc_text_size(tool.hint, wrap_width=room)
+    wide, high = shift + extent.x + 28, extent.y + 17
+    x, y = area.x + 14, area.y + 14
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(GLASS), 9.0)
     draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tool.label)
-    for row, line in enumerate(lines):
-        draw.add_text(ImVec2(x + 13 + shift, y + 8 + 19 * row), packed(INK), line)
+    _wrapped(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tool.hint, room)
     if tool.warning:
         _warning(tool.warning, draw, x, y + high + 6)
 
@@ -104,20 +103,23 @@ def _toasts(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-
 def _toast(draw, area: Area, toast: Toast, bottom: float) -> float:  # type: ignore[no-untyped-def]
     """One message above ``bottom``; its top."""
 
-    def measure(text: str) -> float:
-        return imgui.calc_text_size(text).x
-
-    lines = [(line, INK) for line in wrapped(toast.text, _WIDE, measure)]
-    lines += [(line, QUIET) for line in wrapped(toast.mend, _WIDE, measure)]
-    wide = max(measure(line) for line, _ in lines) + 34
-    high = 20 * len(lines) + 16
-    left, top = area.x + 14, bottom - high
+    texts = [(text, colour) for text, colour in ((toast.text, INK), (toast.mend, QUIET)) if text]
+    extents = [imgui.calc_text_size(text, wrap_width=_WIDE) for text, _ in texts]
+    wide = max(extent.x for extent in extents) + 34
+    left, top = area.x + 14, bottom - sum(extent.y for extent in extents) - 16
     seen = min(toast.left / 0.6, 1.0)
     draw.add_rect_filled(
         ImVec2(left, top), ImVec2(left + wide, bottom), packed((*GLASS[:3], 0.85), seen), 9.0
     )
     tint = packed(BAD if toast.bad else GOOD, seen)
     draw.add_rect_filled(ImVec2(left + 7, top + 9), ImVec2(left + 10, bottom - 9), tint, 2.0)
-    for row, (line, colour) in enumerate(lines):
-        draw.add_text(ImVec2(left + 20, top + 8 + 20 * row), packed(colour, seen), line)
+    line = top + 8
+    for (text, colour), extent in zip(texts, extents, strict=True):
+        _wrapped(draw, ImVec2(left + 20, line), packed(colour, seen), text, _WIDE)
+        line += extent.y
     return top
+
+
+def _wrapped(draw, at: ImVec2, colour: int, text: str, width: float) -> None:  # type: ignore[no-untyped-def]
+    """Draw text in lines of a width at most."""
+    draw.add_text(imgui.get_font(), imgui.get_font_size(), at, colour, text, width)

@@ -10,7 +10,8 @@ from enliven.arrays import Float32
 from enliven_viewer.render import PLAIN, Renderer, Scene, linear_from_srgb
 from enliven_viewer.render.overlay import Tubes, tube_rows
 from enliven_viewer.studio.performer.performer_view import PerformerFigure
-from enliven_viewer.studio.viewport import FADED, HOVERED, Lens, point_colour
+from enliven_viewer.studio.viewport import Lens
+from enliven_viewer.theme import FADED, HOVERED, point_colour
 
 _LIMB = 0.026
 """Radius of a limb as a share of the performer's height."""

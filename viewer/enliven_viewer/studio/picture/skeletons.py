@@ -9,18 +9,8 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
-from enliven_viewer.studio.viewport import (
-    BONE,
-    CHAINED,
-    CHOSEN,
-    FADED,
-    HOVERED,
-    ROOT,
-    Lens,
-    Overlay,
-    PosedShape,
-    Selection,
-)
+from enliven_viewer.studio.viewport import Lens, Overlay, PosedShape, Selection
+from enliven_viewer.theme import BONE, CHAINED, CHOSEN, FADED, HOVERED, ROOT
 
 _BONE = 2.3
 """Pixels, radius of a bone at its parent: thin, so that the mesh is seen."""

@@ -13,7 +13,8 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
-from enliven_viewer.studio.viewport import AXES, HELD_AXIS, Colour, Disc, Fill, Lens, Line, Point
+from enliven_viewer.studio.viewport import Disc, Fill, Lens, Line, Point
+from enliven_viewer.theme import AXES, HELD_AXIS, Colour
 
 LENGTH = 84.0
 """Pixels of an arrow."""

@@ -8,7 +8,8 @@ from enliven.arrays import Float32
 from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
 from enliven_viewer.studio.puppets.stage import StandingPuppet
-from enliven_viewer.studio.viewport import Lens, Point, point_colour
+from enliven_viewer.studio.viewport import Lens, Point
+from enliven_viewer.theme import point_colour
 
 GHOST_RADIUS = 7.0
 """Pixels, radius of a suggestion's ring: larger than a control point, which may be put there."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from enliven.arrays import Float32, Int32
 from enliven_viewer.render.gl import UNITS, RenderTarget, load_program
-from enliven_viewer.studio.viewport import GHOST, WARNING
+from enliven_viewer.theme import GHOST, WARNING
 
 _LINE = 2.0
 """Pixels."""

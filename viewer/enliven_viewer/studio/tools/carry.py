@@ -7,10 +7,10 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project
 from enliven.modeling.edits import merge_characters, move_character
-from enliven_viewer.live import GOOD, INK
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.drag import CharacterDrag
-from enliven_viewer.studio.viewport import STROKE, Disc, Hit, Label, Line, Overlay, bone_at, joint_at
+from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone_at, joint_at
+from enliven_viewer.theme import GOOD, INK, STROKE
 
 
 class CarryTool(Tool):

@@ -10,7 +10,8 @@ from enliven.modeling.edits import cut_character
 from enliven.modeling.mesh import StrokeCut
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport import CUT, Disc, Hit, Line, Overlay, Point, crossings
+from enliven_viewer.studio.viewport import Disc, Hit, Line, Overlay, Point, crossings
+from enliven_viewer.theme import CUT
 
 _APART = 3.0
 """Pixels between two points of a stroke."""

@@ -6,7 +6,8 @@ from enliven.document import Project
 from enliven.modeling.rigged import insert_node, remove_node
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport import CUT, STROKE, Disc, Hit, Overlay, bone_at, joint_at
+from enliven_viewer.studio.viewport import Disc, Hit, Overlay, bone_at, joint_at
+from enliven_viewer.theme import CUT, STROKE
 
 
 class InsertTool(Tool):

@@ -7,7 +7,6 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.puppets import (
     GHOST_RADIUS,
     POINT_RADIUS,
@@ -19,7 +18,8 @@ from enliven_viewer.studio.puppets import (
     partner_vertex,
 )
 from enliven_viewer.studio.tools.puppet_drag import PointDrag
-from enliven_viewer.studio.viewport import Colour, Disc, Fill, Label, Lens, Line, Point
+from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
+from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
 _WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
 """Names and rings around what is chosen: readable on every mesh."""

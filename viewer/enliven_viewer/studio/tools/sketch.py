@@ -7,10 +7,10 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, unused
 from enliven.modeling.sketching import SketchPlane, shape_from_stroke
-from enliven_viewer.live import GOOD
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport import STROKE, Disc, Line, Overlay, Point
+from enliven_viewer.studio.viewport import Disc, Line, Overlay, Point
+from enliven_viewer.theme import GOOD, STROKE
 
 _APART = 4.0
 """Pixels between two points of a stroke."""

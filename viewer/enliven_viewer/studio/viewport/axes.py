@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven_viewer.studio.viewport.overlay import Disc, Label, Line, Point
 from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.theme import AXES, Colour
+from enliven_viewer.theme import AXES, Colour
 
 _LENGTH = 24.0
 """Pixels."""

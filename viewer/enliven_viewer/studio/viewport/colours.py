@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.document import Character
-from enliven_viewer.studio.viewport.theme import DEFAULT_COLOURS
+from enliven_viewer.theme import DEFAULT_COLOURS
 
 
 def default_colour(shape_id: str) -> tuple[int, int, int]:

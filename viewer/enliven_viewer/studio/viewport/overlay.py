@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven_viewer.studio.viewport.theme import Colour
+from enliven_viewer.theme import Colour
 
 Point = tuple[float, float]
 

@@ -30,11 +30,6 @@ class Players:
         return known if known is not None and known[0] is shape else (shape, Player(project, shape.id))
 
 
-def posed_shape(project: Project, shape_id: str, time: float) -> PosedShape:
-    """One shape at a time of the project, seconds."""
-    return _posed(Player(project, shape_id), time)
-
-
 def length_of(project: Project, shortest: float) -> float:
     """Seconds that the project plays: until each layer was played once, at least ``shortest``.
 

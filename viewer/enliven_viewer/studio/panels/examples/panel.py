@@ -7,14 +7,13 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven.examples import missing
 from enliven.modeling.edits import rename_character
-from enliven_viewer.live import ACCENT, BAD, GOOD, INK, QUIET
 from enliven_viewer.studio.panels.examples.motion import draw_held, draw_layer
 from enliven_viewer.studio.panels.examples.points import draw_points
 from enliven_viewer.studio.panels.examples.settings import draw_settings
 from enliven_viewer.studio.panels.style import packed, panel, small, tinted
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.viewport import RAISED, Colour
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
 _BACK = "\uf060"
 _PAD = 10.0

@@ -8,13 +8,12 @@ from enliven.document import ControlPoint, Project, Puppet
 from enliven.examples import guess_joints
 from enliven.modeling.mesh import extremities
 from enliven.modeling.puppet import change_point, set_symmetry
-from enliven_viewer.live import ACCENT, INK, QUIET
 from enliven_viewer.studio.examples import turned_a_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding
 from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
 from enliven_viewer.studio.puppets import plane_for
-from enliven_viewer.studio.viewport import RAISED, point_colour
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, point_colour
 
 _ROW = 24.0
 """Pixels from one control point of the list to the next: a line of text with room to click."""

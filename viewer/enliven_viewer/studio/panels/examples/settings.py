@@ -9,8 +9,8 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven_viewer.studio.examples import with_default_settings, with_setting
 from enliven_viewer.studio.panels.style import tinted
-from enliven_viewer.studio.viewport import PRESSED, RAISED
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import PRESSED, RAISED
 
 _NUMBERS = (
     ("surface", "squash_and_stretch", "squash and stretch", 0.0, 1.0, ""),

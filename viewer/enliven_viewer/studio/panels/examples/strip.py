@@ -6,14 +6,14 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven.modeling.puppet import remove_key_pose
-from enliven_viewer.live import ACCENT, GLASS, GOOD, INK, QUIET, time_text
+from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.viewport import CHAIN, DARK, LINE, RAISED
 from enliven_viewer.studio.workspace import Workspace, begin_pose, edit_pose
+from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED
 
 TILE = ImVec2(88, 80)
 _PLUS = "\uf067"

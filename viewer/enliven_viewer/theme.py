@@ -1,11 +1,31 @@
-"""The studio's colours: the viewer's glass and amber, on the renderer's dusk."""
+"""The typeface and the colours of the window and the studio: glass and amber, on the renderer's dusk."""
 
 from __future__ import annotations
 
-from enliven_viewer.live import ACCENT, BAD, GLASS, GOOD, INK, QUIET, WAIT
+FONT = "fonts/Roboto/Roboto-Regular.ttf"
+"""The typeface, as ImGui's bundle brings it."""
 
 Colour = tuple[float, float, float, float]
 """sRGB and opacity, 0..1 each."""
+
+INK: Colour = (0.95, 0.96, 0.98, 0.96)
+"""Text: bright on the dark panels."""
+QUIET: Colour = (0.78, 0.81, 0.86, 0.85)
+"""Text of less weight."""
+GLASS: Colour = (0.05, 0.06, 0.085, 0.58)
+"""Panels over the picture: dark enough to read on, and the stage shows through."""
+ACCENT: Colour = (1.0, 0.69, 0.30, 1.0)
+"""Amber: what is active or live."""
+GOOD: Colour = (0.42, 0.86, 0.56, 1.0)
+"""Green: all is well."""
+WAIT: Colour = (1.0, 0.74, 0.30, 1.0)
+"""Yellow: a warning, or something that is waited for."""
+BAD: Colour = (1.0, 0.36, 0.33, 1.0)
+"""Red: an error."""
+TRACK: Colour = (1.0, 1.0, 1.0, 0.20)
+"""The part of the timeline that was not played yet."""
+FAINT: Colour = (0.78, 0.81, 0.86, 0.42)
+"""Bones that no limb of the performer drives."""
 
 PANEL: Colour = (0.082, 0.092, 0.115, 1.0)
 """Panels: darker than the stage, so that the work is the brightest."""
@@ -82,6 +102,3 @@ POINTS = (
 def point_colour(number: int) -> tuple[int, int, int]:
     """The sRGB of a control point, by its number on the puppet."""
     return POINTS[number % len(POINTS)]
-
-
-__all__ = ["ACCENT", "BAD", "GLASS", "GOOD", "INK", "QUIET", "WAIT"]

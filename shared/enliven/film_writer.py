@@ -1,0 +1,111 @@
+"""Writes pictures as an MP4 file with PyAV, in H.264 where there is an encoder for it."""
+
+from __future__ import annotations
+
+import logging
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import UInt8
+from enliven.errors import ResourceError
+from enliven.film_encoders import AUTO, choose_encoder
+
+log = logging.getLogger(__name__)
+
+
+class FilmWriter:
+    """An MP4 file that grows picture by picture; ``with`` completes it, or removes it where it has none.
+
+    Args:
+        path: of the .mp4 file; its folder is made.
+        size: width and height in pixels, or None for those of the first picture; an odd one loses its last
+            row or column (4:2:0 needs even sizes).
+        rate: pictures a second.
+        bit_rate: Mbit/s, for encoders that are not told a quality.
+        encoder: the name of one of :data:`enliven.film_encoders.ENCODERS`, or "auto".
+
+    Raises:
+        ResourceError: where PyAV is missing, the file cannot be written, or there is no such encoder.
+    """
+
+    def __init__(
+        self, path: Path, size: tuple[int, int] | None, rate: float, bit_rate: float, encoder: str = AUTO
+    ) -> None:
+        self._av = _pyav()
+        self.path, self.count, self.codec = path, 0, ""
+        self._rate, self._bit_rate, self._encoder = Fraction(rate).limit_denominator(1001), bit_rate, encoder
+        if size is not None:
+            self._choose(size)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = self._av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
+        except OSError as error:
+            raise ResourceError(
+                f"the film cannot be written ({error.strerror})",
+                where=str(path),
+                mend="Choose another place for it.",
+            ) from None
+
+    def _choose(self, size: tuple[int, int]) -> None:
+        """Chooses the encoder for pictures of a size."""
+        self.width, self.height = size[0] // 2 * 2, size[1] // 2 * 2
+        chosen = choose_encoder(self._av, (self.width, self.height), self._encoder)
+        self.codec, self._options = chosen.name, dict(chosen.options)
+        if self._encoder == AUTO and chosen.format != "H.264":
+            log.warning("there is no H.264 encoder here, so %s is %s", self.path, chosen.format)
+
+    def _begin(self) -> None:
+        """Adds the stream of pictures to the file."""
+        self._stream = self._file.add_stream(self.codec, rate=self._rate, options=self._options)
+        self._stream.width, self._stream.height = self.width, self.height
+        self._stream.pix_fmt = "yuv420p"
+        if not self._options:
+            self._stream.bit_rate = int(self._bit_rate * 1e6)
+
+    def add(self, picture: UInt8) -> None:
+        """Append one sRGB picture, (H, W, 3) or with a fourth channel that does not count, in any strides."""
+        if not self.codec:
+            self._choose((picture.shape[1], picture.shape[0]))
+        if not self.count:
+            self._begin()
+        rows = picture[: self.height, : self.width]
+        frame = self._av.VideoFrame(self.width, self.height, "rgb24" if rows.shape[2] == 3 else "rgb0")
+        plane = frame.planes[0]
+        filled = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
+        filled[: self.height, : rows.shape[2] * self.width] = rows.reshape(self.height, -1)
+        for packet in self._stream.encode(frame):
+            self._file.mux(packet)
+        self.count += 1
+
+    def close(self) -> None:
+        """Write the pictures that the encoder holds back, and the index."""
+        if self.count:
+            for packet in self._stream.encode():
+                self._file.mux(packet)
+        self._file.close()
+
+    def __enter__(self) -> FilmWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+        if not self.count:
+            self.path.unlink(missing_ok=True)
+
+
+def _pyav() -> Any:
+    try:
+        import av
+    except ImportError:
+        raise ResourceError(
+            "films need PyAV, which is not installed",
+            where="film",
+            mend='Install the extra: pip install "enliven-edge[film]"',
+        ) from None
+    return av
