@@ -56,7 +56,7 @@ class RigEdits(Protocol):
         """What it does at even times (T,), as a graph with its stream; and in words how far that is off."""
 
     def cut(
-        self, project: Project, character_id: str, stroke: CutSurface, time: float, notes: list[str], /
+        self, project: Project, name: str, stroke: CutSurface, time: float, /, *, notes: list[str]
     ) -> tuple[Project, tuple[str, ...]]:
         """Cut along a stroke, as it is seen at a time; the first of the parts keeps the id."""
 

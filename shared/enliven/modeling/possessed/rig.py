@@ -8,17 +8,15 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import (
-    Character,
     GraphPart,
     GraphShape,
-    Pose,
     PoseStream,
     Project,
     Ride,
     character_of_graph,
 )
 from enliven.errors import InputError
-from enliven.modeling.mesh import CutSurface, SeamSettings
+from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
 from enliven.modeling.rigged import Axes, moved_mesh
@@ -29,6 +27,9 @@ class GraphRig:
     """A deformation graph that plays what was recorded of it."""
 
     frames = 60.0
+    drawn = staticmethod(character_of_graph)
+    pose = staticmethod(pose_of_graph)
+    cut = staticmethod(cut_graph)
 
     def centre(self, shape: GraphShape) -> Float:
         """Its node 0 at rest."""
@@ -39,12 +40,6 @@ class GraphRig:
 
     def seen(self, project: Project, shape: GraphShape, time: float) -> Float:
         return graph_vertices(shape, *graph_pose(project, shape, time))
-
-    def drawn(self, shape: GraphShape) -> Character:
-        return character_of_graph(shape)
-
-    def pose(self, project: Project, shape: GraphShape, time: float) -> Pose:
-        return pose_of_graph(project, shape, time)
 
     def moved(self, shape: GraphShape, offset: Float, turn: Float, about: Float) -> GraphShape:
         """The rest stays, and what rides is carried along."""
@@ -110,12 +105,6 @@ class GraphRig:
         stream = PoseStream(stream_id, linear, positions, float(times[1] - times[0]))
         part = GraphPart(stream_id, np.arange(len(shape.positions)), offset=float(times[0]))
         return shape.with_playing(part), stream, ""
-
-    def cut(
-        self, project: Project, shape_id: str, stroke: CutSurface, time: float, notes: list[str]
-    ) -> tuple[Project, tuple[str, ...]]:
-        """The nodes go with the vertices that follow them."""
-        return cut_graph(project, shape_id, stroke, time, notes=notes)
 
     def merged(
         self,

@@ -9,7 +9,6 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.document import (
-    Character,
     GraphShape,
     Plane,
     Pose,
@@ -20,7 +19,7 @@ from enliven.document import (
     character_of_puppet,
 )
 from enliven.examples import in_world, pose_of_state
-from enliven.modeling.mesh import CutSurface, SeamSettings
+from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.puppet.baking import baked
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import state_at, surface_of_puppet
@@ -33,6 +32,8 @@ class PuppetRig:
     """Control points that example poses move; each frame of a bake solves its surface."""
 
     frames = 30.0
+    drawn = staticmethod(character_of_puppet)
+    cut = staticmethod(cut_puppet)
 
     def centre(self, puppet: Puppet) -> Float:
         """On the floor under the middle of the mesh at rest."""
@@ -46,9 +47,6 @@ class PuppetRig:
     def seen(self, project: Project, puppet: Puppet, time: float) -> Float:
         state = state_at(project, puppet, time)
         return in_world(puppet, state, surface_of_puppet(puppet).settle(state.places))
-
-    def drawn(self, puppet: Puppet) -> Character:
-        return character_of_puppet(puppet)
 
     def pose(self, project: Project, puppet: Puppet, time: float) -> Pose:
         return pose_of_state(puppet, state_at(project, puppet, time), round(time * 1e9))
@@ -91,12 +89,6 @@ class PuppetRig:
         rate, ids = 1.0 / float(times[1] - times[0]), (puppet.id, stream_id)
         graph, stream, error = baked(project, puppet, float(times[0]), float(times[-1]), rate, ids)
         return graph, stream, f", {error}"
-
-    def cut(
-        self, project: Project, puppet_id: str, stroke: CutSurface, time: float, notes: list[str]
-    ) -> tuple[Project, tuple[str, ...]]:
-        """Each part gets control points of its own; ``notes`` say how far its key poses are off."""
-        return cut_puppet(project, puppet_id, stroke, time, notes=notes)
 
     def merged(
         self,

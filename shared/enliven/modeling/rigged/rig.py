@@ -8,7 +8,6 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import (
-    Character,
     GraphPart,
     GraphShape,
     Layer,
@@ -19,7 +18,7 @@ from enliven.document import (
     character_of,
     unused,
 )
-from enliven.modeling.mesh import CutSurface, SeamSettings, posed_vertices
+from enliven.modeling.mesh import SeamSettings, posed_vertices
 from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bones_of, rebuilt
 from enliven.modeling.rigged.merging import merge
@@ -33,6 +32,8 @@ class ShapeRig:
     """A skeleton with skin."""
 
     frames = 60.0
+    drawn = staticmethod(character_of)
+    cut = staticmethod(cut_stroke)
 
     def centre(self, shape: Shape) -> Float:
         """Where its root is, as modeled."""
@@ -45,9 +46,6 @@ class ShapeRig:
         """The vertices; of a shape without a mesh, the joints."""
         turns, joints = posed(project, shape, time)
         return joints if shape.mesh is None else posed_vertices(shape, turns, joints)
-
-    def drawn(self, shape: Shape) -> Character:
-        return character_of(shape)
 
     def pose(self, project: Project, shape: Shape, time: float) -> Pose:
         return Player(project, shape.id).pose(time)
@@ -102,12 +100,6 @@ class ShapeRig:
         part = GraphPart(stream_id, np.arange(len(above)), offset=float(times[0]))
         pivots = shape.skeleton.positions[above]
         return GraphShape(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
-
-    def cut(
-        self, project: Project, shape_id: str, stroke: CutSurface, time: float, notes: list[str]
-    ) -> tuple[Project, tuple[str, ...]]:
-        """Bones are cut where the stroke crosses them."""
-        return cut_stroke(project, shape_id, stroke, time, notes=notes)
 
     def merged(
         self,
