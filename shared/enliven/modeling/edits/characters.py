@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float
+from enliven.arrays import AnyArray
 from enliven.document import AnyRig, Project, same, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import rig_of
@@ -202,7 +202,7 @@ def cut_character(
         InputError: where there is no such character, or the stroke cuts nothing off.
     """
     rig, told = rig_of(_named(project, character_id)), [] if notes is None else notes
-    return rig.cut(project, character_id, stroke, time, told)
+    return rig.cut(project, character_id, stroke, time, notes=told)
 
 
 def _named(project: Project, character_id: str) -> AnyRig:
@@ -221,9 +221,3 @@ def _with_takes_of(project: Project, source: Project, character: AnyRig) -> tupl
                 project = replace(project, **{held: {**here, take.id: take}})
             ids[name] = take.id
     return project, ids
-
-
-def centre_of(project: Project, character_id: str) -> Float:
-    """(3,) metres in the world: what a character is turned, scaled and mirrored about."""
-    character = _named(project, character_id)
-    return rig_of(character).centre(character)

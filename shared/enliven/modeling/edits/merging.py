@@ -1,13 +1,22 @@
-"""Two characters made one at a moment, of any rigs."""
+"""Two characters made one at a moment, of one rig or of two."""
 
 from __future__ import annotations
 
-from enliven.document import Project
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import AnyRig, GraphShape, Project, unused
 from enliven.errors import InputError
-from enliven.modeling.edits.rigs import rig_of
+from enliven.modeling.edits.rigs import RIGS, rig_of
 from enliven.modeling.mesh import SeamSettings
 
 _SEAM = SeamSettings()
+_LONGEST = 20.0
+"""Seconds after the merge for which loops of unlike lengths, or over the ground, are recorded."""
+_SAME = 1e-6
+"""Metres within which a loop ends where it began: rounding."""
 
 
 def merge_characters(
@@ -24,15 +33,21 @@ def merge_characters(
 ) -> Project:
     """A project with one character put onto another where the two are at ``time``; they are one from then on.
 
-    At ``time`` both stay where they are, and both go on moving.
+    At ``time`` both stay where they are, and both go on moving; the graft rides on the host.
+
+    Two of one rig stay of that rig. Of two rigs the result is a deformation graph, in which each side is a
+    part with a time of its own. A graph is kept as it is; the bones of a skeleton become its nodes, exact at
+    60 frames a second and at ``time``; a puppet is baked, with an error that ``notes`` say. What is recorded
+    like that has no joints to pose and no key poses any more (undo brings them back). It plays until each
+    take was played once; a loop goes on for ever where it ends as it began, and else for 20 seconds.
 
     Args:
         node: what the graft rides on: a joint of the host, by number or name, or a node of its graph; None
             takes the nearest.
-        at: where on the host's bone that ends at ``node``: 1 is its end.
+        at: where on the host's bone that ends at ``node``, where both have bones: 1 is its end.
         loose: where no union of the meshes can be made, put both shells into one mesh.
         seam: how the seam is smoothed.
-        notes: takes sentences about how the meshes were united.
+        notes: takes sentences about how the meshes were united, and what was recorded.
 
     Raises:
         InputError: for a character merged with itself, a node that is not there, or meshes without a union.
@@ -42,8 +57,41 @@ def merge_characters(
         mend = "Copy it first."
         raise InputError("a character cannot be merged with itself", where=host.where, mend=mend)
     told = [] if notes is None else notes
-    if host.kind != graft.kind:
-        what = f"{graft.where} cannot be merged with {host.where}"
-        raise InputError(what, where="merge", mend="Bake one of them first.")
     rig = rig_of(project.characters[host_id])
+    if host.kind != graft.kind:
+        if isinstance(node, str):
+            node = rig.node(project.characters[host_id], node)
+        for name in (host_id, graft_id):
+            project = recorded(project, name, time, told)
+        rig = RIGS[GraphShape.kind]
     return rig.merged(project, host_id, graft_id, time, node, at, loose, seam, told)
+
+
+def recorded(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
+    """A project in which a character is a graph that plays what it did; a graph stays as it is."""
+    character = project.characters[character_id]
+    if isinstance(character, GraphShape):
+        return project
+    times, looped = _frames(project, character, time)
+    stream_id = unused(character_id, project.streams)
+    graph, stream, note = rig_of(character).as_graph(project, character, times, stream_id)
+    if looped:
+        graph = graph.with_playing(*(replace(part, loop=True) for part in graph.parts))
+    notes.append(f"{character.where} was recorded from {times[0]:.2f} s to {times[-1]:.2f} s{note}.")
+    return project.with_streams(stream).with_characters(graph)
+
+
+def _frames(project: Project, character: AnyRig, time: float) -> tuple[Float, bool]:
+    """(T,) even seconds that hold all of a character's motion, ``time`` among them; and whether they loop."""
+    rig = rig_of(character)
+    heard = [layer for layer in character.playing if not layer.muted]
+    rounds = [layer.lasting(project.length_of(layer)) for layer in heard if layer.loop]
+    if rounds and len(rounds) == len(heard) and np.ptp(rounds) < 1e-9 and rounds[0] > 0.0:
+        first, last = (rig.pose(project, character, at).positions for at in (time, time + rounds[0]))
+        if np.abs(first - last).max() < _SAME:
+            count = max(round(rounds[0] * rig.frames), 2)
+            return np.asarray(time + rounds[0] / count * np.arange(count + 1, dtype=np.float64)), True
+    start = min([time, *(layer.offset for layer in heard)])
+    end = max([time, project.end_of(character), *([time + _LONGEST] if rounds else [])])
+    before, after = np.ceil((time - start) * rig.frames), max(np.ceil((end - time) * rig.frames), 1.0)
+    return np.asarray(time + np.arange(-before, after + 1.0) / rig.frames), False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from enliven.arrays import Float
-from enliven.document import AnyRig, Character, GraphShape, Pose, Project, Puppet, Shape
+from enliven.document import AnyRig, Character, GraphShape, Pose, PoseStream, Project, Puppet, Shape
 from enliven.modeling.mesh import CutSurface, SeamSettings
 from enliven.modeling.possessed import GraphRig
 from enliven.modeling.puppet import PuppetRig
@@ -19,6 +19,9 @@ class RigEdits(Protocol):
     turn (x - about) + about + offset, those of ``scaled`` at c + factor (x - c), and those of ``mirrored``
     at c + M (x - c), with x where the vertices were.
     """
+
+    frames: float
+    """A second, that :meth:`as_graph` is asked for: so many that between two of them no error is seen."""
 
     def centre(self, character: Any, /) -> Float:
         """(3,) metres in the world: what it is turned, scaled and mirrored about."""
@@ -44,8 +47,16 @@ class RigEdits(Protocol):
     def mirrored(self, project: Project, character: Any, axes: Axes, /) -> Any:
         """Reflected by ``axes``; left and right of its motion are exchanged with it."""
 
+    def node(self, character: Any, name: str, /) -> int:
+        """The number of the transform that a name stands for."""
+
+    def as_graph(
+        self, project: Project, character: Any, times: Float, stream_id: str, /
+    ) -> tuple[GraphShape, PoseStream, str]:
+        """What it does at even times (T,), as a graph with its stream; and in words how far that is off."""
+
     def cut(
-        self, project: Project, character_id: str, stroke: CutSurface, time: float, notes: list[str], /
+        self, project: Project, name: str, stroke: CutSurface, time: float, /, *, notes: list[str]
     ) -> tuple[Project, tuple[str, ...]]:
         """Cut along a stroke, as it is seen at a time; the first of the parts keeps the id."""
 

@@ -7,9 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Character, GraphShape, Pose, Project, Ride, character_of_graph
+from enliven.document import (
+    GraphPart,
+    GraphShape,
+    PoseStream,
+    Project,
+    Ride,
+    character_of_graph,
+)
 from enliven.errors import InputError
-from enliven.modeling.mesh import CutSurface, SeamSettings
+from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
 from enliven.modeling.rigged import Axes, moved_mesh
@@ -19,21 +26,22 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 class GraphRig:
     """A deformation graph that plays what was recorded of it."""
 
+    frames = 60.0
+    drawn = staticmethod(character_of_graph)
+    pose = staticmethod(pose_of_graph)
+    cut = staticmethod(cut_graph)
+
     def centre(self, shape: GraphShape) -> Float:
         """Its node 0 at rest."""
         return np.asarray(shape.positions[0])
 
     def rest(self, shape: GraphShape) -> Float:
+        """(V, 3) metres: its vertices at rest; of a skeleton without a mesh, its joints."""
         return shape.mesh.vertices
 
     def seen(self, project: Project, shape: GraphShape, time: float) -> Float:
+        """(V, 3) metres: its vertices at a time of the project; of a skeleton without a mesh, its joints."""
         return graph_vertices(shape, *graph_pose(project, shape, time))
-
-    def drawn(self, shape: GraphShape) -> Character:
-        return character_of_graph(shape)
-
-    def pose(self, project: Project, shape: GraphShape, time: float) -> Pose:
-        return pose_of_graph(project, shape, time)
 
     def moved(self, shape: GraphShape, offset: Float, turn: Float, about: Float) -> GraphShape:
         """The rest stays, and what rides is carried along."""
@@ -86,11 +94,19 @@ class GraphRig:
         positions = centre + axes.vectors(shape.positions - centre)
         return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts))
 
-    def cut(
-        self, project: Project, shape_id: str, stroke: CutSurface, time: float, notes: list[str]
-    ) -> tuple[Project, tuple[str, ...]]:
-        """The nodes go with the vertices that follow them."""
-        return cut_graph(project, shape_id, stroke, time, notes=notes)
+    def node(self, shape: GraphShape, name: str) -> int:
+        """Nodes have no names."""
+        raise InputError(f"there is no node {name!r}", where=shape.where, mend="Nodes have numbers.")
+
+    def as_graph(
+        self, project: Project, shape: GraphShape, times: Float, stream_id: str
+    ) -> tuple[GraphShape, PoseStream, str]:
+        """All parts in one stream, as they are at the times."""
+        poses = [graph_pose(project, shape, float(time)) for time in times]
+        linear, positions = (np.stack(each) for each in zip(*poses, strict=True))
+        stream = PoseStream(stream_id, linear, positions, float(times[1] - times[0]))
+        part = GraphPart(stream_id, np.arange(len(shape.positions)), offset=float(times[0]))
+        return shape.with_playing(part), stream, ""
 
     def merged(
         self,
@@ -106,6 +122,5 @@ class GraphRig:
     ) -> Project:
         """The graft rides on a node of the host."""
         if isinstance(node, str):
-            where = project.graph(host_id).where
-            raise InputError(f"there is no node {node!r}", where=where, mend="Nodes have numbers.")
+            node = self.node(project.graph(host_id), node)
         return merge_graphs(project, host_id, graft_id, time, node=node, loose=loose, seam=seam, notes=notes)

@@ -2,7 +2,6 @@ from .baking import bake_puppet, frame_times, graph_of
 from .edits import make_puppet
 from .layers import change_layer, play_take, remove_layer
 from .merge import merge_puppets
-from .parts import surface_of_puppet
 from .points import add_point, change_point, remove_point
 from .poses import add_key_pose, change_key_pose, mirror_key_pose, remove_key_pose, set_symmetry
 from .rig import PuppetRig
@@ -29,5 +28,4 @@ __all__ = [
     "remove_point",
     "set_symmetry",
     "suggested_puppet",
-    "surface_of_puppet",
 ]

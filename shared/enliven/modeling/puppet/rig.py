@@ -8,9 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document import Character, Plane, Pose, Project, Puppet, PuppetLayer, character_of_puppet
+from enliven.document import (
+    GraphShape,
+    Plane,
+    Pose,
+    PoseStream,
+    Project,
+    Puppet,
+    PuppetLayer,
+    character_of_puppet,
+)
 from enliven.examples import in_world, pose_of_state
-from enliven.modeling.mesh import CutSurface, SeamSettings
+from enliven.modeling.mesh import SeamSettings
+from enliven.modeling.puppet.baking import baked
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import state_at, surface_of_puppet
 from enliven.modeling.puppet.surgery import cut_puppet
@@ -19,7 +29,11 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
 class PuppetRig:
-    """Control points that example poses move."""
+    """Control points that example poses move; each frame of a bake solves its surface."""
+
+    frames = 30.0
+    drawn = staticmethod(character_of_puppet)
+    cut = staticmethod(cut_puppet)
 
     def centre(self, puppet: Puppet) -> Float:
         """On the floor under the middle of the mesh at rest."""
@@ -28,16 +42,16 @@ class PuppetRig:
         return np.asarray(rotate(puppet.turn, middle) + puppet.place)
 
     def rest(self, puppet: Puppet) -> Float:
+        """(V, 3) metres: its vertices at rest; of a skeleton without a mesh, its joints."""
         return puppet.mesh.vertices
 
     def seen(self, project: Project, puppet: Puppet, time: float) -> Float:
+        """(V, 3) metres: its vertices at a time of the project; of a skeleton without a mesh, its joints."""
         state = state_at(project, puppet, time)
         return in_world(puppet, state, surface_of_puppet(puppet).settle(state.places))
 
-    def drawn(self, puppet: Puppet) -> Character:
-        return character_of_puppet(puppet)
-
     def pose(self, project: Project, puppet: Puppet, time: float) -> Pose:
+        """The transforms of those pivots at a time of the project."""
         return pose_of_state(puppet, state_at(project, puppet, time), round(time * 1e9))
 
     def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
@@ -68,11 +82,17 @@ class PuppetRig:
             place=stood + axes.vectors(puppet.place - stood),
         )
 
-    def cut(
-        self, project: Project, puppet_id: str, stroke: CutSurface, time: float, notes: list[str]
-    ) -> tuple[Project, tuple[str, ...]]:
-        """Each part gets control points of its own; ``notes`` say how far its key poses are off."""
-        return cut_puppet(project, puppet_id, stroke, time, notes=notes)
+    def node(self, puppet: Puppet, name: str) -> int:
+        """The number of the transform that a name stands for."""
+        return puppet.index(name)
+
+    def as_graph(
+        self, project: Project, puppet: Puppet, times: Float, stream_id: str
+    ) -> tuple[GraphShape, PoseStream, str]:
+        """Baked: nodes that follow the solved surface."""
+        rate, ids = 1.0 / float(times[1] - times[0]), (puppet.id, stream_id)
+        graph, stream, error = baked(project, puppet, float(times[0]), float(times[-1]), rate, ids)
+        return graph, stream, f", {error}"
 
     def merged(
         self,

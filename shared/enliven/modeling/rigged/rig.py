@@ -7,25 +7,40 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Character, Layer, Pose, Project, Shape, character_of, unused
-from enliven.modeling.mesh import CutSurface, SeamSettings, posed_vertices
+from enliven.document import (
+    GraphPart,
+    GraphShape,
+    Layer,
+    Pose,
+    PoseStream,
+    Project,
+    Shape,
+    character_of,
+    unused,
+)
+from enliven.modeling.mesh import SeamSettings, posed_vertices
 from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bones_of, rebuilt
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.posed import posed, with_travel_kept
 from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.motion.layers import Player
-from enliven.rotation import IDENTITY, multiply, normalized, rotate
+from enliven.rotation import IDENTITY, multiply, normalized, rotate, to_matrix
 
 
 class ShapeRig:
     """A skeleton with skin."""
+
+    frames = 60.0
+    drawn = staticmethod(character_of)
+    cut = staticmethod(cut_stroke)
 
     def centre(self, shape: Shape) -> Float:
         """Where its root is, as modeled."""
         return np.asarray(shape.skeleton.positions[0] + shape.place)
 
     def rest(self, shape: Shape) -> Float:
+        """(V, 3) metres: its vertices at rest; of a skeleton without a mesh, its joints."""
         return shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
 
     def seen(self, project: Project, shape: Shape, time: float) -> Float:
@@ -33,10 +48,8 @@ class ShapeRig:
         turns, joints = posed(project, shape, time)
         return joints if shape.mesh is None else posed_vertices(shape, turns, joints)
 
-    def drawn(self, shape: Shape) -> Character:
-        return character_of(shape)
-
     def pose(self, project: Project, shape: Shape, time: float) -> Pose:
+        """The transforms of those pivots at a time of the project."""
         return Player(project, shape.id).pose(time)
 
     def moved(self, shape: Shape, offset: Float, turn: Float, about: Float) -> Shape:
@@ -74,11 +87,22 @@ class ShapeRig:
         layers = tuple(axes.layer(layer) for layer in shape.layers)
         return with_travel_kept(project, shape, rebuilt(shape, bones, mesh=mesh, layers=layers))
 
-    def cut(
-        self, project: Project, shape_id: str, stroke: CutSurface, time: float, notes: list[str]
-    ) -> tuple[Project, tuple[str, ...]]:
-        """Bones are cut where the stroke crosses them."""
-        return cut_stroke(project, shape_id, stroke, time, notes=notes)
+    def node(self, shape: Shape, name: str) -> int:
+        """The number of the transform that a name stands for."""
+        return shape.skeleton.index(name)
+
+    def as_graph(
+        self, project: Project, shape: Shape, times: Float, stream_id: str
+    ) -> tuple[GraphShape, PoseStream, str]:
+        """Each bone becomes a node where it begins; skin and pose stay, and at the times nothing is off."""
+        drawn, mesh = character_of(shape), shape.mesh
+        assert mesh is not None
+        turns, joints = Player(project, shape.id).sample(times)
+        above = np.maximum(shape.skeleton.parents, 0)
+        stream = PoseStream(stream_id, to_matrix(turns), joints[:, above], float(times[1] - times[0]))
+        part = GraphPart(stream_id, np.arange(len(above)), offset=float(times[0]))
+        pivots = shape.skeleton.positions[above]
+        return GraphShape(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
 
     def merged(
         self,

@@ -94,7 +94,7 @@ class Player:
     def sample(self, times: AnyArray) -> tuple[Float, Float]:
         """(T, N, 4) turns D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
         times = _times(times)
-        turns, joints = self.free(times)
+        turns, joints = self._free(times)
         standing = self.standing()
         if standing is not None:
             first = standing.window.folded(times)
@@ -104,7 +104,9 @@ class Player:
 
     def free(self, times: AnyArray) -> tuple[Float, Float]:
         """As :meth:`sample`, with no foot pinned."""
-        times = _times(times)
+        return self._free(_times(times))
+
+    def _free(self, times: Float) -> tuple[Float, Float]:
         knots, skeleton = self._sampler.knots(times), self.shape.skeleton
         own, root = self._sampler.own(knots), self._travel.at(times)
         turns, joints = np.empty_like(own), np.empty((*own.shape[:2], 3))

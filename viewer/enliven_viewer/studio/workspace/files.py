@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.document import Project, Puppet, same, unused
+from enliven.document import Project, Puppet, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.examples import missing
 from enliven.exporters import exporter_of, performance_of
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, fit_height, load_mesh
+from enliven.modeling.edits import paste_character
 from enliven.modeling.puppet import make_puppet
 from enliven.takes import read_take
 from enliven_viewer.studio.editor import Editor
@@ -156,16 +157,12 @@ def _add_session(editor: Editor, path: Path) -> None:
     made: list[str] = []
 
     def add(project: Project) -> Project:
-        puppet, names = session.project.puppets[session.puppet], dict[str, str]()
-        for take in session.project.takes.values():
-            known = project.takes.get(take.id)
-            names[take.id] = take.id if known is None or same(known, take) else unused(take.id, project.takes)
-            project = project.with_takes(replace(take, id=names[take.id]))
-        everything = project.characters
-        made.append(unused(puppet.id, everything))
-        poses = tuple(replace(pose, take=names[pose.take]) for pose in puppet.poses)
-        layers = tuple(replace(layer, take=names[layer.take]) for layer in puppet.layers)
-        return project.with_characters(puppet.with_changes(id=made[-1], poses=poses, layers=layers))
+        project = project.with_takes(
+            *(t for t in session.project.takes.values() if t.id not in project.takes)
+        )
+        project, puppet = paste_character(project, session.project, session.puppet)
+        made.append(puppet)
+        return project
 
     if editor.edit(f"open {path.name}", add):
         editor.puppets.choose(made[-1])

@@ -1,0 +1,141 @@
+"""Characters of two rigs made one: nothing jumps at the moment, and both motions go on."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+from surgery_worlds import random_turns
+from test_character_laws import RIGS, WORLDS
+
+from enliven.document.possessed import GraphShape
+from enliven.document.project import Project
+from enliven.errors import InputError
+from enliven.formats.project.file import project_bytes, project_of
+from enliven.modeling.edits import (
+    change_layers,
+    cut_character,
+    merge_characters,
+    mirror_character,
+    move_character,
+    paste_character,
+    rig_of,
+    scale_character,
+    vertices_of,
+)
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
+from enliven.rotation import rotate
+
+BAKED = 0.02
+"""Share of a puppet's size by which it may be off when it is baked (BakeSettings): what the note says."""
+ROUNDED = 2e-3
+"""Metres between two frames of a recorded skeleton: rotations are mixed in proportion there."""
+FRAME = 1.0 / 60.0
+pairs = pytest.mark.parametrize(("host", "graft"), [(a, b) for a in RIGS for b in RIGS if a != b])
+
+
+def beside(host, graft, time):
+    """Both in one project, the graft so far to the right that the two do not touch."""
+    project, ours = paste_character(Project(), *WORLDS[host])
+    project, theirs = paste_character(project, *WORLDS[graft])
+    one, other = (vertices_of(project, name, time) for name in (ours, theirs))
+    away = one[:, 0].max() - other[:, 0].min() + 0.2
+    return move_character(project, theirs, [away, 0.0, 0.0]), ours, theirs
+
+
+def off(found, expected):
+    """Metres from each expected vertex to the nearest that there is, the farthest."""
+    return float(cKDTree(found).query(expected)[0].max())
+
+
+def within(rig, points):
+    return BAKED * float(np.linalg.norm(np.ptp(points, axis=0))) if rig == "points" else ROUNDED
+
+
+@pairs
+@settings(deadline=None, max_examples=1)
+@given(time=st.floats(0.2, 1.2), later=st.integers(-6, 40))
+def test_at_the_merge_nothing_jumps_the_host_goes_on_and_the_graft_rides(host, graft, time, later):
+    project, ours, theirs = beside(host, graft, time)
+    notes = []
+    merged = merge_characters(project, ours, theirs, time, loose=True, notes=notes)
+    assert list(merged.characters) == [ours] and isinstance(merged.characters[ours], GraphShape)
+    assert sum("was recorded" in note for note in notes) == 2 - (host == "graph") - (graft == "graph")
+    assert ("mm" in " ".join(notes)) == ("points" in (host, graft)), "the error of a baked puppet is said"
+    now, then = vertices_of(merged, ours, time), vertices_of(merged, ours, time + later * FRAME)
+    for name, rig in ((ours, host), (theirs, graft)):
+        seen = vertices_of(project, name, time)
+        assert off(now, seen) < (within(rig, seen) if rig == "points" else 1e-6)
+    seen = vertices_of(project, ours, time + later * FRAME)
+    assert off(then, seen) < within(host, seen)
+    # On a host that stands still, the graft does what it did alone.
+    count = len(project.characters[ours].playing)
+    still = change_layers(project, ours, range(count), muted=True)
+    merged = merge_characters(still, ours, theirs, time, loose=True)
+    seen = vertices_of(project, theirs, time + later * FRAME)
+    assert off(vertices_of(merged, ours, time + later * FRAME), seen) < within(graft, seen)
+
+
+def test_a_possessed_leg_grows_out_of_a_rigged_body():
+    """Where the surfaces meet they become one; it is cut, mirrored, scaled and stored as any other graph."""
+    project, ours, theirs = beside("bones", "graph", 0.5)
+    project = scale_character(project, theirs, 0.5)
+    shape = project.shape(ours)
+    tip = rig_of(shape).pose(project, shape, 0.5).positions[-1]
+    leg = vertices_of(project, theirs, 0.5)
+    nearest = leg[np.abs(leg[:, 0] - leg[:, 0].min()).argmin()]
+    project = move_character(project, theirs, tip - nearest - [0.12, 0.0, 0.0])
+    seen = [vertices_of(project, name, 0.5) for name in (ours, theirs)]
+    merged = merge_characters(project, ours, theirs, 0.5, node="arm 2", loose=True)
+    found = vertices_of(merged, ours, 0.5)
+    # Vertices inside of the other are gone, and those near the seam are smoothed; none is anywhere else.
+    assert off(np.concatenate(seen), found) < 0.1
+    assert merged.graph(ours).parts[1].ride.node == 2
+    low, high = found.min(0), found.max(0)
+    cut, parts = cut_character(merged, ours, PlaneCut((low + high) / 2, [1.0, 0, 0]), 0.5)
+    assert len(parts) == 2 and len(cut.characters) == 2
+    again = project_of(project_bytes(merged))
+    np.testing.assert_array_equal(vertices_of(again, ours, 0.9), vertices_of(merged, ours, 0.9))
+
+
+@settings(deadline=None, max_examples=8)
+@given(factor=st.floats(0.4, 2.5), time=st.floats(-0.5, 2.0), seed=st.integers(0, 99))
+def test_what_rides_is_scaled_mirrored_and_moved_with_its_host_at_every_time(factor, time, seed):
+    project, ours, theirs = beside("bones", "graph", 0.5)
+    merged = merge_characters(project, ours, theirs, 0.5, loose=True)
+    seen, random = vertices_of(merged, ours, time), np.random.default_rng(seed)
+    centre = rig_of(merged.characters[ours]).centre(merged.characters[ours])
+    scaled = vertices_of(scale_character(merged, ours, factor), ours, time)
+    np.testing.assert_allclose(scaled, centre + factor * (seen - centre), atol=1e-6)
+    normal = random.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    mirrored = vertices_of(mirror_character(merged, ours, normal), ours, time)
+    np.testing.assert_allclose(mirrored, seen - 2 * ((seen - centre) @ normal)[:, None] * normal, atol=1e-6)
+    turn, offset = random_turns(random), random.normal(size=3)
+    moved = vertices_of(move_character(merged, ours, offset, turn), ours, time)
+    np.testing.assert_allclose(moved, rotate(turn, seen) + offset, atol=1e-6)
+
+
+def test_a_loop_goes_on_for_ever():
+    source, name = WORLDS["bones"]
+    loop = source.shape(name).with_changes(travel=None)
+    project, ours = paste_character(source.with_characters(loop), *WORLDS["graph"])
+    project = change_layers(project, name, [0], loop=True, speed=2.0)
+    project = move_character(project, name, [9.0, 0.0, 0.0])
+    merged = merge_characters(project, name, ours, 0.3, loose=True)
+    (length,) = {layer.lasting(project.length_of(layer)) for layer in project.shape(name).layers}
+    assert merged.graph(name).parts[0].loop
+    for rounds in (-3, 5, 400):
+        at = 0.3 + 0.2 + rounds * length
+        assert off(vertices_of(merged, name, at), vertices_of(project, name, at)) < ROUNDED
+
+
+def test_what_cannot_be_merged_is_said():
+    project, ours, theirs = beside("bones", "points", 0.2)
+    bare = project.with_characters(project.shape(ours).with_changes(mesh=None, skin=None))
+    with pytest.raises(InputError, match="no mesh"):
+        merge_characters(bare, ours, theirs, 0.2, loose=True)
+    with pytest.raises(InputError, match="no joint"):
+        merge_characters(project, ours, theirs, 0.2, node="tail", loose=True)
+    with pytest.raises(InputError, match="no node 99"):
+        merge_characters(project, ours, theirs, 0.2, node=99, loose=True)
