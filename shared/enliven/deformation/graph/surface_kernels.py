@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Float, Int
+from enliven.heap import pop, push
 from enliven.kernels import njit
 from enliven.union_find import join, root_of
 
@@ -254,17 +255,17 @@ def spread(offsets, neighbours, lengths, sources):  # type: ignore[no-untyped-de
     size = np.int64(0)
     for s in sources:
         metres[s], owner[s] = 0.0, s
-        size = _push(keys, items, size, 0.0, s)
+        size = push(keys, items, size, 0.0, s)
     while size > 0:
         length, v = keys[0], items[0]
-        size = _pop(keys, items, size)
+        size = pop(keys, items, size)
         if length > metres[v]:
             continue
         for e in range(offsets[v], offsets[v + 1]):
             u = neighbours[e]
             if length + lengths[e] < metres[u]:
                 metres[u], owner[u] = length + lengths[e], owner[v]
-                size = _push(keys, items, size, metres[u], np.int64(u))
+                size = push(keys, items, size, metres[u], np.int64(u))
     return metres, owner
 
 
@@ -336,11 +337,11 @@ def dijkstra_workspace(offsets, neighbours):  # type: ignore[no-untyped-def]
 def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):  # type: ignore[no-untyped-def]
     """Dijkstra from one source: how many points lie within ``limit``; ``reached`` has them, nearest first."""
     metres[source] = 0.0
-    size = _push(keys, items, np.int64(0), 0.0, source)
+    size = push(keys, items, np.int64(0), 0.0, source)
     settled = 0
     while size > 0:
         length, v = keys[0], items[0]
-        size = _pop(keys, items, size)
+        size = pop(keys, items, size)
         if length > metres[v]:
             continue
         reached[settled] = v
@@ -350,7 +351,7 @@ def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, ite
             further = length + lengths[e]
             if further < metres[u] and further <= limit:
                 metres[u] = further
-                size = _push(keys, items, size, further, np.int64(u))
+                size = push(keys, items, size, further, np.int64(u))
     return settled
 
 
@@ -361,35 +362,3 @@ def _longer(array, needed):  # type: ignore[no-untyped-def]
     for i in range(array.shape[0]):
         out[i] = array[i]
     return out
-
-
-@njit(cache=True, nogil=True)
-def _push(keys, items, size, key, item):  # type: ignore[no-untyped-def]
-    """Add to a binary heap in two arrays; returns the new size."""
-    i = size
-    while i > 0:
-        parent = (i - 1) // 2
-        if keys[parent] <= key:
-            break
-        keys[i], items[i] = keys[parent], items[parent]
-        i = parent
-    keys[i], items[i] = key, item
-    return size + 1
-
-
-@njit(cache=True, nogil=True)
-def _pop(keys, items, size):  # type: ignore[no-untyped-def]
-    """Take the smallest key off the heap; returns the new size."""
-    size -= 1
-    key, item = keys[size], items[size]
-    i = 0
-    while 2 * i + 1 < size:
-        child = 2 * i + 1
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if key <= keys[child]:
-            break
-        keys[i], items[i] = keys[child], items[child]
-        i = child
-    keys[i], items[i] = key, item
-    return size
