@@ -1,6 +1,7 @@
 from .appearance import EstimateAtPoints, estimate_at_points, facing, turned_about
-from .detection import cost, detect, detect_another, estimates_by_facing, quality
+from .detection import detect, detect_another, estimates_by_facing
 from .facing_side import Facing
+from .fit_quality import cost, quality
 from .posing import aligned_to
 from .recovery import PoseRecovery
 

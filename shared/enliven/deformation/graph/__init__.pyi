@@ -1,8 +1,8 @@
+from .geodesic_kernels import dijkstra_workspace, settle_within, ways
 from .graph import DeformationGraph, character_from
 from .sampling import scatter
 from .stiffness import stiffness_at
 from .surface import SurfaceNet, net_of
-from .surface_kernels import dijkstra_workspace, settle_within, ways
 from .weights import insert
 
 __all__ = [
