@@ -4,27 +4,24 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from enliven.commands import parent_is_gone
-from enliven.document import Pose, Props
 from enliven.errors import EnlivenError, InputError, ResourceError
-from enliven.frames import BodyFrame, DepthFrame, Frame
+from enliven.frames import Frame
 from enliven.health import HealthState, Severity, worst_first
 from enliven.matching import ScreenView
-from enliven.person import Body
 from enliven.wire import Look, Possess
 from enliven_edge.controls import Controls, Lamps, lamps_of
-from enliven_edge.fusion.live import FusedFrame, FusedSensors
 from enliven_edge.network import FrameRate, Outlet
-from enliven_edge.sensors import Sensor, SensorFault, condition_of
-from enliven_edge.stage import Opening, Stage
+from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of
+from enliven_edge.stage import Opening, Stage, Tick
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
-from enliven_edge.tracking.output import Output
 
 if TYPE_CHECKING:
     from enliven_edge.physics import Playground
@@ -36,11 +33,12 @@ _PATIENCE = 0.1
 
 
 class Edge:
-    """One sensor (or several, fused), one tracker, one stage, one outlet.
+    """One sensor, one tracker, one stage, one outlet.
 
     Args:
         possess_at: seconds after the first frame at which the first performer takes hold, or None.
-        parts: the parts of the body that take hold then; those of several performers are divided by "/".
+        parts: the parts of the body that take hold then; those of several performers are divided by "/". One
+            text for all characters, or one each by their ids.
         stop_after: seconds of the sensor's clock after which the edge ends, or None.
         health: monitors the sensor and the tracking; None makes one.
         physics: loose things among the characters, or None.
@@ -56,7 +54,7 @@ class Edge:
         outlet: Outlet,
         *,
         possess_at: float | None = None,
-        parts: str = "all",
+        parts: str | Mapping[str, str] = "all",
         stop_after: float | None = None,
         health: HealthMonitor | None = None,
         physics: Playground | None = None,
@@ -72,7 +70,7 @@ class Edge:
         self._opening, self._stop_after = Opening(stage, possess_at, parts), stop_after
         self._first_ns: int | None = None
         self._stopped, self._once = False, once
-        self._by_depth = not isinstance(sensor, FusedSensors)
+        self._show()
 
     def run(self) -> None:
         """Serves until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone.
@@ -104,8 +102,6 @@ class Edge:
     def step(self, frame: Frame) -> None:
         """Takes one frame from the sensor to the viewers; a frame out of order is dropped."""
         read_ns, self._heard = time.time_ns(), time.monotonic()
-        if isinstance(frame, FusedFrame):
-            read_ns = frame.read_ns
         if not self.health.admit(frame, getattr(self.sensor, "fps", None)):
             self._end_at_fault()
             self.outlet.set_health(self._health_states())
@@ -113,13 +109,34 @@ class Edge:
         if self._is_over(frame):
             self.stop()
             return
-        bodies = self._bodies(frame)
-        looks = self.stage.uses_surface and isinstance(frame, DepthFrame)
-        poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces() if looks else None)
-        props = self._props(poses, bodies, frame.time_ns)
-        self.outlet.publish(frame, bodies, poses, self.stage.cues(), read_ns, props, self.stage.boards())
-        self.pace.took(read_ns, time.time_ns())
+        self._show()
+        self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
+        bodies = self.tracker.track(frame)
+        poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces)
+        tick = self._with_props(self.stage.tick(frame, poses, frame.read_ns or read_ns))
+        self.outlet.publish(tick)
+        self._judge(tick)
+
+    def _show(self) -> None:
+        """Tells viewers, the take and the physics of characters that came, changed or went."""
+        characters = self.stage.characters
+        self.outlet.show(characters)
+        if self.physics is not None:
+            self.physics.show(characters)
+
+    def _with_props(self, tick: Tick) -> Tick:
+        """Adds the loose things, where there are physics."""
+        return tick if self.physics is None else replace(tick, props=self.physics.step(tick))
+
+    def _judge(self, tick: Tick) -> None:
+        """Measures and judges a frame that was published, and says so in the heartbeat."""
+        frame, bodies, tracker = tick.frame, tick.bodies, self.tracker
+        self.pace.took(tick.read_ns, time.time_ns())
         self.frames += 1
+        place, state = tracker.world_from_camera, tracker.state
+        self.health.judge(frame, bodies, place, state)
+        if place is not None and state is not None:
+            self.health.judge_device(condition_of(self.sensor), place, state.floor_known)
         self.outlet.set_health(self._health_states())
         self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies), self.sensor.name)
         first = frame.time_ns if self._first_ns is None else self._first_ns
@@ -154,40 +171,15 @@ class Edge:
             self._first_ns = frame.time_ns
         return self._stop_after is not None and frame.time_ns - self._first_ns >= self._stop_after * 1e9
 
-    def _bodies(self, frame: Frame) -> list[Body]:
-        """Returns the people in the frame: tracked in depth, or as the sensor tracked them itself."""
-        self._output.latency = self.pace.latency_ms(50) * 1e-3
-        match frame:
-            case DepthFrame():
-                tracker = self.tracker
-                bodies = tracker.track(frame)
-                self.health.judge(frame, bodies, tracker.world_from_camera, tracker.state)
-                if tracker.world_from_camera is not None:
-                    known = tracker.state.floor_known
-                    self.health.judge_device(condition_of(self.sensor), tracker.world_from_camera, known)
-            case BodyFrame():
-                self._by_depth = False
-                fused = isinstance(self.sensor, FusedSensors)
-                bodies = frame.bodies if fused else self._output(frame.bodies, frame.time_ns)
-                self.health.judge(frame, bodies)
-        return bodies
-
-    def _props(self, poses: list[Pose], bodies: list[Body], time_ns: int) -> Props | None:
-        """Returns the loose things among them, where there are physics."""
-        if self.physics is None:
-            return None
-        return self.physics.step(poses, bodies, self.stage.holders, time_ns)
-
     def _wait(self) -> None:
         """Reports that no frame comes where that lasts."""
+        self._show()
         self.health.silent(time.monotonic() - self._heard)
         self.outlet.set_health(self._health_states())
 
     def _health_states(self) -> list[HealthState]:
-        """Returns the health states, with those of each of several sensors."""
-        if isinstance(self.sensor, FusedSensors):
-            return worst_first([*self.health.states, *self.sensor.health_states])
-        return self.health.states
+        """Returns the health states, with those that the sensor tells of itself."""
+        return worst_first([*self.health.states, *health_of(self.sensor)])
 
     def _listen(self) -> None:
         """Carries out the requests of viewers and controls; one that fails is refused with its reason."""
@@ -196,7 +188,7 @@ class Edge:
         self.outlet.poll_requests(
             possess=lambda asked: self._attempt(lambda: self._possess(asked)),
             release=lambda character, body: self._attempt(lambda: self.stage.release(character, body)),
-            smooth=lambda body, amount: self._attempt(lambda: self._output.smooth(body, amount)),
+            smooth=lambda body, amount: self._attempt(lambda: self.tracker.output.smooth(body, amount)),
             look=lambda asked: self._attempt(lambda: self._look(asked)),
             browse=lambda character, step: self._attempt(lambda: self.stage.browse(character, step)),
             lock=lambda on: self._attempt(lambda: self._lock(on)),
@@ -215,12 +207,6 @@ class Edge:
 
     def _lock(self, on: bool) -> None:
         """Keeps the cast from now on: only people who are followed now perform; or ends that."""
-        if not self._by_depth:
-            raise InputError(
-                "only the performers of one depth sensor can be locked",
-                where="edge",
-                mend="Give the space a zone instead, zone under [tracker.scene] in the settings.",
-            )
         if on:
             self.tracker.lock()
         else:
@@ -237,13 +223,6 @@ class Edge:
             self.stage.preview(asked.character, asked.body, asked.parts)
         else:
             self.stage.possess(asked.character, asked.body, asked.parts, asked.mode)
-
-    @property
-    def _output(self) -> Output:
-        """The filter of the bodies that are published."""
-        if isinstance(self.sensor, FusedSensors) and self.sensor.output is not None:
-            return self.sensor.output
-        return self.tracker.output
 
     @staticmethod
     def _attempt(action: Callable[[], None]) -> str:

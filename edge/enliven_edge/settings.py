@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from enliven.settings import setting
+from enliven.errors import InputError
+from enliven.settings import load_settings, setting
 from enliven_edge.controls import ControlSettings
 from enliven_edge.fusion import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks import ColourSettings
@@ -42,6 +44,19 @@ class WireSettings:
 
 
 @dataclass(frozen=True)
+class CharacterSettings:
+    """One of several characters, in a settings file: ``[characters.NAME]``."""
+
+    mesh: str = setting("chair", "A mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'.")
+    drive: Literal["", "graph", "skeleton"] = setting("", "What moves it; empty: as the setting drive says.")
+    parts: str = setting("", "What takes hold of it: legs, 'legs / torso', ...; empty: what suits the mesh.")
+
+
+CharacterChoice = tuple[str, CharacterSettings]
+"""A character that was asked for: its name, empty where that is to be found, and its settings."""
+
+
+@dataclass(frozen=True)
 class EdgeSettings:
     """The settings of the edge."""
 
@@ -59,6 +74,10 @@ class EdgeSettings:
     health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
     physics: PhysicsSettings = setting(PhysicsSettings, "Loose boxes and balls.")
     wire: WireSettings = setting(WireSettings, "The network.")
+    characters: dict[str, CharacterSettings] = field(
+        default_factory=dict,
+        metadata={"doc": "The characters by name, where the command line names none."},
+    )
     controls: dict[str, ControlSettings] = field(
         default_factory=dict, metadata={"doc": "Pedals, button panels and microphones, by name."}
     )
@@ -68,3 +87,32 @@ class EdgeSettings:
     space: str = setting("", "The file of enliven calibrate, for several sensors; beside this file.")
     calibration: CalibrationSettings = setting(CalibrationSettings, "How sensors are found, and how well.")
     fusion: FusionSettings = setting(FusionSettings, "How bodies of several sensors become one set.")
+
+
+def characters_of(
+    meshes: Sequence[str],
+    drives: Sequence[str],
+    parts: Sequence[str],
+    settings: Mapping[str, CharacterSettings],
+) -> list[CharacterChoice]:
+    """Returns the characters of the command line, else of the settings, else a chair.
+
+    Args:
+        meshes: as ``--mesh`` names them.
+        drives, parts: one for all characters, or one for each in their order.
+
+    Raises:
+        InputError: for another number of them, or a drive that is none.
+    """
+    chosen: list[CharacterChoice] = list(settings.items())
+    if meshes or not chosen:
+        chosen = [("", CharacterSettings(mesh)) for mesh in meshes or ("chair",)]
+    for option, given in (("drive", drives), ("parts", parts)):
+        if len(given) not in (0, 1, len(chosen)):
+            mend = f"Give one for all, or one for each of the {len(chosen)} characters in their order."
+            raise InputError(f"--{option} is given {len(given)} times", where="command line", mend=mend)
+        for k, word in enumerate(list(given) * len(chosen) if len(given) == 1 else given):
+            name, one = chosen[k]
+            checked = load_settings(CharacterSettings, {**vars(one), option: word}, where=f"--{option}")
+            chosen[k] = (name, checked)
+    return chosen

@@ -15,7 +15,7 @@ from typing import Any
 
 from enliven.errors import InputError
 from enliven.settings import setting
-from enliven_edge.sensors import Sensor, kept_open, sensor_names, sensor_opener
+from enliven_edge.sensors import Sensor, kept_open, sensor_advice, sensor_names, sensor_opener
 from enliven_edge.tracking import SceneSettings
 
 Value = bool | int | float | str
@@ -73,7 +73,7 @@ def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] |
         raise InputError(
             f"{what!r} is neither a sensor nor a recording",
             where="sensor",
-            mend=f"Known sensors: {', '.join(sensor_names())}.",
+            mend=sensor_advice(what),
         )
     path = {} if what == "replay" else {"path": what}
     return Source(called or None, "replay", {**(replay or {}), **path, **given})

@@ -37,6 +37,7 @@ HELP = """Step into any mesh and bring it alive.
   enliven graph HORSE.obj -o horse.png     what a mesh is possessed by
   enliven retarget WALK.bvh HORSE.glb -o out.glb   move a model by a motion
   enliven examples fit SESSION.toml -o out.glb     move a mesh by a few example poses
+  enliven export TAKE.mcap -o take.glb     what was performed, for other programs (.glb, .bvh, .mp4)
   enliven doctor                           what this machine lacks, and how to mend it
 
 A file in capitals is one of your own. Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an

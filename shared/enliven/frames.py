@@ -24,6 +24,7 @@ class DepthFrame:
         colour: (h, w, 3) uint8 sRGB, or None.
         world_from_camera: (4, 4) where the sensor stands, or None where it must be found from the floor.
         sequence: the sensor's own count of its images, or None where it has none.
+        read_ns: wall clock when it was read, where that was long before it was handed on; 0: it was not.
     """
 
     depth: UInt16
@@ -33,6 +34,7 @@ class DepthFrame:
     colour: UInt8 | None = None
     world_from_camera: Float | None = None
     sequence: int | None = None
+    read_ns: int = 0
 
     def __post_init__(self) -> None:
         expected = (self.intrinsics.height, self.intrinsics.width)
@@ -46,11 +48,21 @@ class DepthFrame:
 
 @dataclass(frozen=True)
 class BodyFrame:
-    """The bodies that a sensor, or a skeleton recording, saw at one moment (world frame)."""
+    """The bodies that a sensor, several of them or a skeleton recording saw at one moment.
+
+    Attributes:
+        bodies: world frame.
+        time_ns: the sensor's own clock, integer nanoseconds.
+        sensor: the sensor's identity.
+        world_from_camera: (4, 4) where the sensor stands, or None where that is not known.
+        read_ns: wall clock when it was read, where that was long before it was handed on; 0: it was not.
+    """
 
     bodies: list[Body]
     time_ns: int
     sensor: str
+    world_from_camera: Float | None = None
+    read_ns: int = 0
 
 
 Frame = DepthFrame | BodyFrame

@@ -1,5 +1,7 @@
 """Runs the benchmarks: all of them, or the one that is named. Prints a line a figure, adds it to bench.json.
 
+A run of all writes the table of docs/figures.md.
+
 A benchmark is a file bench_NAME.py here with ``figures() -> Iterator[Figure]``; bench_NAME_MORE.py belongs to
 it and runs with it.
 """
@@ -9,6 +11,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import sys
+from datetime import date
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -16,6 +19,7 @@ HELPERS = HERE.parent / "helpers"
 sys.path[:0] = [str(folder) for folder in (HERE, HELPERS, *sorted(HERE.iterdir())) if folder.is_dir()]
 
 from figure import Figure  # noqa: E402
+from figures_page import PAGE, this_machine, written  # noqa: E402
 
 RESULT = HERE.parents[1] / "bench.json"
 
@@ -28,10 +32,15 @@ def main(names: list[str]) -> int:
     if unknown:
         print(f"no benchmark called {', '.join(unknown)}; known: {', '.join(known)}", file=sys.stderr)
         return 2
+    figures: list[Figure] = []
     for name in dict.fromkeys(key for found in asked.values() for key in found) or known:
         for figure in _module(known[name]).figures():
             print(figure, flush=True)
             _keep(figure)
+            figures.append(figure)
+    if not names:
+        page = PAGE.read_text(encoding="utf-8")
+        PAGE.write_text(written(page, figures, this_machine(), date.today()), encoding="utf-8")
     return 0
 
 

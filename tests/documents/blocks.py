@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([ROOT / "README.md", *ROOT.glob("*/README.md"), *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("*/README.md"), *(ROOT / "docs").rglob("*.md")])
 TOOLS = ("enliven", "make", "pip", "sudo", ".", ".venv/bin/python")
 """First words of lines that are commands."""
 _REASON = re.compile(r"<!-- not run: (.+) -->")

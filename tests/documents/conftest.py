@@ -5,4 +5,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 TESTS = HERE.parent
-sys.path[:0] = [str(HERE), *(str(TESTS / part) for part in ("shared/mapping", "edge/importing"))]
+sys.path[:0] = [
+    str(HERE),
+    *(str(TESTS / part) for part in ("shared/mapping", "shared/exporters", "edge/importing")),
+]

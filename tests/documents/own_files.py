@@ -3,26 +3,37 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from made_bodies import bvh_text, horse, man, meshed, random_motion, spider
 from made_bvh import danced, write_bvh
+from made_recording import write_recording
 from PIL import Image
 from sample_meshes.cactus import make_cactus
 from sample_meshes.cactus_puppet import cactus_project
 from sample_meshes.chair import make_chair
 from test_import_skeletons import labanotation_row
 
+from enliven import cli
 from enliven.document.project import Project
+from enliven.document.rigged import character_of
 from enliven.example_sessions.text import write_session
-from enliven.exporters.gltf.write import performance_of, write_gltf
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import write_gltf
 from enliven.formats.project.file import write_project
 from enliven.formats.rig.rig import playing
-from enliven.frames import DepthFrame
+from enliven.frames import BodyFrame, DepthFrame
 from enliven.meshes.files import save_mesh
+from enliven.motion.layers import Player
+from enliven.person import Body
 from enliven.recording import Recorder, Recording
+from enliven.rotation import from_rotation_vector, rotate
 from enliven_edge.doctor import shipped_recording
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
 
 FRAMES = 45
 """Frames of a recording, 1.5 s: a body is found in it and takes hold."""
@@ -33,6 +44,7 @@ def make_own_files(folder: Path) -> None:
     _write_meshes(folder)
     _write_models(folder)
     _write_recordings(folder)
+    _write_performances(folder)
     states = np.full((25, 1), 2)
     rows = [labanotation_row(89810293609 + 330000 * i, states) for i in range(FRAMES)]
     (folder / "WAVE.csv").write_text("".join(rows))
@@ -63,14 +75,43 @@ def _write_models(folder: Path) -> None:
         write_gltf(folder / f"{name}.glb", [performance_of(project, name)], "Run")
 
 
+def _horse():
+    """A rigged horse, and a motion of it."""
+    return meshed("horse", horse()), random_motion(np.random.default_rng(1), horse(), name="Run")
+
+
 def _write_recordings(folder: Path) -> None:
     frames = [f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame)]
     for name in ("TAKE", "TWO", "WAVE"):
         with Recorder(folder / f"{name}.mcap") as recorder:
             for frame in itertools.islice(frames, FRAMES):
                 recorder.write_frame(frame)
+    project, shape = playing(Project(), *_horse())
+    poses = [Player(project, "horse").pose(k / 30) for k in range(FRAMES)]
+    poses = [replace(pose, time_ns=round(k / 30 * 1e9)) for k, pose in enumerate(poses)]
+    write_recording(folder / "PERFORMANCE.mcap", [(character_of(shape), poses)])
     whole = (folder / "TAKE.mcap").read_bytes()
     (folder / "BROKEN.mcap").write_bytes(whole[: 3 * len(whole) // 4])
     (folder / "MY_FRAMES").mkdir()
     for n, frame in enumerate(itertools.islice(frames, 3)):
         Image.fromarray(frame.depth).save(folder / "MY_FRAMES" / f"{n:03}.png")
+
+
+def in_chair(bow: float) -> np.ndarray:
+    """(20, 3) joints of a person who stands in the chair and bows by so many radians."""
+    place = np.array([0.0, 0.95, 0.0])
+    joints = Posture(place, standing(elbow=1.5), lengths_for_height(1.75)).joints()
+    turn = from_rotation_vector(np.array([bow, 0.0, 0.0]))
+    joints[1:12] = rotate(turn, joints[1:12] - joints[0]) + joints[0]
+    return joints
+
+
+def _write_performances(folder: Path) -> None:
+    """Bodies of a person who bows in the chair, and what an edge records of a possessed chair."""
+    with Recorder(folder / "BODIES.mcap") as recorder:
+        for n in range(20):
+            body = Body(1, in_chair(0.5 * np.sin(n / 8)), np.ones(20))
+            recorder.write_frame(BodyFrame([body], round(n * 1e9 / 30), "made"))
+    words = ["edge", "--recording", str(folder / "TAKE.mcap"), "--speed", "0", "--port", "0"]
+    limits = ["--possess-at", "0.3", "--seconds", "0.9", "--record", str(folder / "SHOW.mcap")]
+    assert cli.run([*words, *limits]) == 0

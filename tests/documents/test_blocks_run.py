@@ -5,7 +5,6 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-import numpy as np
 import pytest
 from blocks import PAGES, ROOT, Block, blocks_of
 from own_files import make_own_files
@@ -17,9 +16,6 @@ from enliven import cli
 from enliven.mapping.plan_file import read_plan
 from enliven.settings import load_settings
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.tracking.body_model.joint_limits import standing
-from enliven_edge.tracking.body_model.model import lengths_for_height
-from enliven_edge.tracking.body_model.posture import Posture
 from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.studio.settings import StudioSettings
 
@@ -113,18 +109,6 @@ def test_the_commands_of_a_document_run(page, place, without_processes, capsys):
             assert code in (0, TELLS.get(words[1])), f"{block}: {' '.join(words)}: {capsys.readouterr().err}"
 
 
-GIVEN = {
-    "shared/README.md": lambda: {"joints": _standing(0.0), "moved_joints": _standing(0.1)},
-}
-"""What a document's code says that the reader has."""
-
-
-def _standing(moved: float) -> np.ndarray:
-    """(20, 3) joints of a person who stands in the chair, ``moved`` metres to the left."""
-    place = np.array([moved, 0.95, 0.0])
-    return Posture(place, standing(elbow=1.5), lengths_for_height(1.75)).joints()
-
-
 ELSEWHERE = {
     "examples.md": "tests/shared/examples/test_examples_doc.py",
     "surgery.md": "tests/shared/modeling/test_surgery_doc.py",
@@ -139,7 +123,7 @@ def test_the_tests_of_their_own_are_there():
 
 @named([page for page in pages_of("python") if page.name not in ELSEWHERE])
 def test_the_code_of_a_document_runs(page, place, capsys):
-    names = GIVEN.get(str(page.relative_to(ROOT)), dict)()
+    names: dict[str, object] = {}
     for block in runnable(page, "python"):
         exec(compile("\n" * (block.line - 1) + block.text, str(page), "exec"), names)
 

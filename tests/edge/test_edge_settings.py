@@ -81,8 +81,14 @@ def test_a_word_says_a_source(tmp_path):
         None, "replay", {"speed": 0.0, "path": str(take)}
     )
     assert source_of(f"left={take}", {}).name == "left"
-    with pytest.raises(InputError, match="neither a sensor nor a recording"):
+    with pytest.raises(InputError, match=r"neither a sensor nor a recording.*Did you mean synthetic"):
         source_of("sinthetic", {})
+
+
+def test_a_sensor_of_a_package_that_is_not_installed_names_the_package(monkeypatch):
+    monkeypatch.setattr("enliven_edge.sensors.registry.entry_points", lambda group: [])
+    with pytest.raises(InputError, match=r"neither a sensor nor a recording.*pip install enliven-synthesis"):
+        source_of("synthetic", {})
 
 
 def test_two_of_one_name_are_refused():

@@ -142,7 +142,7 @@ def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house
 
 def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House) -> None:
     """The sensor falls silent: only what was asked goes through, as between two depth frames."""
-    house.edge._by_depth = True
+    house.edge.tracker = Tracker()  # it has seen nothing yet
     tracker, silent = house.edge.tracker, lambda: (house.edge._listen(), house.feed.poll(house.document))
     for wanted, ids in ((True, frozenset()), (False, None)):
         house.app.toggle_lock()

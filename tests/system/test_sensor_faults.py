@@ -109,7 +109,7 @@ MISSING = "an OAK is not connected"
 PLUG = f"{MISSING}. Plug it into a USB 3 port, see with enliven doctor that it is there, and type: "
 NO_LIBRARY = "depthai is not installed"
 INSTALL = f'{NO_LIBRARY}. Type: pip install "enliven-edge[oak]"'
-"""What the README's first example with a camera says without one, and where its library is missing too."""
+"""What docs/tour.md's first line with a camera says without one, and where its library is missing too."""
 
 
 @pytest.fixture

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from enliven.errors import InputError
 from enliven.settings import setting
 
 Encoder = Literal[
@@ -86,3 +88,17 @@ class ViewerSettings:
     film: FilmSettings = field(default_factory=FilmSettings)
     width: int = setting(1280, "Width of the window or film.", unit="pixels", low=16, high=16384)
     height: int = setting(720, "Height of the window or film.", unit="pixels", low=16, high=16384)
+
+
+def sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
+    """The settings with a size such as "1280x720".
+
+    Raises:
+        InputError: where it is none.
+    """
+    if size is None:
+        return settings
+    found = re.fullmatch(r"(\d{2,5})\s*[x×]\s*(\d{2,5})", size.strip().lower())
+    if not found or not all(16 <= int(n) <= 16384 for n in found.groups()):
+        raise InputError(f"{size!r} is no size", where="--size", mend="Give WIDTHxHEIGHT, such as 1280x720.")
+    return replace(settings, width=int(found[1]), height=int(found[2]))

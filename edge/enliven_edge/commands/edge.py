@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from enliven_edge.landmarks import ColourPoseEstimator
     from enliven_edge.physics import PhysicsSettings, Playground
     from enliven_edge.sensors import Sensor
-    from enliven_edge.settings import EdgeSettings
+    from enliven_edge.settings import CharacterChoice, EdgeSettings
     from enliven_edge.sources import Source
 
 log = logging.getLogger(__name__)
@@ -48,23 +48,30 @@ def edge(
     ] = 1.0,
     loop: Annotated[bool, typer.Option(help="Begin the replay again at its end.")] = False,
     mesh: Annotated[
-        str,
+        list[str] | None,
         typer.Option(
-            help="What is moved: a mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'."
+            help="What is moved: a mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'; "
+            "several: again."
         ),
-    ] = "chair",
+    ] = None,
     possess_at: Annotated[
         float | None, typer.Option(help="Take hold this many seconds after the start.")
     ] = None,
     parts: Annotated[
-        str | None,
-        typer.Option(help="What takes hold: all, legs, 'upper body', ...; of two: 'legs / torso'."),
+        list[str] | None,
+        typer.Option(
+            help="What takes hold: all, legs, 'upper body', ...; of two performers: 'legs / torso'; "
+            "several: one for each --mesh."
+        ),
     ] = None,
     physics: Annotated[
         str | None, typer.Option(help="Loose things to knock about: boxes, dodgeball, or none.")
     ] = None,
     drive: Annotated[
-        str | None, typer.Option(help="What moves the model: graph, or skeleton (a rigged glTF's own).")
+        list[str] | None,
+        typer.Option(
+            help="What moves the model: graph, or skeleton (a rigged glTF's own); one for each --mesh."
+        ),
     ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
@@ -96,11 +103,12 @@ def edge(
       enliven edge --sensor synthetic --physics boxes
       enliven edge --sensor synthetic --mesh SPIDER.glb --drive skeleton
       enliven edge --sensor synthetic --mesh CACTUS.toml
+      enliven edge --sensor synthetic --mesh chair --mesh HORSE.obj
     """
     _one_thread_for_matrices()
     from enliven_edge.network import check_open, raise_descriptor_limit
     from enliven_edge.physics import PhysicsSettings
-    from enliven_edge.settings import EdgeSettings
+    from enliven_edge.settings import characters_of
 
     chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port, open=open_to_all)
     check_open(chosen.wire.host, chosen.wire.open)
@@ -108,16 +116,14 @@ def edge(
     if physics is not None:
         world = load_settings(PhysicsSettings, {"world": physics}, where="--physics").world
         chosen = dataclasses.replace(chosen, physics=dataclasses.replace(chosen.physics, world=world))
-    if drive is not None:
-        named = load_settings(EdgeSettings, {"drive": drive}, where="--drive").drive
-        chosen = dataclasses.replace(chosen, drive=named)
+    characters = characters_of(mesh or [], drive or [], parts or [], chosen.characters)
     folder = settings.parent if settings else None
     source = _sources(sensor or [], recording or [], option or [], speed, loop, chosen, folder)
     if space is not None:
         chosen = dataclasses.replace(chosen, space=str(space))
     elif chosen.space and folder is not None:
         chosen = dataclasses.replace(chosen, space=str(folder / chosen.space))
-    run = (mesh, possess_at, parts, record, overwrite, wait_for_viewer, seconds)
+    run = (characters, possess_at, record, overwrite, wait_for_viewer, seconds)
     serve(chosen, source, run, folder, once, wait_for_sensor)
 
 
@@ -133,7 +139,7 @@ def _one_thread_for_matrices() -> None:
 def serve(
     chosen: EdgeSettings,
     sources: list[Source],
-    run: tuple[str, float | None, str | None, Path | None, bool, float, float | None],
+    run: tuple[list[CharacterChoice], float | None, Path | None, bool, float, float | None],
     folder: Path | None = None,
     once: bool = False,
     wait_for_sensor: bool = False,
@@ -145,11 +151,11 @@ def serve(
     from enliven_edge.physics import need_engine
     from enliven_edge.service import Edge
     from enliven_edge.sources import opened
-    from enliven_edge.stage import Stage, parts_for
+    from enliven_edge.stage import Stage
     from enliven_edge.tracking import Tracker
     from enliven_edge.tracking.health import HealthMonitor
 
-    mesh, possess_at, parts, record, overwrite, wait, seconds = run
+    characters, possess_at, record, overwrite, wait, seconds = run
     if chosen.physics.world != "none":
         need_engine()
     need_free(chosen.wire)
@@ -157,19 +163,17 @@ def serve(
         controls = stack.enter_context(open_controls(chosen.controls, folder))
         sensors = opened(sources, stack, wait_for_sensor)
         sensor = stack.enter_context(_one_of(sensors, sources, chosen, once))
-        actor = prepared(mesh, chosen)
+        actors, parts = prepared(characters, chosen)
         live = any(source.sensor != "replay" for source in sources)
-        playground = _playground(chosen.physics, [actor.character], live)
+        playground = _playground(chosen.physics, [actor.character for actor in actors], live)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
-        outlet.introduce(actor.character)
-        actor.preview(None, (parts or parts_for(mesh)).split("/")[0])
         service = Edge(
             sensor,
             Tracker(chosen.tracker, _colour_eye(chosen, stack)),
-            Stage([actor]),
+            Stage(actors),
             outlet,
             possess_at=possess_at,
-            parts=parts or parts_for(mesh),
+            parts=parts,
             stop_after=seconds,
             physics=playground,
             controls=controls,
@@ -271,7 +275,6 @@ def _fused(
     from enliven_edge.fusion.placement import load_space
     from enliven_edge.tracking import Tracker
     from enliven_edge.tracking.health import HealthMonitor
-    from enliven_edge.tracking.output import Output
 
     trackers, health = {}, {}
     for source, (name, sensor) in zip(sources, sensors.items(), strict=True):
@@ -280,8 +283,8 @@ def _fused(
         fps = getattr(sensor, "fps", None)
         health[name] = HealthMonitor(chosen.health, fps=fps, far=scene.far, name=name)
     warm_up_fusion()
-    space, output = load_space(Path(chosen.space)), Output(chosen.tracker)
-    return FusedSensors(sensors, trackers, space, chosen.fusion, health, output, once)
+    space = load_space(Path(chosen.space))
+    return FusedSensors(sensors, trackers, space, chosen.fusion, health, once)
 
 
 @contextlib.contextmanager

@@ -2,58 +2,15 @@
 
 from __future__ import annotations
 
-import os
-from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from enliven.errors import InputError, ResourceError
-from enliven_edge.commands.progress import frame_progress
-
-if TYPE_CHECKING:
-    from enliven.frames import Frame
-    from enliven_edge.importing import Reader
-
-
-@dataclass
-class Found:
-    """Counts of what an import has read so far."""
-
-    frames: int = 0
-    people: int = 0
-    first_ns: int = 0
-    last_ns: int = 0
-    coloured: int = 0
-    sensors: Counter[str] = field(default_factory=Counter)
-    size: str = ""
-
-    def add(self, frame: Frame) -> None:
-        """Counts one frame."""
-        from enliven.frames import DepthFrame
-
-        self.first_ns = frame.time_ns if not self.frames else self.first_ns
-        self.frames, self.last_ns = self.frames + 1, frame.time_ns
-        self.sensors[frame.sensor] += 1
-        if isinstance(frame, DepthFrame):
-            self.size = f"{frame.intrinsics.width}x{frame.intrinsics.height} depth"
-            self.coloured += frame.colour is not None
-        else:
-            self.people = max(self.people, len(frame.bodies))
-
-    @property
-    def summary(self) -> str:
-        """One line for the user."""
-        seconds = (self.last_ns - self.first_ns) * 1e-9
-        who = "1 person" if self.people == 1 else f"{self.people} people"
-        what = self.size or f"bodies, {who}"
-        colour = f", {self.coloured} with colour" if self.coloured else ""
-        return f"{self.frames} frames of {what}{colour}, {seconds:.1f} s, sensor {', '.join(self.sensors)}"
+from enliven.errors import InputError
+from enliven_edge.commands.writing import write_recording
 
 
 def import_recording(
@@ -99,51 +56,20 @@ def import_recording(
     paths = find_files(files)
     chosen = find_reader(paths, reader)
     frames = chosen.read(paths, ImportOptions(fps, device))
-    found = write_recording(mirrored(frames) if mirror else frames, chosen, output, level, overwrite, console)
+    found = write_recording(
+        mirrored(frames) if mirror else frames,
+        output,
+        task=f"Importing ({chosen.name})",
+        facts=("import", {"reader": chosen.name, "note": chosen.note}),
+        empty=InputError("the files hold no frames", where=chosen.name, mend="Choose others."),
+        level=level,
+        overwrite=overwrite,
+        console=console,
+    )
     size = output.stat().st_size / 1e6
     typer.echo(f"{output}: {found.summary} ({chosen.name}, {size:.1f} MB)")
     if chosen.note:
         typer.echo(f"Note: {chosen.note}.")
-
-
-def write_recording(
-    frames: Iterator[Frame], reader: Reader, output: Path, level: int, overwrite: bool, console: Console
-) -> Found:
-    """Writes all frames under a temporary name, and renames the file when it is complete.
-
-    Raises:
-        InputError: where the output exists already, or a file cannot be understood; nothing is left behind.
-    """
-    from enliven.recording import Recorder
-
-    if output.exists() and not overwrite:
-        raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")
-    passing = output.with_name(output.name + ".part")
-    found = Found()
-    try:
-        with (
-            Recorder(passing, compression_level=level, sync_seconds=10.0, overwrite=True) as recorder,
-            frame_progress(console) as progress,
-        ):
-            task = progress.add_task(f"Importing ({reader.name})", total=None, count=0)
-            recorder.add_metadata("import", {"reader": reader.name, "note": reader.note})
-            for frame in frames:
-                found.add(frame)
-                recorder.write_frame(frame)
-                progress.update(task, advance=1, count=found.frames)
-        if not found.frames:
-            raise InputError("the files hold no frames", where=reader.name, mend="Choose others.")
-        _rename(passing, output)
-    finally:
-        passing.unlink(missing_ok=True)
-    return found
-
-
-def _rename(passing: Path, output: Path) -> None:
-    try:
-        os.replace(passing, output)
-    except OSError as error:
-        raise ResourceError(f"it cannot be replaced ({error.strerror})", where=str(output)) from None
 
 
 def _reader_table() -> Table:

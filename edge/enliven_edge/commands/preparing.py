@@ -4,40 +4,52 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from enliven_edge.stage import cast
+from enliven.document import unused
+from enliven_edge.stage import cast, name_of, parts_for
 from enliven_edge.stage.puppet import is_puppet
 from enliven_edge.warmup import warm_up_tracking
 
 if TYPE_CHECKING:
-    from enliven_edge.settings import EdgeSettings
+    from enliven_edge.settings import CharacterChoice, CharacterSettings, EdgeSettings
     from enliven_edge.stage import Actor
 
 
-def prepared(mesh: str, chosen: EdgeSettings) -> Actor:
-    """Returns the actor with every kernel compiled: most of a minute the first time, a second later on."""
-    with _steps(f"Preparing {mesh}: sampling, linking, weighting", total=3) as then:
-        actor = _cast(mesh, chosen)
-        then("Compiling the solver (kept for the next start)")
-        actor.warm_up()
-        then("Compiling the tracker (kept for the next start)")
+def prepared(wanted: Sequence[CharacterChoice], chosen: EdgeSettings) -> tuple[list[Actor], dict[str, str]]:
+    """Returns the actors with every kernel compiled, and by id the parts that take hold of each.
+
+    The first time it takes most of a minute, a second later on.
+    """
+    actors: dict[str, Actor] = {}
+    parts: dict[str, str] = {}
+    meshes = ", ".join(one.mesh for _, one in wanted)
+    with _steps(f"Preparing {meshes}: sampling, linking, weighting", total=1 + 2 * len(wanted)) as then:
+        for name, one in wanted:
+            actor = _cast(one, name, actors, chosen)
+            own = actor.character.id
+            actors[own], parts[own] = actor, one.parts or parts_for(one.mesh)
+            actor.preview(None, parts[own].split("/")[0].strip())
+            then("Compiling the solver (kept for the next start)")
+            actor.warm_up()
+            then("Compiling the tracker (kept for the next start)")
         warm_up_tracking(chosen.tracker)
-    return actor
+    return list(actors.values()), parts
 
 
-def _cast(mesh: str, chosen: EdgeSettings) -> Actor:
-    """Returns the actor that was asked for; only the modules that it needs are loaded."""
-    if is_puppet(mesh):
+def _cast(one: CharacterSettings, name: str, taken: Mapping[str, object], chosen: EdgeSettings) -> Actor:
+    """Returns the actor that was asked for, its id not taken; only the modules that it needs are loaded."""
+    if is_puppet(one.mesh):
         from enliven_edge.stage.puppet import cast_puppet
 
-        return cast_puppet(mesh, chosen.puppet)
-    if chosen.drive == "skeleton":
+        return cast_puppet(one.mesh, chosen.puppet, name, taken)
+    name = unused(name or name_of(one.mesh), taken)
+    if (one.drive or chosen.drive) == "skeleton":
         from enliven_edge.stage.rig import cast_rig
 
-        return cast_rig(mesh, chosen.matching)
-    return cast(mesh, chosen.nodes, chosen.actor, chosen.up)
+        return cast_rig(one.mesh, chosen.matching, name)
+    return cast(one.mesh, chosen.nodes, chosen.actor, chosen.up, name)
 
 
 @contextlib.contextmanager

@@ -40,7 +40,7 @@ def checked_map(given: Mapping[str, str], where: str) -> dict[str, Word]:
 def actions(
     word: Word, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]
 ) -> list[Callable[[], None]]:
-    """Returns the calls that carry out a command: the same as a viewer's, for every character.
+    """Returns the calls that carry out a command: the same as a viewer's that names no character.
 
     Args:
         possess: carries out a viewer's wish to possess.
@@ -48,20 +48,12 @@ def actions(
     """
     if word in ("lock", "unlock"):
         return [lambda: lock(word == "lock")]
-    return [_of_one(word, name, stage, possess) for name in stage.actors]
-
-
-def _of_one(
-    word: Word, character: str, stage: Stage, possess: Callable[[Possess], None]
-) -> Callable[[], None]:
-    """Returns the call that carries out a command for one character."""
+    if not stage.actors:
+        return []
     if word == "release":
-        return lambda: stage.release(character)
+        return [stage.release]
     if word in _STEPS:
-        return lambda: stage.browse(character, _STEPS[word])
-
-    def take() -> None:
-        body, parts = stage.candidate(character, _MODES[word])
-        possess(Possess(character, body, parts, _MODES[word]))
-
-    return take
+        return [lambda: stage.browse(step=_STEPS[word])]
+    mode = _MODES[word]
+    takings = stage.takings(mode)
+    return [lambda t=t: possess(Possess(t.character, t.body, t.parts, mode)) for t in takings]

@@ -54,7 +54,7 @@ class Inspector:
             self.bodies = self._tracker.track(frame)
             stand, state = self._tracker.world_from_camera, self._tracker.state
             self._health.judge(frame, self.bodies, stand, state)
-            if stand is not None:
+            if stand is not None and state is not None:
                 self._health.judge_device(condition, stand, state.floor_known)
         scale = self._width / frame.intrinsics.width
         picture = depth_picture(frame.depth, *self._settled_span(frame))

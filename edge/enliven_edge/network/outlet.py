@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from enliven.document import Character, Pose, Props
-from enliven.frames import Frame
+from enliven.document import Character
 from enliven.health import HealthState, worst_first
-from enliven.matching import Board
-from enliven.person import Body
 from enliven.wire import (
     Browse,
     Lock,
@@ -32,7 +29,7 @@ from enliven_edge.network.frame_rate import FrameRate
 from enliven_edge.network.publisher import Publisher
 from enliven_edge.recording import Take
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Cues
+from enliven_edge.stage import Tick
 
 _LAST_HEARTBEATS = 5
 """Heartbeats that say the stream has ended: one may be lost on the way."""
@@ -80,6 +77,7 @@ class Outlet:
             raise
         self._publisher.set_status(sensor=sensor)
         self._told = 0.0
+        self._shown: dict[str, Character] = {}
 
     @property
     def publisher(self) -> Publisher:
@@ -91,41 +89,31 @@ class Outlet:
         """The number of viewers."""
         return self._publisher.viewers
 
+    def show(self, characters: Mapping[str, Character]) -> None:
+        """Announces the characters that are new or changed, by identity, and removes those that are gone."""
+        for name, character in characters.items():
+            if self._shown.get(name) is not character:
+                self.introduce(character)
+        for name in self._shown.keys() - characters.keys():
+            del self._shown[name]
+            self._publisher.remove_character(name)
+            if self._take is not None:
+                self._take.remove(name)
+
     def introduce(self, character: Character) -> None:
         """Announces a new character, or a new revision of one; viewers fetch it by themselves."""
         revision = self._publisher.set_character(character)
+        self._shown[character.id] = character
         if self._take is not None:
             self._take.introduce(character.id, character_to_message(character, revision))
 
-    def publish(
-        self,
-        frame: Frame,
-        bodies: list[Body],
-        poses: list[Pose],
-        cues: dict[str, Cues],
-        read_ns: int,
-        props: Props | None = None,
-        boards: Sequence[Board] = (),
-    ) -> None:
-        """Sends the results of one frame.
-
-        Args:
-            read_ns: wall clock when the frame was read.
-            props: the loose things, where there are physics.
-            boards: the matches to choose from on rigged characters.
-        """
-        at = frame.time_ns
-        for pose in poses:
-            self._write("pose", self._publisher.publish_pose(pose, read_ns), at)
-        self._send("bodies", bodies_to_message(bodies, at, read_ns), at)
-        for name, cue in cues.items():
-            what = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
-            message = cues_to_message(name, cue.state, *what)
-            self._send("cues", message, at)
-        if props is not None:
-            self._send("props", props_to_message(props), at)
-        for board in boards:
-            self._send("matches", board_to_message(board), at)
+    def publish(self, tick: Tick) -> None:
+        """Sends the result of one frame, poses first."""
+        for pose in tick.poses:
+            self._write(self._publisher.publish_pose(pose, tick.read_ns), tick.time_ns)
+        for message in _messages(tick):
+            self._publisher.publish(message)
+            self._write(message, tick.time_ns)
 
     def report(self, pace: FrameRate, phase: str, performers: int, sensor: str = "") -> None:
         """Sets the state of the edge for the heartbeat; a new phase is sent at once.
@@ -159,10 +147,10 @@ class Outlet:
     def poll_requests(
         self,
         possess: Callable[[Possess], str],
-        release: Callable[[str, int | None], str],
+        release: Callable[[str | None, int | None], str],
         smooth: Callable[[int, float | None], str],
         look: Callable[[Look], str] = _refuse,
-        browse: Callable[[str, int], str] = _refuse,
+        browse: Callable[[str | None, int], str] = _refuse,
         lock: Callable[[bool], str] = _refuse,
     ) -> None:
         """Answers viewers' requests as far as there is time, and sends heartbeats that are due.
@@ -217,15 +205,23 @@ class Outlet:
     ) -> None:
         self.close()
 
-    def _send(self, topic: str, message: Any, time_ns: int) -> None:
-        """Sends to the viewers and to the take."""
-        self._publisher.publish(message)
-        self._write(topic, message, time_ns)
-
-    def _write(self, topic: str, message: Any, time_ns: int) -> None:
+    def _write(self, message: Any, time_ns: int) -> None:
         """Writes to the take."""
         if self._take is not None:
-            self._take.write(topic, message, time_ns)
+            self._take.write(message, time_ns)
+
+
+def _messages(tick: Tick) -> Iterator[Any]:
+    """Yields the messages of a frame's result, but for the poses, which the publisher codes and numbers."""
+    at = tick.time_ns
+    yield bodies_to_message(tick.bodies, at, tick.read_ns)
+    for name, cue in tick.cues.items():
+        what = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
+        yield cues_to_message(name, cue.state, *what)
+    if tick.props is not None:
+        yield props_to_message(tick.props)
+    for board in tick.boards:
+        yield board_to_message(board)
 
 
 def _publisher(wire: WireSettings) -> Publisher:

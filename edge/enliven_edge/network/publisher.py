@@ -101,6 +101,7 @@ class Publisher:
         self.endpoint = Endpoint(shown, self._streams.port, self._server.port)
         self._control = ControlSocket(self._server, self._answer, rate, budget_ms * 1e-3)
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
+        self._revisions: dict[str, int] = {}
         self._packed: dict[str, bytes] = {}
         self._sequences: dict[str, int] = {}
         self._latest: dict[tuple[str, str], bytes] = {}
@@ -126,7 +127,7 @@ class Publisher:
         """Sets a new character, or a new version of the one with its id; viewers fetch it by themselves.
 
         Returns:
-            its revision: 1, 2, ...
+            its revision: 1, 2, ...; it counts on for a character that was removed and comes back.
 
         Raises:
             InputError: for a character that is larger than the wire carries; what was there stays.
@@ -134,9 +135,10 @@ class Publisher:
         codec = PoseCodec(character)
         # The first use compiles the codec, which must not happen in the middle of a performance.
         codec.decode(codec.encode(character.rest_pose()).data)
-        revision = self.revision(character.id) + 1
+        revision = self._revisions.get(character.id, 0) + 1
         self._packed[character.id] = payload(character_to_message(character, revision))
         self._characters[character.id] = (revision, codec)
+        self._revisions[character.id] = revision
         self._state_changed()
         return revision
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation import SphereProxies, pack_spheres
-from enliven.document import Character, Pose, Props
+from enliven.document import Character, Props
 from enliven.errors import InputError
 from enliven.person import Body
 from enliven_edge.physics.dodgeball import Dodgeball
@@ -18,6 +19,7 @@ from enliven_edge.physics.performers import body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.towers import Towers
 from enliven_edge.physics.world import PropSpecs, World
+from enliven_edge.stage import Tick
 from enliven_edge.stage.puppet import roughly_skinned
 
 log = logging.getLogger(__name__)
@@ -76,6 +78,13 @@ class Playground:
         self._proxies[character.id] = character, proxies
         log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
 
+    def show(self, characters: Mapping[str, Character]) -> None:
+        """Introduces the characters that are new or changed, and forgets those that are gone."""
+        for name, character in characters.items():
+            if name not in self._proxies or self._proxies[name][0] is not character:
+                self.introduce(character)
+        self._proxies = {name: known for name, known in self._proxies.items() if name in characters}
+
     def warm_up(self) -> None:
         """Compiles what every frame needs, on a world of its own."""
         world = World(self.game.props, self.settings.engine)
@@ -85,22 +94,19 @@ class Playground:
         for character, proxies in self._proxies.values():
             proxies.centres(character.rest_pose())
 
-    def step(self, poses: list[Pose], bodies: list[Body], holders: set[int], time_ns: int) -> Props | None:
-        """Returns the props at a moment; None while the place of the world is not known.
+    def step(self, tick: Tick) -> Props | None:
+        """Returns the props after a frame; None while the place of the world is not known.
 
-        Args:
-            poses: of characters that were introduced; others are passed over.
-            bodies: all people in view, world frame.
-            holders: the ids of the performers that hold a character.
-            time_ns: the sensor's clock.
+        Poses of characters that were not introduced are passed over.
         """
+        bodies, time_ns = tick.bodies, tick.time_ns
         seconds = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
         if seconds < 0.0:
             # A replay that begins again.
             seconds, self._ground, self._standing = 0.0, None, StandingDetector(self.settings.stand)
         before = self._slots
-        spheres, radii, names, owners = self._spheres(poses, bodies, holders)
+        spheres, radii, names, owners = self._spheres(tick)
         self.world.move(spheres, radii)
         for name in names:
             if before.get(name) != self._slots[name]:
@@ -125,23 +131,21 @@ class Playground:
             return FIXED
         return self._standing.find(bodies, time_ns)
 
-    def _spheres(
-        self, poses: list[Pose], bodies: list[Body], holders: set[int]
-    ) -> tuple[Float, Float, list[str], list[int]]:
+    def _spheres(self, tick: Tick) -> tuple[Float, Float, list[str], list[int]]:
         """Returns the spheres of all characters and bodies: centres, radii, names, and the index of each
         sphere's owner.
 
         A character or body keeps its slots while it is present; afterwards they are free for others.
         """
         made: dict[str, tuple[Float, Float]] = {}
-        for pose in poses:
+        for pose in tick.poses:
             known = self._proxies.get(pose.character)
             if known is not None and len(pose.linear) == len(known[0].pivots):
                 radius = known[1].radius_in(pose)
                 made[pose.character] = known[1].centres(pose), np.full(len(known[1]), radius)
         if self.settings.bodies != "never":
-            for body in bodies:
-                if self.settings.bodies == "always" or body.id not in holders:
+            for body in tick.bodies:
+                if self.settings.bodies == "always" or body.id not in tick.holders:
                     made[f"performer {body.id}"] = body_spheres(body)
         self._assign({name: len(radii) for name, (_, radii) in made.items()})
         count = max((s.stop for s in self._slots.values()), default=0)

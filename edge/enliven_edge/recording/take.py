@@ -12,7 +12,7 @@ import msgspec
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.health import HealthKind, HealthState
 from enliven.recording import Recorder
-from enliven.wire import CharacterMessage
+from enliven.wire import BY_TYPE, CharacterMessage
 from enliven_edge.recording.disk_sync import DiskSync
 from enliven_edge.tracking.health import HEALTH_MESSAGES
 
@@ -52,11 +52,15 @@ class Take:
     def introduce(self, name: str, character: CharacterMessage) -> None:
         """Adds a new character, or a new revision of one, from the last written moment on."""
         self._characters[name] = character
-        self._put("character", character, self._now_ns)
+        self._put(character, self._now_ns)
 
-    def write(self, topic: str, message: Any, time_ns: int) -> None:
+    def remove(self, name: str) -> None:
+        """Takes a character away: it is not written again."""
+        self._characters.pop(name, None)
+
+    def write(self, message: Any, time_ns: int) -> None:
         """Appends a message with its JSON schema; a failure is reported by :attr:`health_states`."""
-        self._put(topic, message, time_ns)
+        self._put(message, time_ns)
         self._now_ns = max(self._now_ns, time_ns)
         if self._told_ns is None:
             self._told_ns = time_ns
@@ -82,16 +86,16 @@ class Take:
     def _repeat_characters(self, time_ns: int) -> None:
         self._told_ns = time_ns
         for character in self._characters.values():
-            self._put("character", character, time_ns)
+            self._put(character, time_ns)
 
-    def _put(self, topic: str, message: Any, time_ns: int) -> None:
+    def _put(self, message: Any, time_ns: int) -> None:
         if self._recorder is None:
             return
         kind: Any = type(message)
         told = (f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "msgpack")
         try:
             self._disk.check()
-            self._recorder.write(topic, *told, _ENCODER.encode(message), time_ns)
+            self._recorder.write(BY_TYPE[kind].name, *told, _ENCODER.encode(message), time_ns)
         except InputError as error:
             self._gaps += 1
             self._say(HealthKind.TAKE_GAPS, error, count=self._gaps)

@@ -8,6 +8,7 @@ from typing import Protocol, Self
 
 from enliven.errors import ResourceError
 from enliven.frames import Frame
+from enliven.health import HealthState
 
 CHECK_IT = "Check its cable and power; it is opened again and again by itself."
 """The advice for a sensor without a better one."""
@@ -43,8 +44,9 @@ class Sensor(Protocol):
 
     ``name`` is the sensor's identity, as its frames carry it. A sensor with a fixed frame rate has it as
     ``fps``, frames a second. A sensor that reports its device's condition has ``condition()``, which returns
-    a :class:`Condition`. A class with a library that may crash or hang sets ``isolated = True``: it runs in
-    a process of its own (:mod:`enliven_edge.sensors.isolation`).
+    a :class:`Condition`. A sensor that judges itself, as several in one do, has ``health_states``, a list of
+    :class:`enliven.health.HealthState`. A class with a library that may crash or hang sets ``isolated =
+    True``: it runs in a process of its own (:mod:`enliven_edge.sensors.isolation`).
     """
 
     name: str
@@ -80,3 +82,8 @@ def condition_of(sensor: Sensor) -> Condition | None:
     """The condition of a sensor's device; None where it reports none."""
     ask = getattr(sensor, "condition", None)
     return None if ask is None else ask()
+
+
+def health_of(sensor: Sensor) -> list[HealthState]:
+    """The health states of a sensor that judges itself; none of any other."""
+    return list(getattr(sensor, "health_states", ()))

@@ -95,9 +95,13 @@ def _kind(name: str) -> Any:
     for entry in entry_points(group=ENTRY_POINTS):
         if entry.name == name:
             return entry.load()
+    raise InputError(f"there is no sensor called {name!r}", where="sensor", mend=sensor_advice(name))
+
+
+def sensor_advice(name: str) -> str:
+    """Returns what to do about a sensor that is not there: the package that has it, or names near to it."""
     package = _IN_PACKAGES.get(name)
-    mend = f"Install it: pip install {package}" if package else _nearest(name, sensor_names())
-    raise InputError(f"there is no sensor called {name!r}", where="sensor", mend=mend)
+    return f"Install it: pip install {package}" if package else _nearest(name, sensor_names())
 
 
 def _nearest(word: str, known: list[str]) -> str:

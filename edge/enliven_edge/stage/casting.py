@@ -28,7 +28,9 @@ _LONGEST_EDGE = 0.04
 """Metres: longer edges are split, as a triangle must be narrower than a limb to bend with it."""
 
 
-def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y") -> EmbeddedActor:
+def cast(
+    spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y", name: str = ""
+) -> EmbeddedActor:
     """The actor of a mesh file, or of a mesh that ships.
 
     A mesh that meets its performer is scaled to a person's height, moved to where a standing person fits into
@@ -39,6 +41,7 @@ def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up:
         spec: a path, or a name of :data:`MADE`.
         nodes: of the deformation graph.
         up: "x", "y" or "z", the mesh's own axis that points up.
+        name: the character's id; empty: the file's stem.
 
     Raises:
         InputError: for a mesh that cannot be used.
@@ -46,7 +49,7 @@ def cast(spec: str, nodes: int = 128, settings: ActorSettings | None = None, up:
     settings = settings or ActorSettings()
     mesh, size = _prepared(spec, settings, up)
     graph = DeformationGraph.build(mesh, nodes=nodes)
-    return EmbeddedActor(character_from(mesh, graph, name_of(spec)), graph, settings, size)
+    return EmbeddedActor(character_from(mesh, graph, name or name_of(spec)), graph, settings, size)
 
 
 def parts_for(spec: str) -> str:

@@ -11,13 +11,13 @@ from enliven.deformation.constraints import ObservedPoints
 from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph, stiffness_at
 from enliven.document import Character, Pose
-from enliven.errors import EnlivenError, InputError
-from enliven.person import Body, parts_named
-from enliven_edge.stage.actor import Mode
+from enliven.errors import EnlivenError
+from enliven.person import Body
+from enliven_edge.stage.actor import ActorBase, Mode
 from enliven_edge.stage.actor_settings import ActorSettings
 from enliven_edge.stage.easing import Easing
 from enliven_edge.stage.grip import gripped, out_of_reach
-from enliven_edge.stage.highlights import Cues, State, cues_of
+from enliven_edge.stage.highlights import Cues, cues_of
 from enliven_edge.stage.hold import EmbeddedHold, Grip, depth_of, joined
 from enliven_edge.stage.placement import AS_MODELLED, resettled
 from enliven_edge.stage.placement_rules import PlacementRules
@@ -28,7 +28,7 @@ _STEP_NS = 33_333_333
 """Nanoseconds between the frames of a rehearsal."""
 
 
-class EmbeddedActor:
+class EmbeddedActor(ActorBase):
     """A character, the graph that deforms it, and the performers' holds on it.
 
     Everything is solved in the rest space of the mesh; the placement carries it into the world.
@@ -57,22 +57,11 @@ class EmbeddedActor:
         self._stiffness = stiffness_at(graph.positions, self.settings.stiffness)
         self._time_ns = 0
         self._seen = False
-        self._candidate: tuple[int | None, str] = (None, "all")
 
     @property
     def uses_surface(self) -> bool:
         """Whether it follows what the sensor sees of its performers' surfaces."""
         return self.settings.follow != "skeleton"
-
-    @property
-    def state(self) -> State:
-        """Whether a performer holds it."""
-        return "possessed" if self.holds else "free"
-
-    @property
-    def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer who takes hold next, None for the first in view, and the parts."""
-        return self._candidate
 
     @property
     def body_id(self) -> int:
@@ -114,14 +103,8 @@ class EmbeddedActor:
         Raises:
             InputError: where that performer holds nothing of it.
         """
+        self._need_holder(body, ("hold", "held"))
         left = [hold for hold in self.holds if body is not None and hold.body != body]
-        if body is not None and len(left) == len(self.holds):
-            who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
-            raise InputError(
-                f"performer {body} does not hold it",
-                where=f"releasing {self.character.id!r}",
-                mend=f"It is held by: {who}.",
-            )
         if left:
             self._hold(left, self._solver.state() if self._solver is not None else None)
         elif self.holds:
@@ -130,15 +113,6 @@ class EmbeddedActor:
                 self._placement = resettled(self._placement, self.graph.positions, shown)
             self.holds, self._solver = [], None
             self._easing.restart_fade()
-
-    def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """Makes the cues show what this performer (None: the next one) would hold with these parts.
-
-        Raises:
-            InputError: for an unknown part.
-        """
-        parts_named(parts)
-        self._candidate = (body, parts)
 
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
@@ -149,18 +123,13 @@ class EmbeddedActor:
             seen: by body id, the part of the performer's surface that a depth sensor sees.
         """
         if not self._placed and bodies and not self.holds:
-            self._placement, self._placed = self._rules.waiting_place(bodies[0]), True
+            self._placement, self._placed = self._rules.waiting_place(bodies[0], self.aside), True
         self._hand_over(bodies, time_ns)
         self._update_holds(bodies, time_ns)
         world = self._placement.state_to_world(*self._solved(seen or {}, time_ns))
         linear, positions = self._easing(*world, time_ns)
         self._time_ns = time_ns
         return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
-
-    def next_performer(self, bodies: list[Body]) -> Body | None:
-        """Returns the first of the bodies that does not hold it."""
-        holders = {hold.body for hold in self.holds}
-        return next((body for body in bodies if body.id not in holders), None)
 
     def cues(self, bodies: list[Body]) -> Cues:
         """Returns which nodes are held, and which the next performer would hold besides."""
@@ -225,7 +194,7 @@ class EmbeddedActor:
         """Gives the hold of a performer who has been away for long to the only idle one in view."""
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
-        idle = [body for body in bodies if body.id not in {hold.body for hold in self.holds}]
+        idle = self._idle(bodies)
         if patience > 0 and away and len(idle) == 1:
             hold = max(away, key=lambda h: h.away(time_ns))
             hold.body, hold.depth = idle[0].id, depth_of(idle[0])

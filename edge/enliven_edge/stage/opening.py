@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 
 from enliven.errors import InputError
 from enliven_edge.stage.stage import Stage
@@ -15,13 +16,14 @@ class Opening:
 
     Args:
         at: seconds after the first frame, or None for never.
-        parts: the parts that take hold, such as "all"; for several performers "legs / upper body".
+        parts: the parts that take hold, such as "all"; for several performers "legs / upper body". One text
+            for all characters, or one each by their ids.
     """
 
-    def __init__(self, stage: Stage, at: float | None, parts: str = "all") -> None:
+    def __init__(self, stage: Stage, at: float | None, parts: str | Mapping[str, str] = "all") -> None:
         self._stage, self._at = stage, at
-        each = [part.strip() for part in parts.split("/")]
-        self._due = [(name, list(each)) for name in stage.actors] if at is not None else []
+        each = {name: parts if isinstance(parts, str) else parts.get(name, "all") for name in stage.actors}
+        self._due = [(name, [part.strip() for part in text.split("/")]) for name, text in each.items()]
 
     def take_hold(self, seconds: float) -> None:
         """Lets each performer who is due and in view take hold.
@@ -32,7 +34,7 @@ class Opening:
         if self._at is None or seconds < self._at:
             return
         for name, parts in self._due:
-            while parts and self._stage.idle(name) is not None:
+            while parts and name in self._stage.actors and self._stage.idle(name) is not None:
                 now = parts.pop(0)
                 try:
                     self._stage.possess(name, parts=now, mode="join")

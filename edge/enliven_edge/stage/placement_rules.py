@@ -22,10 +22,11 @@ class PlacementRules:
         self.settings, self.height, self.size = settings, height, size
         self._likeness = find_body_in_mesh(graph) if settings.how == "mapped" else None
 
-    def waiting_place(self, body: Body) -> Placement:
-        """Returns where the mesh waits once the first performer is in view."""
+    def waiting_place(self, body: Body, farther: float = 0.0) -> Placement:
+        """Returns where the mesh waits once the first performer is in view, so many metres to the left."""
         at = self.at_performer(body)
-        return at if self.settings.how == "inside" else beside(at, self.settings.aside)
+        metres = farther + (0.0 if self.settings.how == "inside" else self.settings.aside)
+        return beside(at, metres) if metres else at
 
     def at_performer(self, body: Body) -> Placement:
         """Returns the placement where the performer stands, the mesh's front in their facing."""

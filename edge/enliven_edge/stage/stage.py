@@ -2,23 +2,83 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import logging
+from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+
+from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
-from enliven.document import Pose
-from enliven.errors import InputError
+from enliven.document import Character, Pose
+from enliven.errors import EnlivenError, InputError
+from enliven.frames import Frame
 from enliven.matching import Board, ScreenView
 from enliven.person import Body
 from enliven_edge.stage.actor import Actor, ChosenActor, Mode, is_chosen
+from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
 from enliven_edge.stage.highlights import Cues
+from enliven_edge.stage.tick import Tick
+
+log = logging.getLogger(__name__)
+
+Surfaces = Mapping[int, ObservedPoints]
+"""By body id, the part of a performer's surface that a depth sensor sees."""
+_GAP = 0.4
+"""Metres of floor between two characters that wait side by side: arms do not reach across by chance."""
 
 
 class Stage:
-    """Turns the bodies of a frame into one pose for each character."""
+    """Turns the bodies of a frame into one pose for each of any number of characters.
 
-    def __init__(self, actors: Sequence[Actor]) -> None:
-        self.actors: dict[str, Actor] = {actor.character.id: actor for actor in actors}
+    Who takes what, where a command leaves it open: a performer who holds nothing comes before one who holds
+    another character, then the nearer one; of characters a free one comes before one that is held, then the
+    nearer one; at equal distances the first in view and the first on the stage. A command that names both is
+    carried out as it is: a performer may hold several characters, a character may have several performers.
+    """
+
+    def __init__(self, actors: Sequence[Actor] = ()) -> None:
+        self.actors: dict[str, Actor] = {}
         self._bodies: list[Body] = []
+        self._places: dict[str, Float] = {}
+        self._parts: dict[tuple[str, int], str] = {}
+        self._view: ScreenView | None = None
+        for actor in actors:
+            self.put(actor)
+
+    @property
+    def characters(self) -> dict[str, Character]:
+        """The characters by id; an object is replaced with its actor."""
+        return {name: actor.character for name, actor in self.actors.items()}
+
+    def put(self, actor: Actor) -> None:
+        """Puts a character on the stage, or in the place of the one with its id; the others go on.
+
+        Performers who held the one before take hold of the new one with the same parts; one who cannot is
+        logged and let go. The caller prepares the actor (:meth:`~enliven_edge.stage.Actor.warm_up`).
+        """
+        name = actor.character.id
+        before = self.actors.get(name)
+        actor.aside = self._free_place() if before is None else before.aside
+        if self._view is not None and is_chosen(actor):
+            actor.view = self._view
+        self.actors[name] = actor
+        for hold in () if before is None else before.holds:
+            body = next((body for body in self._bodies if body.id == hold.body), None)
+            try:
+                if body is not None:
+                    actor.possess(body, self._parts.get((name, hold.body), "all"), "join")
+            except InputError as error:
+                log.warning("%s", error)
+
+    def remove(self, character: str) -> None:
+        """Takes a character from the stage; who held it is free.
+
+        Raises:
+            InputError: where there is no such character.
+        """
+        self._actor(character)
+        del self.actors[character]
+        self._places.pop(character, None)
 
     @property
     def uses_surface(self) -> bool:
@@ -26,17 +86,33 @@ class Stage:
         return any(actor.uses_surface for actor in self.actors.values())
 
     def perform(
-        self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
+        self, bodies: list[Body], time_ns: int, surfaces: Callable[[], Surfaces] | None = None
     ) -> list[Pose]:
         """Returns one pose for each character.
 
         Args:
             bodies: all performers in view, world frame.
             time_ns: nanoseconds, the sensor's clock.
-            seen: by body id, the part of the performer's surface that a depth sensor sees.
+            surfaces: returns, by body id, the part of the performer's surface that a depth sensor sees; it is
+                only called where a character follows surfaces.
         """
         self._bodies = bodies
-        return [actor.perform(bodies, time_ns, seen) for actor in self.actors.values()]
+        seen = surfaces() if surfaces is not None and self.uses_surface else None
+        poses = []
+        for name in self.actors:
+            pose = self._actor(name).perform(self._in_order(name), time_ns, seen)
+            self._places[name] = pose.positions.mean(0)[FLOOR]
+            poses.append(pose)
+        return poses
+
+    def tick(self, frame: Frame, poses: list[Pose], read_ns: int = 0) -> Tick:
+        """Returns the result of the frame that was performed last.
+
+        Args:
+            poses: as :meth:`perform` returned them.
+            read_ns: wall clock when the frame was read.
+        """
+        return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), self.holders)
 
     @property
     def occupied(self) -> bool:
@@ -44,47 +120,68 @@ class Stage:
         return bool(self._bodies)
 
     @property
-    def holders(self) -> set[int]:
+    def holders(self) -> frozenset[int]:
         """The ids of the performers who hold a character."""
-        return {hold.body for actor in self.actors.values() for hold in actor.holds}
+        return frozenset(hold.body for actor in self.actors.values() for hold in actor.holds)
 
     def cues(self) -> dict[str, Cues]:
         """Returns, by character id, the nodes that are held or would be."""
-        return {name: actor.cues(self._bodies) for name, actor in self.actors.items()}
+        return {name: self._actor(name).cues(self._in_order(name)) for name in self.actors}
 
     def possess(
-        self, character: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
+        self,
+        character: str | None = None,
+        body: int | None = None,
+        parts: str = "all",
+        mode: Mode = "alone",
     ) -> None:
-        """Lets a performer take hold of a character now.
+        """Lets a performer take hold of a character now; what is left open is chosen as the stage does.
 
         Args:
-            character: its id.
-            body: the performer's id; None: the first in view, for "join" the first who does not hold it yet.
+            character: its id; None: that of :meth:`takings`.
+            body: the performer's id; None: that of :meth:`takings`, for "join" one who does not hold it yet.
             parts: the parts that take hold, names of :data:`enliven.person.body.PARTS`.
             mode: what happens to earlier holds, see :data:`~enliven_edge.stage.actor.Mode`.
 
         Raises:
             InputError: where there is no such character or performer, or nothing is in reach.
         """
+        if character is not None:
+            self._possess(character, body, parts, mode)
+            return
+        refused: list[EnlivenError] = []
+        meant = self.takings(mode, body)
+        for taking in meant:
+            try:
+                self._possess(taking.character, taking.body, parts, mode)
+            except InputError as error:
+                refused.append(error)
+        if len(refused) == len(meant):
+            mend = "Step in front of the sensor, or let go of a character first."
+            what = "no performer in view is free to take hold of a character"
+            raise refused[0] if refused else InputError(what, where="stage", mend=mend)
+
+    def _possess(self, character: str, body: int | None, parts: str, mode: Mode) -> None:
+        """Lets a performer take hold of the character of an id."""
         actor = self._actor(character)
-        present = [b for b in self._bodies if body is None or b.id == body]
+        present = [b for b in self._in_order(character) if body is None or b.id == body]
         if not present:
             who = "nobody is in view" if body is None else f"performer {body} is not in view"
             raise InputError(
                 who, where=f"possessing {character!r}", mend="Step in front of the sensor first."
             )
-        joining = actor.next_performer(present) if mode == "join" else None
-        actor.possess(joining or present[0], parts, mode)
+        taking = (actor.next_performer(present) if mode == "join" else None) or present[0]
+        actor.possess(taking, parts, mode)
+        self._parts[character, taking.id] = parts
 
     def idle(self, character: str) -> Body | None:
-        """Returns the first performer in view who does not hold a character; None if there is none."""
-        return self._actor(character).next_performer(self._bodies)
+        """Returns the performer in view who would take a character next and holds none; None without one."""
+        return self._actor(character).next_performer(self._in_order(character))
 
     def candidate(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
-        """Returns the id and the parts of the performer who takes hold where a request names none.
+        """Returns the id of the performer who takes hold where a command names none, and the parts.
 
-        The cues show the same. Mode "extend" means the first holder in view. The id is None if that performer
-        is not in view.
+        Mode "extend" means the first holder in view. The id is None if that performer is not in view.
         """
         actor = self._actor(character)
         body, parts = actor.candidate
@@ -93,30 +190,71 @@ class Stage:
             body = next((hold.body for hold in actor.holds if hold.body in present), body)
         return (body if body in present else None), parts
 
-    def preview(self, character: str, body: int | None = None, parts: str = "all") -> None:
-        """Makes the cues show what this performer (None: the next one) would hold with these parts."""
-        self._actor(character).preview(body, parts)
+    def takings(self, mode: Mode = "alone", body: int | None = None) -> list[Taking]:
+        """Returns who takes what where a command names no character; the cues show the same.
 
-    def release(self, character: str, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all; a free character eases back to rest where it stands."""
-        self._actor(character).release(body)
+        With one character on the stage it is that one. With several each performer who holds nothing is
+        paired with the nearest free character, the nearest pairs first; ``mode`` "extend" means what the
+        performers hold already.
+
+        Args:
+            body: the performer's id: the free character, or else the character, nearest to that one alone.
+        """
+        if len(self.actors) == 1:
+            (name,) = self.actors
+            first, parts = self.candidate(name, mode)
+            return [Taking(name, first if body is None else body, parts)]
+        if mode == "extend":
+            held = [(name, hold.body) for name, actor in self.actors.items() for hold in actor.holds]
+            held = [(name, who) for name, who in held if body in (None, who)]
+        else:
+            performers = [one for one in self._bodies if body in (one.id, None)]
+            held = pairs(performers, self.actors, self._places, anyhow=body is not None)
+        return [Taking(name, who, self.actors[name].candidate[1]) for name, who in held]
+
+    def preview(self, character: str | None = None, body: int | None = None, parts: str = "all") -> None:
+        """Makes the cues show what this performer (None: the next one) would hold with these parts."""
+        for actor in self._meant(character):
+            actor.preview(body, parts)
+
+    def release(self, character: str | None = None, body: int | None = None) -> None:
+        """Ends the hold of one performer, or of all; a free character eases back to rest where it stands.
+
+        Args:
+            character: its id; None: every character that the performer holds.
+        """
+        meant = self._meant(character)
+        if len(meant) > 1 and body is not None:
+            meant = [actor for actor in meant if body in {hold.body for hold in actor.holds}]
+            if not meant:
+                mend = f"Holding: {', '.join(map(str, sorted(self.holders))) or 'nobody'}."
+                raise InputError(f"performer {body} holds no character", where="stage", mend=mend)
+        for actor in meant:
+            actor.release(body)
 
     def set_view(self, view: ScreenView) -> None:
         """Sets the viewer's direction: rigged characters match poses as they look on its screen."""
+        self._view = view
         for actor in self._rigs():
             actor.view = view
 
-    def browse(self, character: str, step: int) -> None:
+    def browse(self, character: str | None = None, step: int = 1) -> None:
         """Shows another match of a rigged character; step 0 follows the pose again.
+
+        Args:
+            character: its id; None: every rigged one.
 
         Raises:
             InputError: where there is no such character, or it is not rigged.
         """
-        actor = self._actor(character)
-        if not is_chosen(actor):
+        meant = self._meant(character)
+        rigs = [actor for actor in meant if is_chosen(actor)]
+        if not rigs:
+            where = f"character {meant[0].character.id!r}"
             mend = "Give the edge a rigged model and --drive skeleton."
-            raise InputError("nothing is chosen from it", where=f"character {character!r}", mend=mend)
-        actor.browse(step)
+            raise InputError("nothing is chosen from it", where=where, mend=mend)
+        for actor in rigs:
+            actor.browse(step)
 
     def boards(self) -> list[Board]:
         """Returns the matches to choose from, for each rigged character."""
@@ -126,8 +264,30 @@ class Stage:
         return [actor for actor in self.actors.values() if is_chosen(actor)]
 
     def _actor(self, character: str) -> Actor:
+        """Returns the actor of a character, told who is busy with others."""
         if character not in self.actors:
             known = ", ".join(self.actors) or "none"
             what = f"there is no character {character!r}"
             raise InputError(what, where="stage", mend=f"Known: {known}.")
-        return self.actors[character]
+        actor = self.actors[character]
+        others = (other for other in self.actors.values() if other is not actor)
+        actor.busy = frozenset(hold.body for other in others for hold in other.holds)
+        return actor
+
+    def _meant(self, character: str | None) -> list[Actor]:
+        """Returns the actor of an id, or all; an empty stage is refused."""
+        if character is not None or not self.actors:
+            return [self._actor(character or "")]
+        return [self._actor(name) for name in self.actors]
+
+    def _in_order(self, character: str) -> list[Body]:
+        """Returns the bodies in the order in which the stage offers them a character."""
+        if len(self.actors) < 2:
+            return self._bodies
+        return in_order(self._bodies, self._actor(character).busy, self._places.get(character))
+
+    def _free_place(self) -> float:
+        """Returns the metres aside at which one more character waits beside those that are there."""
+        wide = [np.ptp(actor.character.vertices[:, 0]) for actor in self.actors.values()]
+        aside = [actor.aside for actor in self.actors.values()]
+        return max((a + float(w) + _GAP for a, w in zip(aside, wide, strict=True)), default=0.0)

@@ -1,4 +1,4 @@
-"""The tracker: depth frames in, the people's joints out."""
+"""The tracker: frames in, the people's joints out."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 from enliven.arrays import Float, Int
 from enliven.deformation.constraints import ObservedPoints
-from enliven.frames import DepthFrame
+from enliven.errors import InputError
+from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.person import Body
 from enliven_edge.landmarks import ColourPoseEstimator
 from enliven_edge.tracking.body_model import Posture
@@ -30,7 +31,8 @@ class Tracker:
     """Tracks people by depth alone.
 
     For each frame it reduces the depth, places it in the world, takes the room away, shares the rest among
-    the people, fits them, looks for new ones and smooths the result.
+    the people, fits them, looks for new ones and smooths the result. Bodies that a sensor found by itself are
+    smoothed likewise.
 
     Args:
         colour: improves the joints by the colour image, where there is one; None: depth alone.
@@ -45,13 +47,14 @@ class Tracker:
         self._room: RoomModel | None = None
         self._owner: Int | None = None
         self._view: FrameView | None = None
+        self._by_depth = True
         self.output = Output(self.settings)
         self.colour = colour
 
     @property
     def world_from_camera(self) -> Float | None:
-        """(4, 4) the sensor's pose; None before the first frame."""
-        return self._mounting.world_from_camera
+        """(4, 4) the sensor's pose; None before the first frame, and where it tracks people itself."""
+        return self._mounting.world_from_camera if self._by_depth else None
 
     @property
     def performers(self) -> list[Person]:
@@ -64,8 +67,11 @@ class Tracker:
         return self._people.bystanders
 
     @property
-    def state(self) -> TrackerState:
-        """The state after the last frame, for the monitor of the tracker's health."""
+    def state(self) -> TrackerState | None:
+        """The state after the last frame, for the monitor of the tracker's health; None where the sensor
+        tracks people itself."""
+        if not self._by_depth:
+            return None
         age = self._room.age if self._room is not None else 0.0
         moved = self._mounting.falling or (self._mounting.new_place and not self._mounting.new_camera)
         return TrackerState(self._mounting.floor_known, age, moved)
@@ -83,7 +89,7 @@ class Tracker:
 
     def surfaces(self) -> dict[int, ObservedPoints]:
         """The surface points of each performer in the last frame, by id; mirrored as the bodies are."""
-        if self._view is None or self._owner is None:
+        if self._view is None or self._owner is None or not self._by_depth:
             return {}
         found = seen_surfaces(self._view, self._owner, self._people.segment_ids())
         if self.settings.output.mirror:
@@ -91,7 +97,12 @@ class Tracker:
         return found
 
     def lock(self, ids: Iterable[int] | None = None) -> None:
-        """Makes these people, or all that are followed now, the only performers; others are bystanders."""
+        """Makes these people, or all that are followed now, the only performers; others are bystanders.
+
+        Raises:
+            InputError: where the sensor tracks people itself.
+        """
+        self._need_depth()
         self._people.lock_to(ids)
 
     @property
@@ -100,16 +111,36 @@ class Tracker:
         return self._people.lock.ids is not None
 
     def unlock(self) -> None:
-        """Lets new people be performers again."""
+        """Lets new people be performers again; raises InputError as :meth:`lock`."""
+        self._need_depth()
         self._people.unlock()
+
+    def _need_depth(self) -> None:
+        """Raises InputError where the sensor tracks people itself."""
+        if not self._by_depth:
+            raise InputError(
+                "only the performers of one depth sensor can be locked",
+                where="edge",
+                mend="Give the space a zone instead, zone under [tracker.scene] in the settings.",
+            )
 
     def forget(self) -> None:
         """Drops all followed and remembered people; the room and the sensor's pose stay."""
         self._people.forget()
         self.output.forget()
 
-    def track(self, frame: DepthFrame) -> list[Body]:
-        """The bodies in a frame, world frame; empty without people."""
+    def track(self, frame: Frame) -> list[Body]:
+        """The bodies in a frame, world frame: found in its depth, or as the sensor found them; empty without
+        people."""
+        if isinstance(frame, BodyFrame):
+            self._by_depth = False
+            self._people.unlock()
+            return self.output(frame.bodies, frame.time_ns, frame.world_from_camera)
+        self._by_depth = True
+        return self._track_depth(frame)
+
+    def _track_depth(self, frame: DepthFrame) -> list[Body]:
+        """The bodies in a depth image."""
         view = self._mounting.view(frame, no_people=not self._people.people)
         room = self._room_of(view)
         if self._mounting.falling:

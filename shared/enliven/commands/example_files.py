@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
     from enliven.document import Project, Puppet
+    from enliven.exporters import Exporter
 
 
 @dataclass(frozen=True)
@@ -50,22 +52,29 @@ def opened(path: Path, name: str | None) -> Opened:
 
 
 def writer(output: Path) -> Callable[[Job], str]:
-    """Returns the function that writes the kind of file that the output's ending names."""
-    kinds = {".glb": _write_glb, ".mcap": _write_take, ".enliven": _write_project}
-    kind = output.suffix.lower()
-    if kind not in kinds:
-        what = f"{kind or 'a file without an ending'} cannot be made"
-        raise InputError(what, where=str(output), mend=f"Known: {', '.join(kinds)}.")
-    return kinds[kind]
+    """Returns the function that writes the kind of file that the output's ending names.
+
+    Raises:
+        InputError: where nothing can be written there.
+    """
+    from enliven.exporters import exporter_of
+
+    own = {".mcap": _write_take, ".enliven": _write_project}
+    if output.suffix.lower() in own:
+        return own[output.suffix.lower()]
+    exporter = exporter_of(output, tuple(own))
+    if exporter.jointed:
+        what = f"{output.suffix} holds skeletons, and a puppet has none"
+        raise InputError(what, where=str(output), mend="Make a .glb: its joints carry the surface.")
+    return partial(_export, exporter)
 
 
-def _write_glb(job: Job) -> str:
-    from enliven.exporters.gltf import puppet_performance_of, write_gltf
+def _export(exporter: Exporter, job: Job) -> str:
+    from enliven.exporters import performance_of
 
-    made = puppet_performance_of(
-        job.project, job.puppet.id, *job.span, job.rate, how="morphs" if job.morphs else "skin"
-    )
-    write_gltf(job.output, [made], job.puppet.id)
+    how = "morphs" if job.morphs else "skin"
+    made = performance_of(job.project, job.puppet, *job.span, job.rate, how=how)
+    exporter.write(job.output, [made], job.puppet.id)
     return f"; {made.error}"
 
 

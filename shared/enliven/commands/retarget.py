@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def retarget(
     take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
     model: Annotated[Path, typer.Argument(help="The model: .glb or .gltf, rigged or not.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The .glb to make.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="What to make: .glb, .bvh or .mp4.")],
     mapping: Annotated[
         Path | None, typer.Option("--map", help="A mapping file; without one, the mapping is found.")
     ] = None,
@@ -69,21 +69,23 @@ def retarget(
       enliven retarget JOINTS.mcap SPIDER.glb -o out.glb --travel --pin
     """
     # Heavy modules are imported only here, so that the help is quick.
-    from enliven.exporters.gltf import performance_of, write_gltf
+    from enliven.exporters import exporter_of, performance_of
     from enliven.formats.gltf import read_gltf
-    from enliven.mapping import read_plan, retargeted, write_plan
+    from enliven.mapping import read_plan, write_plan
+    from enliven.mapping import retarget as retarget_shape
     from enliven.takes import read_take
 
+    exporter = exporter_of(output)
     draw = _sheet_maker() if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
     plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin)
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
-    made = retargeted(rig.shape, clip, plan)
+    made = retarget_shape(rig.shape, clip, plan)
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
     performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate)
-    write_gltf(output, [performance], f"{take.stem} on {model.stem}")
+    exporter.write(output, [performance], f"{take.stem} on {model.stem}")
     if write_map:
         write_plan(made.plan, write_map)
     if sheet and draw:

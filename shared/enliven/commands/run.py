@@ -25,11 +25,13 @@ def run(
     recording: Path | None = typer.Option(None, help="Replay this recording; without one, the shipped one."),
     sensor: str | None = typer.Option(None, help="Use this sensor instead of a recording."),
     option: list[str] | None = typer.Option(None, "--set", help="An option of the sensor, KEY=VALUE."),
-    mesh: str = typer.Option(
-        "chair", help="A mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'."
+    mesh: list[str] | None = typer.Option(
+        None, help="A mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'; several: again."
     ),
     possess_at: float = typer.Option(1.5, help="Seconds after the first frame at which the body takes hold."),
-    parts: str | None = typer.Option(None, help="What takes hold: 'legs', 'upper body', ...; else all."),
+    parts: list[str] | None = typer.Option(
+        None, help="What takes hold: 'legs', 'upper body', ...; else all."
+    ),
     out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
     film: bool | None = typer.Option(
         None, "--film/--window", help="A film or a window; by the display where not said."
@@ -37,7 +39,9 @@ def run(
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
     size: str | None = typer.Option(None, help="Of window or film, such as 640x360: quicker to draw."),
     physics: str | None = typer.Option(None, help="Loose things to knock about: boxes or dodgeball."),
-    drive: str | None = typer.Option(None, help="What moves it: graph, or skeleton (of a rigged glTF)."),
+    drive: list[str] | None = typer.Option(
+        None, help="What moves it: graph, or skeleton (of a rigged glTF)."
+    ),
     settings: Path | None = typer.Option(None, help="A TOML file of settings for the edge."),
     record: Path | None = typer.Option(None, help="Keep the take (character, bodies, poses) in this file."),
 ) -> None:
@@ -56,6 +60,7 @@ def run(
       enliven run --mesh HORSE.obj --settings EDGE.toml
       enliven run --mesh SPIDER.glb --drive skeleton --parts arms
       enliven run --mesh cactus
+      enliven run --mesh chair --mesh lamp
       enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
     _need_both_programs()
@@ -72,11 +77,12 @@ def run(
             f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds says otherwise"
         )
     ports = free_ports()
-    edge = _edge_arguments(recording, sensor, mesh, possess_at, parts, seconds, ports, as_film)
+    edge = _edge_arguments(recording, sensor, possess_at, seconds, ports, as_film)
+    for name, words in (("--mesh", mesh), ("--parts", parts), ("--drive", drive)):
+        edge += [word for each in words or [] for word in (name, each)]
     edge += [word for each in option or [] for word in ("--set", each)]
     edge += ["--record", str(record)] if record else []
     edge += ["--physics", physics] if physics else []
-    edge += ["--drive", drive] if drive else []
     edge += ["--settings", str(settings)] if settings else []
     view = _view_arguments(out, ports, as_film)
     view += ["--size", size] if size else []
@@ -116,16 +122,13 @@ def _need_both_programs() -> None:
 def _edge_arguments(
     recording: Path | None,
     sensor: str | None,
-    mesh: str,
     possess_at: float,
-    parts: str | None,
     seconds: float | None,
     ports: tuple[int, ...],
     as_film: bool,
 ) -> list[str]:
     """Returns the edge's command line; for a film the edge waits for its viewer, so that no frame is lost."""
-    arguments = ["edge", "--mesh", mesh, "--possess-at", str(possess_at)]
-    arguments += ["--parts", parts] if parts else []
+    arguments = ["edge", "--possess-at", str(possess_at)]
     arguments += ["--port", str(ports[0]), "--control-port", str(ports[1]), "--name", f"run-{os.getpid()}"]
     arguments += ["--wait-for-viewer", "60"]
     if sensor is not None:

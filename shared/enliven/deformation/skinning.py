@@ -19,7 +19,9 @@ from enliven.kernels import njit
 
 
 def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) -> Float32:
-    """(V, 3) float32 world positions: v' = sum_k w_k (linear_k (v - pivot_k) + position_k).
+    """The vertices (V, 3) float32 of a character in a pose, in metres of the world.
+
+    v' = sum_k w_k (linear_k (v - pivot_k) + position_k), over the transforms that the vertex follows.
 
     Args:
         out: (V, 3) float32 to write to, which saves allocating it every frame.

@@ -1,3 +1,4 @@
+from .body_take import BodyTake, HoldChange
 from .character import Character, Pose, SkinWeights
 from .clip import Clip
 from .constraints import Constraint, Coupling, Position, Velocity, names_in
@@ -13,12 +14,14 @@ from .puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character
 from .rigged import Shape, character_of, still_shape
 from .skeleton import Skeleton, skeleton_of
 from .surface_settings import ArapSettings
+from .time_map import TimeMap
 
 __all__ = [
     "BALL",
     "BOX",
     "STILL",
     "ArapSettings",
+    "BodyTake",
     "Character",
     "Clip",
     "Constraint",
@@ -29,6 +32,7 @@ __all__ = [
     "GraphPart",
     "GraphShape",
     "History",
+    "HoldChange",
     "KeyPose",
     "Kind",
     "Layer",
@@ -49,6 +53,7 @@ __all__ = [
     "SkinWeights",
     "Span",
     "Switch",
+    "TimeMap",
     "Velocity",
     "character_of",
     "character_of_graph",

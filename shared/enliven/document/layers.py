@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document.time_map import TimeMap
 from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
@@ -21,7 +22,7 @@ MODES: tuple[str, ...] = ("turns", "end")
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
+class Layer(TimeMap):
     """A take with the chain, basis and time by which it drives bones.
 
     Attributes:
@@ -32,9 +33,6 @@ class Layer:
             A chain of one joint stands for the turn of that entry itself (the root's: (0,)), from nothing at
             s = 0 to the whole at s = 1.
         basis: (4,) unit quaternion target_from_source: a turn Q of the source becomes basis Q basis^-1.
-        offset: seconds of the project's time at which the take begins.
-        speed: 1 as recorded; 0.5 half as fast; below 0 backwards from the end.
-        loop: begin again at the end; otherwise the last frame stays.
         weight: 0 to leave the bone as modeled, 1 for the whole turn; the turn of each source bone is scaled.
         muted: true leaves the layer out.
         mirrored: the source seen in a mirror: its turns q = (w, x, y, z) are taken as (w, x, -y, -z) and its
@@ -48,9 +46,6 @@ class Layer:
     take: str
     chain: tuple[int, ...]
     basis: Float = field(default_factory=lambda: IDENTITY)
-    offset: float = 0.0
-    speed: float = 1.0
-    loop: bool = False
     weight: float = 1.0
     muted: bool = False
     mirrored: bool = False
@@ -66,14 +61,13 @@ class Layer:
             problem = f"the basis {self.basis} is no unit quaternion"
         elif not self.chain:
             problem = "its chain has no joint"
-        elif self.speed == 0.0 or not np.isfinite([self.offset, self.speed, self.weight]).all():
-            problem = f"offset {self.offset}, speed {self.speed}, weight {self.weight} cannot be played"
         elif not 0.0 <= self.weight <= 1.0:
             problem = f"the weight is {self.weight}"
         elif self.mode not in MODES:
             problem = f"there is no mode {self.mode!r} (known: {', '.join(MODES)})"
         if problem:
             raise InputError(problem, where=f"layer {self.id!r}", mend="Give the layer again.")
+        self.check_time(f"layer {self.id!r}")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int, Int32
 from enliven.document.character import Character, Pose, SkinWeights
+from enliven.document.time_map import TimeMap
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
@@ -76,7 +77,7 @@ class Ride:
 
 
 @dataclass(frozen=True, eq=False)
-class GraphPart:
+class GraphPart(TimeMap):
     """Nodes that play one stream.
 
     Attributes:
@@ -89,9 +90,6 @@ class GraphPart:
         mirrored: whether it was reflected in the plane x = 0 before that: x becomes S x, linear S linear S,
             S = diag(-1, 1, 1); so is the rest pose.
         ride: what carries it, or None for the world.
-        offset: seconds of the project's time at which the stream begins.
-        speed: 1 as recorded; below 0 backwards from the end.
-        loop: begin again at the end; otherwise the last frame stays.
     """
 
     stream: str
@@ -102,18 +100,15 @@ class GraphPart:
     size: float = 1.0
     mirrored: bool = False
     ride: Ride | None = None
-    offset: float = 0.0
-    speed: float = 1.0
-    loop: bool = False
 
     def __post_init__(self) -> None:
         nodes = np.array(self.nodes, np.int64)
         nodes.setflags(write=False)
         object.__setattr__(self, "nodes", nodes)
         _freeze(self, "axes", "turn", "place")
-        if self.speed == 0.0 or not np.isfinite([self.speed, self.offset]).all() or not self.size > 0.0:
-            what = f"offset {self.offset}, speed {self.speed}, size {self.size} cannot be played"
-            raise InputError(what, where=f"part {self.stream!r}")
+        self.check_time(f"part {self.stream!r}")
+        if not self.size > 0.0:
+            raise InputError(f"it cannot be {self.size} times as large", where=f"part {self.stream!r}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.document.surface_settings import ArapSettings
+from enliven.document.time_map import TimeMap
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
@@ -71,16 +72,12 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class PuppetLayer:
+class PuppetLayer(TimeMap):
     """A take that the puppet plays, as an animation layer of a shape: the first is at the bottom.
-
-    At the project's time t the take is at (t - offset) speed; below 0 it is played backwards from the end.
-    Before its begin and after its end the first and the last frame stay, unless it loops.
 
     Attributes:
         take: its id; it has the joints that the control points are paired with.
         points: names of the control points that it moves; empty: all.
-        offset: seconds of the project's time at which the take begins.
         weight: 0..1, how far it takes the points from where the layers under it put them.
         travel: whether the puppet goes through the world with it (``locomotion``); the
             first layer that is not muted and does so decides. Otherwise it stays where it is.
@@ -92,9 +89,6 @@ class PuppetLayer:
 
     take: str
     points: tuple[str, ...] = ()
-    offset: float = 0.0
-    speed: float = 1.0
-    loop: bool = False
     weight: float = 1.0
     muted: bool = False
     travel: bool = True
@@ -106,10 +100,8 @@ class PuppetLayer:
     mirrored: bool = False
 
     def __post_init__(self) -> None:
-        times = f"offset {self.offset}, speed {self.speed}, weight {self.weight}"
         where = f"layer of {self.take!r}"
-        if self.speed == 0.0 or not np.isfinite([self.offset, self.speed]).all():
-            raise InputError(f"{times} cannot be played", where=where)
+        self.check_time(where)
         if not 0.0 <= self.weight <= 1.0:
             raise InputError(f"the weight is {self.weight}", where=where, mend="Give one from 0 to 1.")
 

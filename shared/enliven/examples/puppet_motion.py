@@ -89,11 +89,8 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
 
 def clock(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
     """The frame (or fraction) of its take that a layer plays, and how often it was gone through before."""
-    last = motion.frames - 1
-    length = last * motion.step
-    played = (time - layer.offset) * layer.speed + (length if layer.speed < 0.0 else 0.0)
-    rounds = int(np.floor(played / length)) if layer.loop and length > 0.0 else 0
-    return float(np.clip((played - rounds * length) / motion.step, 0.0, last)), rounds
+    second, rounds = layer.played(time, (motion.frames - 1) * motion.step)
+    return min(second / motion.step, motion.frames - 1.0), rounds
 
 
 def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:
@@ -116,7 +113,7 @@ def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
 def length_of_puppets(project: Project) -> float:
     """Seconds until the last take has been played once by every layer that is not muted; 0 without layers."""
     ends = [
-        layer.offset + project.takes[layer.take].duration / abs(layer.speed)
+        layer.end(project.takes[layer.take].duration)
         for puppet in project.puppets.values()
         for layer in puppet.layers
         if not layer.muted

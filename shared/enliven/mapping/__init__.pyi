@@ -1,6 +1,6 @@
 from .anatomy import Anatomy, SkeletonLimb, anatomy_of
 from .applying import apply_plan
-from .automatic_mapping import Retargeted, automatic, retargeted
+from .automatic_mapping import Retargeted, automatic, retarget
 from .facing import facing_of, turned_level
 from .plan import Mode, Plan
 from .plan_file import read_plan, write_plan
@@ -16,7 +16,7 @@ __all__ = [
     "automatic",
     "facing_of",
     "read_plan",
-    "retargeted",
+    "retarget",
     "turned_level",
     "write_plan",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -135,7 +135,7 @@ def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
 
 
-def retargeted(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
+def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
     """A shape that moves by a take.
 
     Args:
@@ -152,7 +152,7 @@ def retargeted(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted
     if plan.pin:
         project = _pinned(project, shape)
     # What begins again at its end has none of its own: it plays as long as the take.
-    speeds = {key: 1.0 if layer.loop else abs(layer.speed) for key, layer in project.layers.items()}
-    ends = [layer.offset + based.duration / speeds[key] for key, layer in project.layers.items()]
+    layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.layers.values()]
+    ends = [layer.end(based.duration) for layer in layers]
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, max(ends), ours, theirs)

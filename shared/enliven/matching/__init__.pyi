@@ -1,6 +1,7 @@
 from . import views
 from .assignment import least_cost
 from .board import Board, MatchRow
+from .body_limbs import BodySource, body_source
 from .matches import Match, Ranking
 from .picking import Pick, Picker, PickingSettings
 from .ranking import Matcher, RankingSettings
@@ -10,6 +11,7 @@ from .views import ScreenView, best_view
 
 __all__ = [
     "Board",
+    "BodySource",
     "EqualLimbs",
     "Match",
     "MatchRow",
@@ -22,6 +24,7 @@ __all__ = [
     "RankingSettings",
     "ScreenView",
     "best_view",
+    "body_source",
     "equal_limbs",
     "least_cost",
     "source_of",

@@ -1,4 +1,4 @@
-from .files import load_mesh
+from .files import load_mesh, save_mesh
 from .gltf_json import Entry, gltf_document
 from .kernels import (
     corner_sums,
@@ -29,6 +29,7 @@ __all__ = [
     "longest_edge",
     "normals_of",
     "refine",
+    "save_mesh",
     "shells",
     "space_curve",
     "split_long_edges",

@@ -63,7 +63,7 @@ def clip_of_capture(
     holds = np.array([0, *parents[1:]])
     world = multiply(turns[:, holds], conjugate(before[holds]))
     skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
-    return Clip(id, skeleton, _continuous(world), positions[:, 0] * scale, capture.seconds)
+    return Clip(id, skeleton, continuous(world), positions[:, 0] * scale, capture.seconds)
 
 
 def clip_of_bodies(
@@ -107,6 +107,12 @@ def clip_of_bodies(
     return _even(id, skeleton, times - times[0], turns, joints[:, 0], step)
 
 
+def resampled(clip: Clip, step: float) -> Clip:
+    """The clip with a frame every ``step`` seconds; its last frame is the last at or before its end."""
+    times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
+    return _even(clip.id, clip.skeleton, times, clip.turns, clip.root, step)
+
+
 def between_times(clip: Clip, start: float, stop: float) -> Clip:
     """Returns the frames of a clip from ``start`` to ``stop`` seconds, at least one."""
     first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
@@ -125,7 +131,7 @@ def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, 
     part = (wanted - times[before]) / width
     made = slerp(turns[before], turns[after], part[:, None])
     at = root[before] + part[:, None] * (root[after] - root[before])
-    return Clip(id, skeleton, _continuous(made), at, step)
+    return Clip(id, skeleton, continuous(made), at, step)
 
 
 def _known(bodies: Sequence[Body], still: Body) -> Float | None:
@@ -136,7 +142,7 @@ def _known(bodies: Sequence[Body], still: Body) -> Float | None:
     return multiply(world, conjugate(still.orientations))
 
 
-def _continuous(turns: Float) -> Float:
+def continuous(turns: Float) -> Float:
     """The same rotations (F, N, 4), each of the sign that is nearest to the frame before."""
     signs = np.where((turns[1:] * turns[:-1]).sum(-1) < 0, -1.0, 1.0)
     turns = turns.copy()

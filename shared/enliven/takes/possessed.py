@@ -56,7 +56,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
         InputError: where the file is no recording, or no possessed mesh moved in it.
     """
     recording = Recording(path)
-    characters, poses = _read(recording)
+    characters, poses = characters_and_poses(recording)
     begin = min((found[0].time_ns for found in poses.values() if found), default=0)
     project = Project()
     for key, character in characters.items():
@@ -64,7 +64,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
         if character.kind not in ("graph", "points") or len(found) < _FEWEST:
             continue
         told: list[str] = [] if notes is None else notes
-        shape, stream = _played(character, found, begin, project, told)
+        shape, stream = played(character, found, begin, project, told)
         project = project.with_streams(stream).with_graphs(shape)
     if not project.graphs:
         mend = "Possess a mesh and record it: enliven run."
@@ -72,11 +72,15 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
     return project
 
 
-def _read(recording: Recording) -> tuple[dict[tuple[str, int], Character], dict[tuple[str, int], list[Pose]]]:
+_Key = tuple[str, int]
+"""The id and the revision of a character."""
+
+
+def characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], dict[_Key, list[Pose]]]:
     """Returns characters and poses by id and revision; a message that cannot be read is left out."""
-    characters: dict[tuple[str, int], Character] = {}
-    codecs: dict[tuple[str, int], PoseCodec] = {}
-    poses: dict[tuple[str, int], list[Pose]] = {}
+    characters: dict[_Key, Character] = {}
+    codecs: dict[_Key, PoseCodec] = {}
+    poses: dict[_Key, list[Pose]] = {}
     for _, data in recording.messages("character") if "character" in recording.info.topics else ():
         try:
             message = msgspec.msgpack.decode(data, type=CharacterMessage)
@@ -98,30 +102,40 @@ def _read(recording: Recording) -> tuple[dict[tuple[str, int], Character], dict[
     return characters, {key: sorted(found, key=lambda pose: pose.time_ns) for key, found in poses.items()}
 
 
-def _played(
+def played(
     character: Character, poses: list[Pose], begin: int, project: Project, notes: list[str]
 ) -> tuple[GraphShape, PoseStream]:
     """Returns the shape of a character, and the stream of its poses at even steps."""
-    seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
-    _, first = np.unique(seconds, return_index=True)
-    seconds, poses = seconds[first], [poses[i] for i in first]
-    if len(poses) < _FEWEST:
-        raise InputError("all its poses are of one moment", where=f"character {character.id!r}")
-    step = float(np.median(np.diff(seconds)))
-    if (seconds[-1] - seconds[0]) / step * len(character.pivots) > _MOST_PLACES:
-        what = (
-            f"its poses are spread over {seconds[-1] - seconds[0]:.3g} s, at steps of {step:.3g} s: too many"
-        )
-        raise InputError(what, where=f"character {character.id!r}", mend="Record a shorter take.")
-    grid = np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
+    poses, seconds, grid = even_times(character, poses, begin)
+    step = float(grid[1] - grid[0])
     ids = unused(character.id, project.graphs), unused(character.id, project.streams)
     if character.kind == "points":
         return _solved(character, poses, seconds, grid, ids, notes)
     shape, whole = graph_shape_of(character, poses, ids[1], step)
-    stream = PoseStream(whole.id, _at(whole.linear, seconds, grid), _at(whole.positions, seconds, grid), step)
+    linear, positions = (between(values, seconds, grid) for values in (whole.linear, whole.positions))
+    stream = PoseStream(whole.id, linear, positions, step)
     part = shape.parts[0]
     moved = type(part)(part.stream, part.nodes, offset=float(seconds[0]))
     return shape.with_changes(id=ids[0], parts=(moved,)), stream
+
+
+def even_times(character: Character, poses: list[Pose], begin: int) -> tuple[list[Pose], Float, Float]:
+    """Returns the poses of different times, those (F,) in seconds since ``begin`` (ns), and (G,) even times.
+
+    Raises:
+        InputError: where there are too few, or times that are too far apart.
+    """
+    where = f"character {character.id!r}"
+    seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
+    _, first = np.unique(seconds, return_index=True)
+    seconds = seconds[first]
+    if len(first) < _FEWEST:
+        raise InputError("all its poses are of one moment", where=where, mend="Record it again.")
+    step, lasts = float(np.median(np.diff(seconds))), float(seconds[-1] - seconds[0])
+    if lasts / step * len(character.pivots) > _MOST_PLACES:
+        what = f"its poses are spread over {lasts:.3g} s, at steps of {step:.3g} s: too many"
+        raise InputError(what, where=where, mend="Record a shorter take.")
+    return [poses[i] for i in first], seconds, np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
 
 
 def _solved(
@@ -136,13 +150,13 @@ def _solved(
     turns = from_matrix(np.array([pose.linear[0] for pose in poses], np.float64))
     world = np.array([pose.positions for pose in poses], np.float64)
     local = rotate(conjugate(turns)[:, None], world[:, 1:] - world[:, :1])
-    turns = from_matrix(_at(to_matrix(turns), seconds, grid))
+    turns = from_matrix(between(to_matrix(turns), seconds, grid))
     puppet = _puppet_of(character)
-    settings, places = BakeSettings(), _at(local, seconds, grid)
+    settings, places = BakeSettings(), between(local, seconds, grid)
     held = [point.vertex for point in puppet.points]
     surface = bake_surface(puppet.mesh, SurfaceFrames(puppet, places, settings.kept), places, held, settings)
     notes.append(f"The surface of {character.id!r} was baked, {surface.error}.")
-    roots, step = _at(world[:, 0], seconds, grid), float(grid[1] - grid[0])
+    roots, step = between(world[:, 0], seconds, grid), float(grid[1] - grid[0])
     return graph_of(puppet.mesh, surface, turns, roots, step, ids, float(seconds[0]))
 
 
@@ -159,7 +173,7 @@ def _puppet_of(character: Character) -> Puppet:
     return Puppet(character.id, mesh, points, surface=character.surface or ArapSettings())
 
 
-def _at(values: Float, seconds: Float, grid: Float) -> Float:
+def between(values: Float, seconds: Float, grid: Float) -> Float:
     """Returns (G, ...) ``values`` (F, ...) interpolated from ``seconds`` (F,) to ``grid`` (G,)."""
     before = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)
     share = np.clip((grid - seconds[before]) / (seconds[before + 1] - seconds[before]), 0.0, 1.0)

@@ -3,24 +3,28 @@
     clips_of_recording(path, *, settings=TakeSettings()) -> list[Clip]
     clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, in order
 
-Only recordings of bodies have takes; depth has to be tracked first.
+Bodies are what a sensor tracked itself, what ``enliven track`` found in depth, or what an edge published and
+recorded; depth alone has to be tracked first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from enliven.document import Clip
-from enliven.errors import InputError
+from enliven.errors import EnlivenError, InputError
+from enliven.files import DAMAGE
 from enliven.frames import BodyFrame, Frame
 from enliven.person import Body
-from enliven.recording import Recording
+from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.settings import setting
 from enliven.takes.capture_clip import clip_of_bodies
+from enliven.wire import BODIES, BodiesMessage, message_to_bodies
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,11 @@ class TakeSettings:
     """Settings that turn a recording into takes."""
 
     gap: float = setting(
-        0.5, "Somebody who is away for longer comes back in a take of its own.", unit="s", low=0.0, high=60.0
+        0.5,
+        "A person who is away for longer begins a take of their own.",
+        unit="s",
+        low=0.0,
+        high=60.0,
     )
     shortest: float = setting(0.5, "What is shorter is no take.", unit="s", low=0.0, high=600.0)
     step: float = setting(1.0 / 30.0, "Time between two frames of a take.", unit="s", low=1e-3, high=1.0)
@@ -44,11 +52,31 @@ def clips_of_recording(path: Path | str, *, settings: TakeSettings | None = None
         InputError: where the file is no recording, or no person is in it for long enough.
     """
     path = Path(path)
-    made = clips_of_frames(Recording(path).frames(), path.stem, settings or TakeSettings())
+    recording = Recording(path)
+    made = clips_of_frames(body_frames(recording), path.stem, settings or TakeSettings())
+    if not made and DEPTH_TOPIC in recording.info.topics:
+        mend = f"Find the people in it first: enliven track {path.name} -o bodies.mcap"
+        raise InputError("it holds depth, and no bodies yet", where=str(path), mend=mend)
     if not made:
-        mend = "Depth must be tracked first: only recordings of bodies have takes."
+        mend = "Record a performance that lasts longer."
         raise InputError("nobody is in it for long enough to be a take", where=str(path), mend=mend)
     return made
+
+
+def body_frames(recording: Recording) -> Iterator[Frame]:
+    """Yields the bodies of a recording: those of its sensors, or those that an edge published.
+
+    A message that cannot be read is left out.
+    """
+    if BODIES.name not in recording.info.topics:
+        yield from recording.frames()
+        return
+    for _, data in recording.messages(BODIES.name):
+        try:
+            said = msgspec.msgpack.decode(data, type=BodiesMessage)
+            yield BodyFrame(message_to_bodies(said), said.time_ns, "")
+        except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
+            continue
 
 
 def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:

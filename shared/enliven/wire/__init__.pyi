@@ -52,10 +52,11 @@ from .requests import (
 )
 from .sockets import CONTROL_PORT, POSE_PORT, Endpoint, make_socket, parse_endpoint
 from .streams import BodiesMessage, CuesMessage, MatchesMessage, PoseMessage, PropsMessage, StatusMessage
-from .topics import BY_TYPE, MAX_STREAM_BYTES, POSE, REPLY, REQUEST, STATUS, STREAMS
+from .topics import BODIES, BY_TYPE, MAX_STREAM_BYTES, POSE, REPLY, REQUEST, STATUS, STREAMS
 from .zmtp import ZmtpError, ZmtpSession, framed, head
 
 __all__ = [
+    "BODIES",
     "BY_TYPE",
     "CONTROL_PORT",
     "MAX_STREAM_BYTES",

@@ -32,8 +32,9 @@ class Possess(Struct, tag=True, frozen=True):
     """A body takes hold of a character.
 
     Attributes:
-        character: its id.
-        body: the performer's id; None: a performer in view, for "join" one that does not hold it yet.
+        character: its id; None: the only one, of several the free one nearest to the performer.
+        body: the performer's id; None: a performer in view, for "join" one that does not hold it yet; of
+            several characters none who holds another one, if there is such a performer.
         parts: the parts that take hold, names of :data:`enliven.person.body.PARTS`, joined with "+".
         mode: the other performers that hold it afterwards. "alone": none, as in programs that do not know
             this field. "join": all that did, and this performer lets its earlier parts go. "extend": as
@@ -41,16 +42,16 @@ class Possess(Struct, tag=True, frozen=True):
             "preview": nothing changes but the cues, which show from now on what this performer would hold.
     """
 
-    character: Name
+    character: Name | None = None
     body: Identity | None = None
     parts: Annotated[str, Meta(min_length=1, max_length=160)] = "all"
     mode: Mode = "alone"
 
 
 class Release(Struct, tag=True, frozen=True):
-    """Makes a performer let a character go; None: every performer that holds it."""
+    """Makes a performer (None: every one) let a character (None: all that the performer holds) go."""
 
-    character: Name
+    character: Name | None = None
     body: Identity | None = None
 
 
@@ -82,9 +83,10 @@ class Look(Struct, tag=True, frozen=True):
 
 
 class Browse(Struct, tag=True, frozen=True):
-    """Shows another match of a character: so many places on in the ranking; 0 follows the pose again."""
+    """Shows another match of a character (None: of each rigged one), so many places on in the ranking; 0
+    follows the pose again."""
 
-    character: Name
+    character: Name | None = None
     step: Annotated[int, Meta(ge=-1000, le=1000)] = 1
 
 

@@ -199,8 +199,9 @@ def test_lamps_show_the_stage_and_its_health(outlet):
     say.words = ["possess"]
     house.step()
     assert say.lamps == Lamps(possess="steady")
+    house.edge.tracker = Tracker()  # it has seen nothing yet
     house.edge.tracker.lock()
-    house.step()
+    house.edge._listen()
     assert say.lamps == Lamps(possess="steady", locked="steady")
     house.edge.tracker.unlock()
     house.edge.health.failed(SensorFault("the cable is out", where="people"))

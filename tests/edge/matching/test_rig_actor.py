@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError
+from enliven.matching.body_limbs import body_source
 from enliven.matching.picking import PickingSettings
 from enliven.matching.views import ScreenView
 from enliven.person.body import Body, Joint
 from enliven.rotation import from_rotation_vector, rotate
 from enliven.wire.matches import board_to_message, message_to_board
-from enliven_edge.stage.rig.limbs import body_source
 from enliven_edge.stage.rig.rig_actor import RigActor
 from enliven_edge.stage.rig.settings import MatchingSettings
 from enliven_edge.stage.stage import Stage

@@ -9,6 +9,7 @@ import pytest
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
+from enliven.frames import BodyFrame
 from enliven.settings import load_settings
 
 from .conftest import FRAME, UNBOUND, person
@@ -20,6 +21,7 @@ from enliven_edge.physics.performers import BODY_SPHERES, body_spheres
 from enliven_edge.physics.playground import Playground
 from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings, PhysicsSettings
 from enliven_edge.physics.towers import tower_places, tower_props
+from enliven_edge.stage.tick import Tick
 
 NS = round(1e9 * FRAME)
 SMALL = BoxesSettings(at=((0.5, 0.0),), wide=1, high=3, rebuild=1.0)
@@ -45,11 +47,17 @@ def playground(world: str = "boxes", **changes) -> Playground:
     return Playground(PhysicsSettings(world=world, **plain), [block()])
 
 
+def step(made: Playground, poses, bodies, holders, time_ns: int):
+    """The props after a frame with these poses, bodies and holders."""
+    frame = BodyFrame(bodies, time_ns, "given")
+    return made.step(Tick(frame, bodies, poses, holders=frozenset(holders)))
+
+
 def performed(made: Playground, path, frames: int = 60) -> list[np.ndarray]:
     """The props' places in every frame of a block that goes along ``path``."""
     places = []
     for k in range(frames):
-        props = made.step([at(path(k))], [], set(), k * NS)
+        props = step(made, [at(path(k))], [], set(), k * NS)
         assert props is not None
         places.append(props.positions)
     return places
@@ -65,7 +73,7 @@ def test_a_character_knocks_the_tower_over():
     assert np.abs(places[8] - places[0]).max() < 0.005
     # Two lie on the floor beyond; the third may have come to ride on the block.
     assert (places[-1][:, 0] > 0.7).all() and (places[-1][:, 1] < 0.1).sum() >= 2
-    props = made.step([at(across(60))], [], set(), 60 * NS)
+    props = step(made, [at(across(60))], [], set(), 60 * NS)
     assert props.note == "3 of 3 boxes down"
 
 
@@ -76,14 +84,14 @@ def test_the_same_frames_give_the_same_props():
 
 def test_nothing_is_there_before_somebody_shows_the_place():
     made = playground(place="performer")
-    assert made.step([at((9, 0, 9))], [], set(), 0) is None
+    assert step(made, [at((9, 0, 9))], [], set(), 0) is None
     for k in range(1, 20):
-        assert made.step([], [person((0.05 * k, -3.0))], set(), k * NS) is None, "they still walk"
+        assert step(made, [], [person((0.05 * k, -3.0))], set(), k * NS) is None, "they still walk"
     for k in range(20, 28):
-        assert made.step([], [person((2.0, -3.0))], set(), k * NS) is None
-    props = made.step([], [person((2.02, -3.0))], set(), 32 * NS)
+        assert step(made, [], [person((2.0, -3.0))], set(), k * NS) is None
+    props = step(made, [], [person((2.02, -3.0))], set(), 32 * NS)
     assert np.allclose(props.positions[:, [0, 2]].mean(0), [2.52, -3.0], atol=0.05)
-    again = made.step([], [person((-1.0, -1.0))], set(), 33 * NS)
+    again = step(made, [], [person((-1.0, -1.0))], set(), 33 * NS)
     assert np.allclose(again.positions, props.positions, atol=0.01), "the place is known once and for all"
 
 
@@ -94,16 +102,16 @@ def test_performers_push_where_they_are_said_to(rule, holders, pushes):
     made = playground(bodies=rule)
     for k in range(45):
         body = person((-0.4 + 0.03 * k, 0.0))
-        props = made.step([], [body], holders, k * NS)
+        props = step(made, [], [body], holders, k * NS)
     assert (np.abs(props.positions[:, 0] - 0.5).max() > 0.2) == pushes
 
 
 def test_who_appears_among_the_boxes_flings_nothing():
     made = playground()
-    made.step([], [], set(), 0)
+    step(made, [], [], set(), 0)
     highest = 0.0
     for k in range(1, 40):
-        made.step([at((0.5, 0.1, 0.05))], [], set(), k * NS)
+        step(made, [at((0.5, 0.1, 0.05))], [], set(), k * NS)
         highest = max(highest, float(np.abs(made.world.velocities[:, :3]).max()))
     assert highest < 4.0 and made.resets == 0
 
@@ -116,7 +124,7 @@ def test_characters_scale_leave_and_come_as_they_like():
         [at((1, 0, 3), "second")], [at((0, 0, 3), "unknown")], [at((np.nan, 0, 3))],
     ]  # fmt: skip
     for k, there in enumerate(poses * 3):
-        props = made.step(there, [person((0, 5), 1)] * (k % 2), set(), k * NS)
+        props = step(made, there, [person((0, 5), 1)] * (k % 2), set(), k * NS)
         assert np.abs(props.positions[:, 0] - 0.5).max() < 0.02
     assert made.resets == 0
 
@@ -125,17 +133,17 @@ def test_fallen_towers_stand_again_but_not_on_anybody():
     made = playground()
     places = performed(made, across, 60)
     for k in range(60, 200):
-        props = made.step([at((0.5, 0.0, 0.0))], [], set(), k * NS)
+        props = step(made, [at((0.5, 0.0, 0.0))], [], set(), k * NS)
     assert props.note, "somebody stands where the tower was"
     for k in range(200, 320):
-        props = made.step([at((5.0, 0.0, 0.0))], [], set(), k * NS)
+        props = step(made, [at((5.0, 0.0, 0.0))], [], set(), k * NS)
     assert np.allclose(props.positions, places[0], atol=0.01) and props.note == ""
 
 
 def test_a_replay_that_begins_again_begins_with_new_towers():
     made = playground()
     places = performed(made, across, 60)
-    again = made.step([at(across(0))], [], set(), 0)
+    again = step(made, [at(across(0))], [], set(), 0)
     assert np.allclose(again.positions, places[0], atol=1e-6)
 
 
@@ -143,7 +151,7 @@ def test_a_world_that_lost_its_way_begins_anew(caplog):
     made = playground()
     performed(made, lambda k: (-2.0, 0.0, 0.0), 3)
     made.world.velocities[0, 0] = np.nan
-    props = made.step([], [], set(), 3 * NS)
+    props = step(made, [], [], set(), 3 * NS)
     assert made.resets == 1 and "begin anew" in caplog.text
     assert np.allclose(props.positions, tower_places(SMALL), atol=1e-6)
 
@@ -153,7 +161,7 @@ def test_balls_are_thrown_and_hits_are_counted():
     made = playground("dodgeball", dodgeball=game, bodies="free")
     for k in range(150):
         body = person((0.0, -3.0), 7)
-        props = made.step([at((0.0, 0.0, 0.0))], [body], set(), k * NS)
+        props = step(made, [at((0.0, 0.0, 0.0))], [body], set(), k * NS)
     assert made.game.hits["block"] >= 1 and made.game.hits["performer 7"] >= 1
     assert "block hit" in props.note and "performer 7 hit" in props.note
 
@@ -163,7 +171,7 @@ def test_who_steps_aside_is_not_hit():
     made = playground("dodgeball", dodgeball=game)
     for k in range(120):
         aside = 1.5 * (k // 20 % 2)
-        made.step([at((aside, 0.0, 0.0))], [], set(), k * NS)
+        step(made, [at((aside, 0.0, 0.0))], [], set(), k * NS)
     always = playground("dodgeball", dodgeball=game)
     performed(always, lambda k: (0.0, 0.0, 0.0), 120)
     assert made.game.hits["block"] < always.game.hits["block"]
@@ -202,8 +210,8 @@ def test_too_many_boxes_are_refused_and_none_are_a_world_too():
     with pytest.raises(InputError, match="432 boxes"):
         tower_props(BoxesSettings(at=((0, 0),) * 2, wide=6, high=6))
     bare = playground(boxes=BoxesSettings(at=()))
-    props = bare.step([at((0, 0, 0))], [], set(), 0)
-    assert len(bare.step([at((0.1, 0, 0))], [], set(), NS)) == 0 == len(props) and props.note == ""
+    props = step(bare, [at((0, 0, 0))], [], set(), 0)
+    assert len(step(bare, [at((0.1, 0, 0))], [], set(), NS)) == 0 == len(props) and props.note == ""
 
 
 def test_settings_are_read_and_checked():
@@ -213,3 +221,18 @@ def test_settings_are_read_and_checked():
         load_settings(PhysicsSettings, {"world": "bowling"})
     with pytest.raises(InputError, match="Use boxes"):
         Playground(PhysicsSettings(world="none"))
+
+
+def test_every_character_on_the_stage_pushes_and_one_that_has_gone_does_not() -> None:
+    made = playground()
+    pair = {name: block(name) for name in ("block", "other")}
+    made.show(pair)
+    poses = [at((5.0, 0.0, 0.0)), at((-5.0, 0.0, 0.0), "other")]
+    step(made, poses, [], set(), 0)
+    assert set(made._slots) == set(pair)
+    before = made._proxies["block"]
+    made.show({"block": pair["block"]})
+    step(made, poses, [], set(), NS)
+    assert set(made._slots) == {"block"} and made._proxies["block"] is before
+    made.show({"block": block()})
+    assert made._proxies["block"] is not before

@@ -19,6 +19,7 @@ from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.stage import Stage
+from enliven_edge.stage.tick import Tick
 from enliven_edge.tracking.tracker import Tracker
 
 STEP = 33_333_333
@@ -35,7 +36,7 @@ def made(path) -> Outlet:
 
 def tell(outlet, time_ns: int) -> None:
     """A frame without anybody, and the state of health after it."""
-    outlet.publish(BodyFrame([], time_ns, "x"), [], [], {}, 0)
+    outlet.publish(Tick(BodyFrame([], time_ns, "x")))
     outlet.set_health([])
 
 

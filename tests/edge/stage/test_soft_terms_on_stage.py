@@ -278,7 +278,7 @@ def test_what_the_tracker_sees_reaches_the_mesh(chair, follow):
     for frame in frames:
         bodies = tracker.track(frame)
         seen = tracker.surfaces()
-        (pose,) = house.perform(bodies, frame.time_ns, seen)
+        (pose,) = house.perform(bodies, frame.time_ns, tracker.surfaces)
         actor = house.actors["chair"]
         if bodies and not actor.holds:
             house.possess("chair")

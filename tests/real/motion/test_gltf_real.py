@@ -10,7 +10,8 @@ import pytest
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.document.rigged import character_of
-from enliven.exporters.gltf.write import glb_of, performance_of
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.motion import frame_times
 from enliven.formats.gltf.read import read_gltf

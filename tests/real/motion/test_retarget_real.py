@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.exporters.gltf.write import glb_of, performance_of
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.applying import source_anatomy
-from enliven.mapping.automatic_mapping import retargeted
+from enliven.mapping.automatic_mapping import retarget
 from enliven.motion.layers.evaluate import Player
 from enliven.takes.files import read_take
 
@@ -42,7 +43,7 @@ def test_a_real_model_moves_by_real_motions(number):
     rig = read_gltf(MODELS[number])
     size = float(np.ptp(rig.shape.mesh.vertices, axis=0).max())
     for path in TAKES[number % OTHERS :: OTHERS]:
-        made = retargeted(rig.shape, take(path))
+        made = retarget(rig.shape, take(path))
         performance = performance_of(made.project, made.shape_id, 0.0, made.duration, 10.0)
         checked_glb(glb_of([performance]))
         joints = Player(made.project, made.shape_id).sample(performance.times)[1]

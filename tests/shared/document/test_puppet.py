@@ -30,9 +30,9 @@ def puppet():
     rest = mesh.vertices[[0, 9]]
     switches = Switch(0, "contact"), Switch(2, "flight")
     layer = PuppetLayer(
-        "wave", ("left",), 0.5, -2.0, True, 0.5, False, True, False, switches,
+        "wave", ("left",), 0.5, False, True, False, switches,
         (Position("left", 1, (0.0, 1.0, 0.0)),), (Velocity("left", 2, (0.0, 0.0, 0.0), "y"),),
-        (Coupling("left", "right", 3),),
+        (Coupling("left", "right", 3),), offset=0.5, speed=-2.0, loop=True,
     )  # fmt: skip
     poses = (KeyPose("wave", 0.1, rest), KeyPose("wave", 0.3, rest + 0.1))
     plane = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))

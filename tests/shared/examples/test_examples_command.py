@@ -135,7 +135,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
     ("words", "said"),
     [
         (("fit", "nowhere.toml", "-o", "out.glb"), "there is no such file"),
-        (("fit", "full.toml", "-o", "out.abc"), "abc cannot be made. Known: .glb, .mcap, .enliven."),
+        (("fit", "full.toml", "-o", "out.abc"), ".abc cannot be written. Known: .bvh, .enliven, .glb, .mcap"),
         (("fit", "full.toml", "-o", "out.glb", "--start", 5, "--end", 2), "from 5 s to 2 s is nothing"),
         (("fit", "full.toml", "-o", "out.glb", "--puppet", "chair"), "no puppet 'chair'. Known: stool."),
         (("fit", "walk.enliven", "-o", "out.glb"), "it has no puppet. Make one of a mesh first."),

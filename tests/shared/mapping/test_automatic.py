@@ -12,7 +12,7 @@ from enliven.document.clip import Clip
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.mapping.applying import apply_plan, source_anatomy
-from enliven.mapping.automatic_mapping import automatic, retargeted
+from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.resting import (
     at_moment,
@@ -45,7 +45,7 @@ def test_on_oneself_it_is_the_identity(seed):
     for skeleton in (man(), horse()):
         clip = random_motion(random, skeleton)
         heading = first_heading(clip)
-        made = retargeted(meshed("self", skeleton), clip)
+        made = retarget(meshed("self", skeleton), clip)
         assert {chain.mode for chain in made.plan.chains} == {"pose"}
         back = heading * [1, -1, -1, -1]
         for frame in (0, 3, 7):
@@ -65,7 +65,7 @@ def test_the_heading_of_the_performer_does_not_matter(seed, angle):
     clip = random_motion(random, man())
     for target in (man(), horse(), spider()):
         shape = meshed("target", target)
-        one, other = retargeted(shape, clip), retargeted(shape, turned_clip(clip, angle))
+        one, other = retarget(shape, clip), retarget(shape, turned_clip(clip, angle))
         for time in (0.0, 0.35, 0.7):
             np.testing.assert_allclose(made_joints(one, time), made_joints(other, time), atol=1e-6)
 
@@ -77,7 +77,7 @@ def test_who_stands_still_moves_nobody(seed):
     clip = random_motion(random, man(), frames=1)
     clip = replace(clip, turns=np.repeat(clip.turns, 4, 0), root=np.repeat(clip.root, 4, 0))
     for target in (horse(), spider(), snake()):
-        made = retargeted(meshed("target", target), clip)
+        made = retarget(meshed("target", target), clip)
         np.testing.assert_allclose(made_joints(made, 0.2), target.positions, atol=1e-9)
 
 
@@ -88,11 +88,11 @@ def test_travel_goes_where_the_performer_goes(seed):
     clip = random_motion(random, man())
     shape = meshed("self", man())
     plan = replace(automatic(clip, shape), travel=True)
-    made = retargeted(shape, clip, plan)
+    made = retarget(shape, clip, plan)
     way = made_joints(made, 0.7)[0] - made_joints(made, 0.0)[0]
     back = first_heading(clip) * [1, -1, -1, -1]
     np.testing.assert_allclose(way, rotate(back, clip.root[-1] - clip.root[0]), atol=1e-6)
-    still = retargeted(shape, clip)
+    still = retarget(shape, clip)
     np.testing.assert_allclose(made_joints(still, 0.7)[0], made_joints(still, 0.0)[0], atol=1e-12)
 
 
@@ -159,24 +159,24 @@ def test_weight_offset_speed_and_extend_do_what_they_say():
     chain = ChainPlan(
         ("Left hip", "Left toe"), ("Left hip", "Left stifle"), weight=0.5, offset=0.2, speed=2.0
     )
-    made = retargeted(shape, clip, Plan(chains=(replace(chain, extend=True),)))
+    made = retarget(shape, clip, Plan(chains=(replace(chain, extend=True),)))
     layer = next(layer for layer in made.project.layers.values() if layer.weight == 0.5)
     assert (layer.offset, layer.speed) == (0.2, 2.0)
     hoof = horse().index("Left hind hoof")
     moved = made.project.shape("h").spans[hoof][0].refs
     assert [(ref.layer, ref.end) for ref in moved] == [(layer.id, 1.0)]
     assert made.duration == pytest.approx(0.2 + clip.duration / 2)
-    short = retargeted(shape, clip, Plan(chains=(chain,)))
+    short = retarget(shape, clip, Plan(chains=(chain,)))
     assert short.project.shape("h").spans[hoof][0].refs == ()
-    none = retargeted(shape, clip, Plan(turn=False, chains=(replace(chain, weight=0.0),)))
+    none = retarget(shape, clip, Plan(turn=False, chains=(replace(chain, weight=0.0),)))
     np.testing.assert_allclose(made_joints(none, 0.4), horse().positions, atol=1e-12)
 
 
 def test_a_flip_turns_the_movement_half_round():
     clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
     chain = ChainPlan(("Left hip", "Left knee"), ("Left hip", "Left stifle"))
-    plain = retargeted(shape, clip, Plan(turn=False, chains=(chain,)))
-    flipped = retargeted(shape, clip, Plan(turn=False, chains=(replace(chain, flip=True),)))
+    plain = retarget(shape, clip, Plan(turn=False, chains=(chain,)))
+    flipped = retarget(shape, clip, Plan(turn=False, chains=(replace(chain, flip=True),)))
     bone = horse().index("Left stifle")
     a, b = (Player(m.project, "h").sample([0.7])[0][0, bone] for m in (plain, flipped))
     along = horse().vectors[bone] / np.linalg.norm(horse().vectors[bone])
@@ -188,7 +188,7 @@ def test_a_flip_turns_the_movement_half_round():
 def test_nothing_to_drive_is_an_error():
     clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
     with pytest.raises(InputError, match="no chain of the take suits"):
-        retargeted(shape, clip, Plan())
+        retarget(shape, clip, Plan())
 
 
 @settings(max_examples=8, deadline=None)
@@ -200,7 +200,7 @@ def test_one_leg_poses_two(seed):
     other = replace(chain, target=("Right hip", "Right stifle"))
     moved = replace(chain, target=("dock", "tail"), mode="move")
     whole = ChainPlan(("hips",), ("croup",), mode="pose")
-    made = retargeted(meshed("h", horse()), clip, Plan(chains=(whole, chain, other, moved)))
+    made = retarget(meshed("h", horse()), clip, Plan(chains=(whole, chain, other, moved)))
     assert len(made.project.takes) == 3
     back = first_heading(clip) * [1, -1, -1, -1]
     knee, hip = man().index("Left knee"), man().index("Left hip")

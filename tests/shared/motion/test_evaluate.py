@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.motion.layers.evaluate import Player, pose_of
 from enliven.motion.layers.polyline import Polyline
 from enliven.motion.layers.retarget import bind_chain, set_layer, set_travel
-from enliven.motion.layers.timing import frames_of
+from enliven.motion.layers.timing import Clocks
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, rotate, to_matrix
 
@@ -44,7 +44,7 @@ def plain_pose(project, shape, seconds):
         if layer.muted:
             return EYE
         clip = project.takes[layer.take]
-        frames = frames_of(layer, clip, [seconds])
+        frames = Clocks.of([layer], [clip]).played(np.array([seconds]))[0][:, 0]
         line = Polyline.of(clip, layer.chain)
         return line.sample([s], frames, layer.weight, layer.basis, layer.mirrored)[0, 0]
 
@@ -91,12 +91,12 @@ def any_project(rng):
                 clip.id,
                 chain,
                 random_turn(rng),
-                float(rng.normal() * 0.1),
-                float(rng.choice([-1.0, 0.5, 1.0, 2.0])),
-                bool(rng.random() < 0.5),
-                float(rng.choice([0.0, 0.4, 1.0])),
-                bool(rng.random() < 0.2),
-                bool(rng.random() < 0.3),
+                offset=float(rng.normal() * 0.1),
+                speed=float(rng.choice([-1.0, 0.5, 1.0, 2.0])),
+                loop=bool(rng.random() < 0.5),
+                weight=float(rng.choice([0.0, 0.4, 1.0])),
+                muted=bool(rng.random() < 0.2),
+                mirrored=bool(rng.random() < 0.3),
             )
         )
     skeleton = random_skeleton(rng, 9)
@@ -218,7 +218,8 @@ def test_layers_on_one_another_telescope(seed):
             project, "shape", chain, "take", chain, basis=basis, layer_id=str(i), offset=0.1 * i
         )
         layer = project.layers[str(i)]
-        q = Polyline.of(clip, chain).sample([1.0], frames_of(layer, clip, times), 1.0, basis)[:, 0]
+        frames = Clocks.of([layer], [clip]).played(np.asarray(times, float))[0][:, 0]
+        q = Polyline.of(clip, chain).sample([1.0], frames, 1.0, basis)[:, 0]
         expected = multiply(expected, q)
     turns, _ = Player(project, "shape").sample(times)
     assert angle(multiply(conjugate(turns[:, chain[0]]), turns[:, 7]), expected) < 1e-9

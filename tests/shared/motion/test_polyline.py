@@ -12,7 +12,7 @@ from enliven.document.layers import Layer
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.motion.layers.polyline import Polyline, arc_of
-from enliven.motion.layers.timing import frames_of
+from enliven.motion.layers.timing import Clocks
 from enliven.rotation import conjugate, multiply, slerp
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -120,14 +120,15 @@ def test_a_bone_without_length_keeps_its_turn_to_itself():
 )
 def test_the_time_of_a_layer(played, seconds, expected):
     clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3))
-    frames = frames_of(Layer("layer", "take", (0,), **played), clip, [seconds])
-    assert frames == pytest.approx([expected], abs=1e-9)
+    clocks = Clocks.of([Layer("layer", "take", (0,), **played)], [clip])
+    assert clocks.played(np.array([seconds]))[0][0] == pytest.approx([expected], abs=1e-9)
 
 
 def test_one_frame_is_played_for_ever():
     clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3), frames=1)
     layer = Layer("layer", "take", (0, 1), loop=True, speed=-3.0)
-    assert np.array_equal(frames_of(layer, clip, [-1.0, 0.0, 7.0]), [0.0, 0.0, 0.0])
+    frames, rounds = Clocks.of([layer], [clip]).played(np.array([-1.0, 0.0, 7.0]))
+    assert not frames.any() and not rounds.any()
     turns = Polyline.of(clip, (0, 1)).turns([0.0])
     assert angle(turns[0, 1], multiply(conjugate(clip.turns[0, 0]), clip.turns[0, 1])) < 1e-9
 

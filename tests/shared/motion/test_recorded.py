@@ -3,16 +3,19 @@
 import sys
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
+from enliven.camera import Intrinsics
 from enliven.errors import InputError
-from enliven.frames import BodyFrame
+from enliven.frames import BodyFrame, DepthFrame
 from enliven.person.body import Body
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate
 from enliven.takes.capture_clip import BODY_NAMES
 from enliven.takes.recorded import TakeSettings, clips_of_frames, clips_of_recording
+from enliven.wire import bodies_to_message
 
 sys.path.insert(0, str(Path(__file__).parent))
 from test_capture_clip import STANDING, joints_of
@@ -66,3 +69,27 @@ def test_who_passes_by_is_no_take(tmp_path):
     with pytest.raises(InputError, match="nobody is in it"):
         clips_of_recording(path)
     assert len(clips_of_recording(path, settings=TakeSettings(shortest=0.1))) == 1
+
+
+def test_what_an_edge_published_is_a_take_too(tmp_path):
+    """The bodies of a performance that was recorded come as the wire carries them, to a millimetre or two."""
+    path = tmp_path / "show.mcap"
+    with Recorder(path) as recorder:
+        for i in range(60):
+            moment = frame(i / RATE, 1)
+            message = msgspec.msgpack.encode(bodies_to_message(moment.bodies, moment.time_ns))
+            recorder.write("bodies", "BodiesMessage", "{}", "jsonschema", "msgpack", message, moment.time_ns)
+        recorder.write("bodies", "BodiesMessage", "{}", "jsonschema", "msgpack", b"damaged", 10**10)
+    (clip,) = clips_of_recording(path)
+    assert clip.id == "show" and len(clip.turns) == 60
+    np.testing.assert_allclose(joints_of(clip)[30], waving(1, 30 / RATE).joints, atol=2e-3)
+
+
+def test_depth_is_sent_to_the_tracker(tmp_path):
+    path = tmp_path / "room.mcap"
+    with Recorder(path) as recorder:
+        recorder.write_frame(
+            DepthFrame(np.zeros((4, 6), np.uint16), Intrinsics(6, 4, 5, 5, 3, 2), 0, "kinect")
+        )
+    with pytest.raises(InputError, match=r"enliven track room\.mcap"):
+        clips_of_recording(path)

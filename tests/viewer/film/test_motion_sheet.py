@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from enliven.mapping.automatic_mapping import retargeted
+from enliven.mapping.automatic_mapping import retarget
 from enliven_viewer.film.motion_sheet import stick_shape, write_motion_sheet
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
@@ -19,7 +19,7 @@ SIZE = 160
 @pytest.mark.usefixtures("gl")
 def test_both_rows_move_and_are_whole(tmp_path):
     clip = random_motion(np.random.default_rng(1), man(), size=0.5)
-    made = retargeted(stick_shape("horse", horse()), clip)
+    made = retarget(stick_shape("horse", horse()), clip)
     path = tmp_path / "new" / "sheet.png"
     write_motion_sheet(path, made, "a man on a horse", frames=3, size=(SIZE, SIZE))
     sheet = np.asarray(Image.open(path).convert("RGB")).astype(int)

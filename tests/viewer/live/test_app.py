@@ -15,9 +15,9 @@ import typer
 from typer.testing import CliRunner
 
 from enliven.errors import InputError, ResourceError
-from enliven_viewer.commands.view import _address, _sized, view
+from enliven_viewer.commands.view import _address, view
 from enliven_viewer.doctor import checks
-from enliven_viewer.settings import ViewerSettings
+from enliven_viewer.settings import ViewerSettings, sized
 
 SESSION = Path(__file__).parents[1] / "window_session.py"
 
@@ -81,11 +81,11 @@ def test_help_has_worked_examples() -> None:
 @pytest.mark.parametrize("text", ["1280", "0x0", "axb", "99999x10", "-5x10"])
 def test_a_size_that_is_none_is_said(text: str) -> None:
     with pytest.raises(InputError, match="no size"):
-        _sized(ViewerSettings(), text)
+        sized(ViewerSettings(), text)
 
 
 def test_sizes_and_addresses() -> None:
-    assert (_sized(ViewerSettings(), "640 x 360").width, _sized(ViewerSettings(), None).width) == (640, 1280)
+    assert (sized(ViewerSettings(), "640 x 360").width, sized(ViewerSettings(), None).width) == (640, 1280)
     assert _address("10.0.0.2", None, None) == "10.0.0.2:5580:5581"
     assert _address("10.0.0.2:7000", None, None) == "10.0.0.2:7000:7001"
     assert _address("10.0.0.2:7000", 8000, 9000) == "10.0.0.2:8000:9000"

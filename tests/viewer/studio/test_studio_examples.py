@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 sys.path.append(str(Path(__file__).parents[1]))
@@ -35,6 +35,7 @@ from enliven_viewer.studio.examples.edits import (
     added_switch,
     constraints_of,
     duplicated,
+    layer_of,
     mirrored_copy,
     moved_switch,
     removed_switch,
@@ -49,7 +50,6 @@ from enliven_viewer.studio.examples.edits import (
     without_constraint,
 )
 from enliven_viewer.studio.examples.solving import Solving
-from enliven_viewer.studio.examples.times import layer_end, layer_of, seconds_at, time_of
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
 
@@ -102,19 +102,6 @@ def test_what_only_moves_in_time_is_shown_at_once() -> None:
     moved = change_layer(project, "star", 0, offset=0.5, speed=2.0)
     assert solving.shown(moved, "star")[1] is moved.puppets["star"]
     solving.close()
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.floats(-3, 3), st.floats(0.1, 4) | st.floats(-4, -0.1), st.floats(0, 1), st.booleans())
-def test_a_layer_plays_a_second_when_it_says(offset: float, speed: float, share: float, loop: bool) -> None:
-    project = project_with("head")
-    layer = PuppetLayer("sway", offset=offset, speed=speed, loop=loop)
-    length = project.takes["sway"].duration
-    second = 0.001 + share * (length - 0.002)
-    assert seconds_at(project, layer, time_of(project, layer, second)) == pytest.approx(second, abs=1e-6)
-    assert layer_end(project, layer) == pytest.approx(offset + length / abs(speed))
-    if not loop:
-        assert seconds_at(project, layer, -1e3) == (0.0 if speed > 0 else length)
 
 
 def test_the_layer_that_is_meant_is_the_chosen_one_or_the_first_that_plays() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -11,10 +10,10 @@ from typing import Annotated
 import typer
 
 from enliven.commands import terminate_as_interrupt
-from enliven.errors import InputError, ResourceError
+from enliven.errors import ResourceError
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
-from enliven_viewer.settings import ViewerSettings
+from enliven_viewer.settings import ViewerSettings, sized
 
 LOCAL = "127.0.0.1"
 
@@ -49,7 +48,7 @@ def view(
 
     Press H in the window for the keys.
     """
-    chosen = _sized(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
+    chosen = sized(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
     if wait is not None:
         chosen = replace(chosen, film=replace(chosen.film, patience=wait))
     filming = film is not None or sheet is not None
@@ -122,13 +121,3 @@ def _address(edge: str, port: int | None, control_port: int | None) -> str:
     pose = port or found.pose_port
     control = control_port or (pose + 1 if port else found.control_port)
     return str(Endpoint(found.host, pose, control))
-
-
-def _sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
-    """The settings with a size such as "1280x720"."""
-    if size is None:
-        return settings
-    found = re.fullmatch(r"(\d{2,5})\s*[x×]\s*(\d{2,5})", size.strip().lower())
-    if not found or not all(16 <= int(n) <= 16384 for n in found.groups()):
-        raise InputError(f"{size!r} is no size", where="--size", mend="Give WIDTHxHEIGHT, such as 1280x720.")
-    return replace(settings, width=int(found[1]), height=int(found[2]))

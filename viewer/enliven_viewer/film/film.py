@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -17,7 +18,6 @@ from enliven.errors import ResourceError
 from enliven.film_writer import FilmWriter
 from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
-from enliven_viewer.link import Feed
 from enliven_viewer.live import cards_of, draw_cards, time_text
 from enliven_viewer.playback import NS, Document, SolvedSurfaces, TimelineMoment
 from enliven_viewer.render import EMPTY_BOX, FilmCamera, Renderer, SceneStyle, scene_of
@@ -31,6 +31,14 @@ _QUIET_END = 3.0
 ENDED = "ended"
 
 
+class FilmSource(Protocol):
+    """Brings what a film shows into a document: every feed, and performances that were sampled."""
+
+    def poll(self, document: Document) -> int:
+        """Apply what has arrived since the last call, without waiting; 0 where nothing had."""
+        ...
+
+
 @dataclass(frozen=True)
 class FilmReport:
     """A report of a film: its pictures, its seconds, the encoder, and the mean milliseconds of a picture."""
@@ -42,7 +50,7 @@ class FilmReport:
 
 
 def make_film(
-    feed: Feed,
+    feed: FilmSource,
     document: Document,
     film: Path | None,
     sheet: Path | None,
@@ -153,7 +161,7 @@ class _Studio:
 
 
 def _moments(
-    feed: Feed, document: Document, settings: ViewerSettings, seconds: float | None
+    feed: FilmSource, document: Document, settings: ViewerSettings, seconds: float | None
 ) -> Iterator[tuple[TimelineMoment, float]]:
     """(moment, second of the film) at the film's rate of sensor time, as fast as the feed brings them."""
     timeline, rate = document.timeline, settings.film.rate
@@ -180,7 +188,7 @@ def _moments(
             time.sleep(_IDLE)
 
 
-def _await_first(feed: Feed, document: Document, patience: float) -> None:
+def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
     """Wait for the first moment and for the characters in it."""
     deadline = time.monotonic() + patience
     while True:

@@ -347,6 +347,7 @@ class EdgeConnection:
         for gone in [name for name in self.held if name not in shown]:
             del self.held[gone]
             self.cues.pop(gone, None)
+        self._revisions = {name: held for name, held in self._revisions.items() if name in wanted}
         for message in answer.latest:
             self._receive(message, latched=True)
 

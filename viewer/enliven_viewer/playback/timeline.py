@@ -67,6 +67,10 @@ class Timeline:
     """Moments sorted by sensor time; the oldest are dropped beyond the settings' length.
 
     A clock that jumps far back (the edge was restarted, the replay began again) starts a new timeline.
+
+    Attributes:
+        generation: counts the timelines that were started.
+        posed: the ids of all characters that have had a pose.
     """
 
     def __init__(self, settings: PlaybackSettings | None = None, *, bounded: bool = True) -> None:
@@ -76,6 +80,7 @@ class Timeline:
         self._times: list[int] = []
         self._moments: list[TimelineMoment] = []
         self._cues: dict[str, CueFrame] = {}
+        self.posed: set[str] = set()
 
     def __len__(self) -> int:
         return len(self._moments)
@@ -93,6 +98,7 @@ class Timeline:
     def add_pose(self, pose: Pose) -> None:
         """Put one pose at its time; it replaces an earlier one of the same character and time."""
         old = self._at(pose.time_ns)
+        self.posed.add(pose.character)
         self._put(replace(old, poses={**old.poses, pose.character: pose}))
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
@@ -137,9 +143,9 @@ class Timeline:
         if right == 0:
             return self._moments[0]
         if right == len(self._moments):
-            return self._moments[-1]
+            return self._whole(len(self._moments) - 1)
         if self._times[right] == time_ns:
-            return self._moments[right]
+            return self._whole(right)
         before, after = self._moments[right - 1], self._moments[right]
         return self._between(before, after, time_ns)
 
@@ -193,11 +199,22 @@ class Timeline:
             time_ns, cues=self._cues, props=self._still_loose(index, time_ns), boards=boards
         )
 
+    def _whole(self, index: int) -> TimelineMoment:
+        """A moment, with the last poses of characters that have none in it yet: theirs come after others'."""
+        moment = self._moments[index]
+        before = self._moments[index - 1].poses if index else {}
+        late = {name: pose for name, pose in before.items() if name not in moment.poses}
+        late = {name: pose for name, pose in late.items() if self._fresh(pose.time_ns, moment.time_ns)}
+        return replace(moment, poses={**late, **moment.poses}) if late else moment
+
+    def _fresh(self, time_ns: int, now_ns: int) -> bool:
+        """Whether a time is so near before another that what was then is shown until its successor comes."""
+        return 0 <= now_ns - time_ns <= self.settings.gap * NS
+
     def _still_loose(self, index: int, time_ns: int) -> Props | None:
         """The props of the moment before, so that they stay visible until the moment's own props arrive."""
         props = self._moments[index - 1].props if index else None
-        fresh = props is not None and time_ns - props.time_ns <= self.settings.gap * NS
-        return props if fresh else None
+        return props if props is not None and self._fresh(props.time_ns, time_ns) else None
 
     def _put(self, moment: TimelineMoment) -> None:
         """Insert or replace; start anew where the clock went back; drop the oldest beyond the bounds."""

@@ -105,7 +105,9 @@ def scene_of(
     style: SceneStyle,
     surfaces: SolvedSurfaces | None = None,
 ) -> Scene:
-    """The scene of one moment; a character without a pose, or with one that does not fit, stands at rest.
+    """The scene of one moment; a character without any pose, or with one that does not fit, is at rest.
+
+    One that has poses at other moments alone had not come yet, or had gone: it is not drawn.
 
     Args:
         surfaces: what solves the surfaces of puppets; without it each is one rigid piece.
@@ -113,6 +115,8 @@ def scene_of(
     actors = []
     for character in document.characters.values():
         pose = moment.poses.get(character.id) if moment else None
+        if pose is None and character.id in document.timeline.posed:
+            continue
         if pose is None or len(pose.linear) != len(character.pivots):
             pose = character.rest_pose()
         cues = moment.cues.get(character.id) if moment else None

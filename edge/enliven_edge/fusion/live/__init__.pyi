@@ -1,4 +1,4 @@
-from .fused_sensor import FusedFrame, FusedSensors
+from .fused_sensor import FusedSensors
 from .merge import in_world, settings_before_fusion
 from .reading import PATIENCE, SensorThread
 from .sides import OTHER_SIDE, middle_weights, middles
@@ -7,7 +7,6 @@ from .warmup import warm_up_fusion
 __all__ = [
     "OTHER_SIDE",
     "PATIENCE",
-    "FusedFrame",
     "FusedSensors",
     "SensorThread",
     "in_world",

@@ -6,7 +6,6 @@ import logging
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import TracebackType
 
 from enliven.errors import InputError, ResourceError
@@ -22,7 +21,6 @@ from enliven_edge.fusion.settings import FusionSettings
 from enliven_edge.sensors import Sensor
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
-from enliven_edge.tracking.output import Output
 
 log = logging.getLogger(__name__)
 
@@ -35,19 +33,8 @@ _SEVERITY = {
 warning."""
 
 
-@dataclass(frozen=True)
-class FusedFrame(BodyFrame):
-    """The bodies of all sensors at one moment.
-
-    Attributes:
-        read_ns: wall clock when the frame was read that led to it, before it was tracked.
-    """
-
-    read_ns: int = 0
-
-
 class FusedSensors:
-    """Reads and tracks each sensor in a thread of its own; ``read`` fuses their bodies.
+    """A sensor made of several: each is read and tracked in a thread of its own, ``read`` fuses their bodies.
 
     Live sensors are taken as they come. Recordings wait for each other, so that they run side by side by
     the common clock at any pace. The stream ends with the last sensor.
@@ -57,7 +44,6 @@ class FusedSensors:
         trackers: by identity.
         space: where they stand.
         health: by identity, the monitors of the sensors; None makes some.
-        output: smooths, mirrors and looks ahead once all is fused; None: as fused.
         once: end at the first fault of any sensor; otherwise that one is opened anew, and the others go on.
 
     Raises:
@@ -71,14 +57,13 @@ class FusedSensors:
         space: Space,
         settings: FusionSettings | None = None,
         health: Mapping[str, HealthMonitor] | None = None,
-        output: Output | None = None,
         once: bool = False,
     ) -> None:
         health = health or {name: HealthMonitor(name=name) for name in sensors}
         _known(sensors, space)
         self.name = " + ".join(sensors)
-        self.output, self._once = output, once
-        self._mirror = next(iter(space.sensors[name].camera for name in sensors))
+        self._once = once
+        self._camera = next(iter(space.sensors[name].camera for name in sensors))
         self.fuser = Fuser({n: e for n, e in eyes(space).items() if n in sensors}, settings)
         self.warnings: list[SensorWarning] = []
         self._changed = threading.Condition()
@@ -108,7 +93,7 @@ class FusedSensors:
                 health_states.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", mend))
         return worst_first(health_states)
 
-    def read(self, timeout: float | None = None) -> FusedFrame | None:
+    def read(self, timeout: float | None = None) -> BodyFrame | None:
         """Returns the next set of bodies; None after the last sensor's end.
 
         Raises:
@@ -180,7 +165,7 @@ class FusedSensors:
                         watcher.failure, where=self.name, mend="Mend it, or leave --once out."
                     )
 
-    def _fused(self, seen: SensorBodies) -> FusedFrame | None:
+    def _fused(self, seen: SensorBodies) -> BodyFrame | None:
         """Takes in a sensor's bodies; returns the fused bodies where they are due."""
         if not next(w.recorded for w in self._watchers if w.name == seen.sensor):
             self._clocks.note(seen.sensor, seen.time_ns, seen.read_ns)
@@ -189,10 +174,8 @@ class FusedSensors:
         self._now_ns = max(self._now_ns, time_ns)
         due = self._rhythm.due(seen.sensor, time_ns)
         bodies = self.fuser.bodies(time_ns) if due else []
-        if due and self.output is not None:
-            bodies = self.output(bodies, time_ns, self._mirror)
         self._tell()
-        return FusedFrame(bodies, time_ns, self.name, seen.read_ns) if due else None
+        return BodyFrame(bodies, time_ns, self.name, self._camera, seen.read_ns) if due else None
 
     def _common(self, seen: SensorBodies) -> int:
         return seen.time_ns + self._clocks.shift(seen.sensor)

@@ -20,6 +20,8 @@ _TURN = 0.1
 """Seconds between two looks at whether the rehearsal is over."""
 WAITING = 4
 """Images that may wait in a library: more are not handed to it before the driver has taken one."""
+_HEAD_START = 0.002
+"""Seconds that the driver has for an image before the next is decoded: a device decodes none here."""
 _LONGEST_PAUSE = 0.5
 """Seconds of silence at most: after one second a driver would be taken for lost, and begin anew for ever."""
 _GRACE = 0.5
@@ -111,6 +113,7 @@ class Rehearsal:
                     self._sent.append(frame.time_ns)
                 self._send(frame, told if told is not None and 0 <= told < _MOST_COUNTED else number)
                 number += 1
+                time.sleep(_HEAD_START)
         self._ended = time.monotonic()
         self._over.set()
 

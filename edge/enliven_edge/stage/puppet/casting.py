@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 
-from enliven.document import Project, Puppet
+from enliven.document import Project, Puppet, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session
 from enliven.examples import missing
@@ -18,12 +19,19 @@ from enliven_edge.stage.puppet.spec import MADE, file_of
 log = logging.getLogger(__name__)
 
 
-def cast_puppet(spec: str, settings: PuppetSettings | None = None) -> PuppetActor:
+def cast_puppet(
+    spec: str,
+    settings: PuppetSettings | None = None,
+    name: str = "",
+    taken: Mapping[str, object] | None = None,
+) -> PuppetActor:
     """Returns the actor of a puppet, ready to be moved.
 
     Args:
         spec: a name of ``MADE``, a session (.toml), or a project (.enliven);
             "#" and a name behind a project with several puppets.
+        name: the character's id; empty: the puppet's.
+        taken: ids that others have; a number behind the own one tells them apart.
 
     Raises:
         InputError: for a file that cannot be read, and for a puppet that cannot move yet, with what it lacks.
@@ -33,7 +41,7 @@ def cast_puppet(spec: str, settings: PuppetSettings | None = None) -> PuppetActo
     if lacking:
         mend = f"{' '.join(lacking)} Do so in enliven studio, or in the session's file."
         raise InputError("it cannot move yet", where=f"puppet {puppet.id!r} of {spec}", mend=mend)
-    actor = PuppetActor(project, puppet, settings)
+    actor = PuppetActor(project, puppet.with_changes(id=unused(name or puppet.id, taken or {})), settings)
     character_to_message(actor.character, 0)  # what no viewer can be sent is said now
     return actor
 

@@ -13,10 +13,9 @@ from enliven.errors import InputError
 from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of
 from enliven.person import MIRROR, Body, parts_named
 from enliven.rotation import rotate
-from enliven_edge.stage.actor import Mode
+from enliven_edge.stage.actor import ActorBase, Mode
 from enliven_edge.stage.easing import Easing
 from enliven_edge.stage.highlights import Cues, cues_of
-from enliven_edge.stage.highlights import State as HoldState
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.feet import Feet, side_of_foot
 from enliven_edge.stage.puppet.hold import ControlPointHold
@@ -29,7 +28,7 @@ _STEP = 33_333_333
 """Nanoseconds between the frames of a rehearsal."""
 
 
-class PuppetActor:
+class PuppetActor(ActorBase):
     """A mesh with control points and key poses; to the stage an ``Actor`` like any.
 
     Args:
@@ -62,18 +61,7 @@ class PuppetActor:
         self._lead: ControlPointHold | None = None
         self._yaw_offset = 0.0
         self._restarts = self._placed = False
-        self._candidate: tuple[int | None, str] = (None, "all")
         self._time_ns = 0
-
-    @property
-    def state(self) -> HoldState:
-        """Whether a performer moves it."""
-        return "possessed" if self.holds else "free"
-
-    @property
-    def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer who takes hold next, None for the first in view, and the parts."""
-        return self._candidate
 
     @property
     def delay(self) -> float:
@@ -138,26 +126,9 @@ class PuppetActor:
         Raises:
             InputError: where that performer moves nothing of it.
         """
+        self._need_holder(body, ("move", "moved"))
         left = [hold for hold in self.holds if body is not None and hold.body != body]
-        if body is not None and len(left) == len(self.holds):
-            who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
-            what, mend = f"performer {body} does not move it", f"It is moved by: {who}."
-            raise InputError(what, where=f"releasing {self.character.id!r}", mend=mend)
         self._hold(left)
-
-    def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """Makes the cues show what this performer (None: the next one) would move with these parts.
-
-        Raises:
-            InputError: for an unknown part.
-        """
-        parts_named(parts)
-        self._candidate = (body, parts)
-
-    def next_performer(self, bodies: list[Body]) -> Body | None:
-        """Returns the first of the bodies that moves nothing of it."""
-        holders = {hold.body for hold in self.holds}
-        return next((body for body in bodies if body.id not in holders), None)
 
     def cues(self, bodies: list[Body]) -> Cues:
         """Returns the control points that are moved, and those that the next performer would move."""
@@ -259,12 +230,11 @@ class PuppetActor:
         """Gives the hold of a performer who has been away for long to the only idle one in view."""
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
-        idle = present - {hold.body for hold in self.holds}
+        idle = self._idle(bodies)
         if patience > 0 and away and len(idle) == 1:
             old = max(away, key=lambda hold: hold.away(time_ns))
-            new = self._new(idle.pop(), old.points)
-            body = next(body for body in bodies if body.id == new.body)
-            new.see(body, self._retargeting, time_ns, mirror=self.settings.mirror)
+            new = self._new(idle[0].id, old.points)
+            new.see(idle[0], self._retargeting, time_ns, mirror=self.settings.mirror)
             self._hold([new if hold is old else hold for hold in self.holds])
 
     def _place_beside(self, body: Body) -> None:
@@ -274,7 +244,7 @@ class PuppetActor:
             return
         where = rotate(self._puppet.turn, self._puppet.mesh.vertices)
         low, high = where.min(0), where.max(0)
-        across = body.joints[0, 0] + self.settings.beside - low[0]
+        across = body.joints[0, 0] + self.settings.beside + self.aside - low[0]
         along = body.joints[0, 2] - (low[2] + high[2]) / 2
         place = np.array([across, self._puppet.place[1], along])
         self._puppet = self._puppet.with_changes(place=place)

@@ -6,9 +6,18 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Skeleton
-from enliven.matching import Match, Matcher, MatchRow, Pick, Picker, Ranking, ScreenView
+from enliven.matching import (
+    BodySource,
+    Match,
+    Matcher,
+    MatchRow,
+    Pick,
+    Picker,
+    Ranking,
+    ScreenView,
+    body_source,
+)
 from enliven.person import Body
-from enliven_edge.stage.rig.limbs import BodySource, body_source
 from enliven_edge.stage.rig.live_shape import Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 

@@ -121,13 +121,12 @@ class LiveShape:
         self._rebuild()
         self._easing.restart_fade()
 
-    def hand_over(self, bodies: Sequence[Body], time_ns: int, patience: float) -> None:
+    def hand_over(self, bodies: Sequence[Body], idle: Sequence[Body], time_ns: int, patience: float) -> None:
         """Gives the binding of a performer away for over ``patience`` seconds to the only idle one."""
         present = {body.id for body in bodies}
         away = [b for b in self.bindings if b.body not in present and time_ns - b.seen_ns > patience * 1e9]
-        idle = present - {binding.body for binding in self.bindings}
         if away and len(idle) == 1:
-            min(away, key=lambda binding: binding.seen_ns).body = idle.pop()
+            min(away, key=lambda binding: binding.seen_ns).body = idle[0].id
             self._easing.restart_fade()
 
     def pose(self, bodies: Sequence[Body], time_ns: int) -> Pose:

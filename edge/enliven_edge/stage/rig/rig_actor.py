@@ -12,14 +12,14 @@ from enliven.document import Pose, Shape, character_of
 from enliven.errors import InputError
 from enliven.matching import Board, MatchRow, ScreenView
 from enliven.person import Body, parts_named
-from enliven_edge.stage.actor import Mode
-from enliven_edge.stage.highlights import Cues, State, cues_of
+from enliven_edge.stage.actor import ActorBase, Mode
+from enliven_edge.stage.highlights import Cues, cues_of
 from enliven_edge.stage.rig.chooser import Chooser
 from enliven_edge.stage.rig.live_shape import Binding, LiveShape, Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 
 
-class RigActor:
+class RigActor(ActorBase):
     """A character with a skeleton of its own; to the stage it is like any ``Actor``.
 
     A performer who drives nothing yet chooses: every frame all matches of their limbs with the shape are
@@ -34,7 +34,6 @@ class RigActor:
         self.character = character_of(shape)
         self.live_shape = LiveShape(shape, self.settings.fade)
         self.chooser = Chooser(shape.skeleton, self.settings)
-        self._candidate: tuple[int | None, str] = (None, "all")
         self._placed = False
         self._time_ns = 0
 
@@ -48,14 +47,9 @@ class RigActor:
         self.chooser.view = view
 
     @property
-    def holds(self) -> list[Binding]:
+    def holds(self) -> list[Binding]:  # type: ignore[override]
         """The bindings that drive it, the oldest first."""
         return self.live_shape.bindings
-
-    @property
-    def state(self) -> State:
-        """Whether a performer drives it."""
-        return "possessed" if self.holds else "free"
 
     @property
     def candidate(self) -> tuple[int | None, str]:
@@ -72,17 +66,12 @@ class RigActor:
         if not self._placed and bodies:
             self._place_beside(bodies[0])
         if self.settings.hand_over > 0.0:
-            self.live_shape.hand_over(bodies, time_ns, self.settings.hand_over)
+            self.live_shape.hand_over(bodies, self._idle(bodies), time_ns, self.settings.hand_over)
         pose = self.live_shape.pose(bodies, time_ns)
         self._choose(bodies)
         if self.chooser.pick.accepted:  # by holding still
             self._bind(bodies, "join")
         return pose
-
-    def next_performer(self, bodies: list[Body]) -> Body | None:
-        """Returns the performer who chooses: the first of the bodies that drives nothing of it."""
-        holders = {hold.body for hold in self.holds}
-        return next((body for body in bodies if body.id not in holders), None)
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
         """Lets the performer drive the match that is shown; the pose of this moment is the rest pose.
@@ -104,21 +93,9 @@ class RigActor:
         Raises:
             InputError: where that performer drives nothing of it.
         """
-        if body is not None and body not in {hold.body for hold in self.holds}:
-            who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
-            what, mend = f"performer {body} does not drive it", f"It is driven by: {who}."
-            raise InputError(what, where=f"releasing {self.character.id!r}", mend=mend)
+        self._need_holder(body, ("drive", "driven"))
         self.live_shape.release(body)
         self.chooser.restart()
-
-    def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """Makes this performer (None: the next one) choose, with these parts.
-
-        Raises:
-            InputError: for an unknown part.
-        """
-        parts_named(parts)
-        self._candidate = (body, parts)
 
     def browse(self, step: int) -> None:
         """Shows another match; 0 follows the pose again."""
@@ -163,7 +140,7 @@ class RigActor:
         """Places the character beside the first performer, to the right as the sensor sees it."""
         self._placed = True
         low, high = self.character.vertices.min(0), self.character.vertices.max(0)
-        across = body.joints[0, 0] + self.settings.beside - low[0]
+        across = body.joints[0, 0] + self.settings.beside + self.aside - low[0]
         self.live_shape.stand(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
 
     def _choose(self, bodies: list[Body]) -> None:

@@ -11,7 +11,7 @@ from enliven import __version__
 from enliven.arrays import Float, Int
 from enliven.document import SkinWeights
 from enliven.exporters.gltf.blob import Blob
-from enliven.exporters.gltf.shape import clean_skin, linear16, listed, unit32, unit_normals
+from enliven.exporters.gltf.joints import clean_skin, linear16, listed, unit32, unit_normals
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
 

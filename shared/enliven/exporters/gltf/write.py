@@ -1,4 +1,4 @@
-"""Shapes and their motion as a GLB that any program plays: skinned meshes, joints and one animation.
+"""Characters and their motion as a GLB that any program plays: skinned meshes, joints and one animation.
 
 A bone turns about its upper end, a glTF joint about itself. So bone j becomes a joint at its parent's place,
 with the turn of bone j; it hangs on the joint of the bone before it, at the constant offset along that bone.
@@ -7,169 +7,72 @@ frames too. Bones that begin at one place become joints at one place: the first 
 name of the place, the others say where they lead ("Hips to LeftUpLeg"). The end of a limb becomes a joint
 that moves nothing, so that an editor shows the last bone in its length. Reading the file gives the same
 skeleton again.
+
+Transforms without a skeleton become joints side by side, below a node that moves through the world. Such a
+joint turns, and stretches along three axes of its own, at right angles. These axes are the same in all
+frames: the joint stands in them at rest, and its inverse bind matrix takes them back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pygltflib
 
 from enliven.arrays import Float
-from enliven.document import GraphShape, Project, Shape
+from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.examples.baking import stretch_axes
-from enliven.exporters.gltf.puppet_gltf import add_puppet
-from enliven.exporters.gltf.puppet_performance import PuppetPerformance
+from enliven.examples.baking import BakedMorphs
+from enliven.exporters.gltf.joints import bone_names, listed, local_offsets, local_turns
+from enliven.exporters.gltf.keys import needed_keys
 from enliven.exporters.gltf.scene import GltfScene
-from enliven.exporters.gltf.shape import (
-    bone_names,
-    listed,
-    local_offsets,
-    local_turns,
-    pivots_of,
-    stretches_of,
-)
+from enliven.exporters.performance import Performance, continuous, stretches_of
+from enliven.exporters.registry import Exporter
 from enliven.files import write_file
-from enliven.modeling.possessed import graph_pose
-from enliven.modeling.puppet import frame_times
-from enliven.motion.layers import Player
-from enliven.rotation import from_matrix, to_matrix
+from enliven.meshes import Mesh
+from enliven.rotation import from_matrix
 
 
-@dataclass(frozen=True, eq=False)
-class Performance:
-    """A skinned shape with its motion.
-
-    Attributes:
-        shape: with its mesh.
-        times: (T,) seconds, rising, from 0.
-        turns: (T, N, 4) unit quaternions D_j of its bones.
-        root: (T, 3) metres, where its root is.
-    """
-
-    shape: Shape
-    times: Float
-    turns: Float
-    root: Float
-
-
-@dataclass(frozen=True, eq=False)
-class GraphPerformance:
-    """A possessed mesh with the motion of its deformation graph.
-
-    Attributes:
-        shape: the mesh and its nodes.
-        times: (T,) seconds, rising, from 0.
-        linear: (T, N, 3, 3) of its nodes, nearly rotations.
-        positions: (T, N, 3) metres, where they are.
-    """
-
-    shape: GraphShape
-    times: Float
-    linear: Float
-    positions: Float
-
-    @property
-    def lost(self) -> float:
-        """The largest part of a node's map that a joint cannot express: stretch along axes that change."""
-        axes = self.axes
-        turns, scales = stretches_of(self.linear @ axes)
-        said = to_matrix(turns) * scales[..., None, :] @ axes.transpose(0, 2, 1)
-        return float(np.abs(said - self.linear).max())
-
-    @property
-    def axes(self) -> Float:
-        """(N, 3, 3) rotations: the axes along which each node stretches."""
-        return stretch_axes(self.linear)
-
-
-AnyPerformance = Performance | GraphPerformance | PuppetPerformance
-
-
-def graph_performance_of(
-    project: Project, shape_id: str, start: float = 0.0, end: float | None = None, rate: float = 30.0
-) -> GraphPerformance:
-    """Samples a possessed mesh of a project from ``start`` to ``end`` seconds; see :func:`performance_of`."""
-    shape = project.graph(shape_id)
-    ends = [p.offset + project.streams[p.stream].duration / abs(p.speed) for p in shape.parts]
-    times = frame_times(start, max(ends, default=0.0) if end is None else end, rate, shape_id)
-    poses = [graph_pose(project, shape, float(time)) for time in times]
-    linear, positions = np.stack([p[0] for p in poses]), np.stack([p[1] for p in poses])
-    return GraphPerformance(shape, times - start, linear, positions)
-
-
-def performance_of(
-    project: Project, shape_id: str, start: float = 0.0, end: float | None = None, rate: float = 30.0
-) -> Performance:
-    """Samples a shape of a project from ``start`` to ``end`` seconds, at ``rate`` frames a second.
+def write_gltf(
+    path: Path | str, performances: Sequence[Performance], name: str = "enliven", morphs: bool = False
+) -> None:
+    """Writes characters with their motion into one GLB with one animation.
 
     Args:
-        end: None takes the end of the last layer that moves the shape.
-
-    Raises:
-        InputError: where there is no such shape, or the times make no sense.
-    """
-    shape = project.shape(shape_id)
-    times = frame_times(start, end_of(project, shape) if end is None else end, rate, shape_id)
-    turns, joints = Player(project, shape_id).sample(times)
-    return Performance(shape, times - start, turns, joints[:, 0])
-
-
-def end_of(project: Project, shape: Shape) -> float:
-    """Returns the seconds at which the last take that moves a shape ends; 0 where no take does."""
-    named = {ref.layer for spans in shape.spans for span in spans for ref in span.refs}
-    named |= {shape.travel} if shape.travel else set()
-    layers = [project.layers[name] for name in named if not project.layers[name].muted]
-    ends = [layer.offset + project.takes[layer.take].duration / abs(layer.speed) for layer in layers]
-    return max(ends, default=0.0)
-
-
-def write_gltf(path: Path | str, performances: Sequence[AnyPerformance], name: str = "enliven") -> None:
-    """Writes shapes with their motion into one GLB with one animation.
+        morphs: said where puppets were baked to morph targets, which no other kind of file takes.
 
     Raises:
         InputError: where there is none, or one has no mesh.
         ResourceError: where the file cannot be written.
     """
-    path = Path(path)
-    if path.suffix.lower() != ".glb":
-        raise InputError("shapes are written as .glb", where=str(path), mend="End the name in .glb.")
-    write_file(path, glb_of(performances, name), "Choose another place.")
+    write_file(Path(path), glb_of(performances, name), "Choose another place.")
 
 
-def glb_of(performances: Sequence[AnyPerformance], name: str = "enliven") -> bytes:
+GLB = Exporter(write_gltf)
+
+
+def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
     """Returns the bytes of the file; see :func:`write_gltf`."""
     if not performances:
-        raise InputError("there is nothing to write", where="glTF", mend="Give a shape.")
+        raise InputError("there is nothing to write", where="glTF", mend="Give a character.")
     scene = GltfScene(name)
     for performance in performances:
-        if isinstance(performance, PuppetPerformance):
-            add_puppet(scene, performance)
-        elif isinstance(performance, GraphPerformance):
-            _add_graph(scene, performance)
+        if performance.skeleton is not None:
+            _add_skeleton(scene, performance, performance.skeleton)
+        elif performance.morphs is not None:
+            _add_morphs(scene, performance, performance.morphs)
         else:
-            _add_shape(scene, performance)
+            _add_joints(scene, performance)
     return scene.bytes()
 
 
-def _add_shape(scene: GltfScene, performance: Performance) -> None:
-    """Adds the shape with its mesh, its joints and their animation."""
-    shape = performance.shape
-    if shape.mesh is None or shape.skin is None or not len(shape.mesh.faces):
-        raise InputError("it has no mesh", where=f"shape {shape.id!r}", mend="Give it one, or leave it out.")
-    bones, skeleton = _skeleton(scene, performance), shape.skeleton
-    ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
-    pivots = np.concatenate([pivots_of(skeleton), skeleton.positions[ends]])
-    scene.skinned(shape.id, shape.mesh, shape.skin, bones[0], bones, pivots)
-
-
-def _skeleton(scene: GltfScene, performance: Performance) -> list[int]:
-    """Adds the nodes of the bones, then of the ends of limbs, and animates them."""
-    skeleton = performance.shape.skeleton
-    names, local = bone_names(skeleton), local_turns(skeleton, performance.turns)
+def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton) -> None:
+    """Adds the mesh, the joints of the bones, then of the ends of limbs, and their animation."""
+    mesh, skin = performance.surface
+    names = bone_names(skeleton)
+    local = local_turns(skeleton, from_matrix(performance.linear))
     offsets = local_offsets(skeleton)
     bones: list[int] = []
     for j, parent in enumerate(skeleton.parents):
@@ -178,28 +81,74 @@ def _skeleton(scene: GltfScene, performance: Performance) -> list[int]:
         node = scene.node(above, name=names[j], translation=listed(offset), children=[])
         bones.append(node)
         scene.animate(performance.times, node, "rotation", np.roll(local[:, j], -1, -1))
-    scene.animate(performance.times, bones[0], "translation", performance.root)
-    for j in range(1, len(skeleton)):
-        if not skeleton.children[j]:
-            bones.append(
-                scene.node(bones[j], name=skeleton.names[j], translation=listed(skeleton.vectors[j]))
-            )
-    return bones
+    scene.animate(performance.times, bones[0], "translation", performance.positions[:, 0])
+    ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
+    for j in ends:
+        end = scene.node(bones[j], name=skeleton.names[j], translation=listed(skeleton.vectors[j]))
+        bones.append(end)
+    pivots = np.concatenate([performance.pivots, skeleton.positions[ends]])
+    scene.skinned(performance.name, mesh, skin, bones[0], bones, pivots)
 
 
-def _add_graph(scene: GltfScene, performance: GraphPerformance) -> None:
-    """Adds the mesh, and a joint for each node of its graph, side by side below one holder."""
-    graph, times = performance.shape, performance.times
-    holder = scene.node(name=f"{graph.id} nodes", children=[])
-    axes = performance.axes
+def _add_joints(scene: GltfScene, performance: Performance) -> None:
+    """Adds the mesh, and a joint for each transform, with the keys that it needs."""
+    mesh, skin = performance.surface
+    holder, pivots = _holder(scene, performance), performance.pivots
+    axes = np.tile(np.eye(3), (len(pivots), 1, 1)) if performance.axes is None else performance.axes
     turns, scales = stretches_of(performance.linear @ axes)
     standing = from_matrix(axes)
-    made = []
-    for k, at in enumerate(graph.positions):
-        rest = listed(np.roll(standing[k], -1))
-        node = scene.node(holder, name=f"node {k}", translation=listed(at), rotation=rest)
-        scene.animate(times, node, "translation", performance.positions[:, k])
-        scene.animate(times, node, "rotation", np.roll(turns[:, k], -1, -1))
-        scene.animate(times, node, "scale", scales[:, k])
-        made.append(node)
-    scene.skinned(graph.id, graph.mesh, graph.skin, holder, made, graph.positions, axes)
+    most, reach = performance.keys / 3.0, reaches(performance)
+    joints = []
+    for k, at in enumerate(pivots):
+        rest = np.roll(standing[k], -1)
+        node = scene.node(holder, name=f"joint {k}", translation=listed(at), rotation=listed(rest))
+        for path, values, within in (
+            ("translation", performance.positions[:, k], most),
+            ("rotation", np.roll(turns[:, k], -1, -1), most / reach[k]),
+            ("scale", scales[:, k], most / reach[k]),
+        ):
+            keys = needed_keys(values, within, path == "rotation")
+            scene.animate(performance.times, node, path, values, keys)
+        joints.append(node)
+    scene.skinned(performance.name, mesh, skin, holder, joints, pivots, axes)
+
+
+def _holder(scene: GltfScene, performance: Performance) -> int:
+    """Adds the node that moves through the world as the performance's frame does."""
+    holder = scene.node(name=f"{performance.name} frame", children=[])
+    if performance.turns is not None and performance.places is not None:
+        turns = continuous(performance.turns[:, None])[:, 0]
+        scene.animate(performance.times, holder, "translation", performance.places)
+        scene.animate(performance.times, holder, "rotation", np.roll(turns, -1, -1))
+    return holder
+
+
+def reaches(performance: Performance) -> Float:
+    """Returns (J,) metres: the largest distance of a transform's vertices from its pivot, in any frame."""
+    mesh, skin = performance.surface
+    far = np.zeros(len(performance.pivots))
+    for slot in range(4):
+        node, there = skin.indices[:, slot], skin.weights[:, slot] > 0.0
+        away = np.linalg.norm(mesh.vertices - performance.pivots[node], axis=1)
+        np.maximum.at(far, node[there], away[there])
+    stretch = np.linalg.norm(performance.linear, axis=2).max((0, 2))
+    return np.asarray(np.maximum(far * np.maximum(stretch, 1.0), 1e-9))
+
+
+def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs) -> None:
+    """Adds the mesh to a holder, with a target for each shape and their weights over time."""
+    mesh: Mesh = performance.surface[0]
+    document, blob, holder = scene.document, scene.blob, _holder(scene, performance)
+    primitive = scene.primitive(performance.name, mesh)
+    for shape, bent in zip(morphs.targets, morphs.normals, strict=True):
+        attributes = (blob.add(values.astype(np.float32), pygltflib.ARRAY_BUFFER) for values in (shape, bent))
+        primitive.targets.append(dict(zip(("POSITION", "NORMAL"), attributes, strict=True)))
+    none = [0.0] * len(morphs.targets)
+    document.meshes.append(pygltflib.Mesh(name=performance.name, primitives=[primitive], weights=none))
+    node = scene.node(holder, name=performance.name, mesh=len(document.meshes) - 1)
+    # A weight moves no vertex farther than the longest way of its target.
+    far = np.linalg.norm(morphs.targets, axis=2).max(1)
+    keys = needed_keys(morphs.weights * far, performance.keys / np.sqrt(len(far)))
+    stored = morphs.weights[keys].astype(np.float32)
+    scene.channel(performance.times[keys], node, "weights", blob.add(stored.ravel()))
+    scene.put(holder)

@@ -1,7 +1,7 @@
 from .boolean_union import Union
 from .cut_loops import area
 from .cut_pieces import Piece
-from .cut_surfaces import CutSurface, StrokeCut
+from .cut_surfaces import CutSurface, PlaneCut, StrokeCut
 from .joining import SkinnedSurface, joined
 from .limb_ends import extremities
 from .mesh_cut import Cut, cut_across_bone, cut_by_stroke
@@ -18,6 +18,7 @@ __all__ = [
     "Cut",
     "CutSurface",
     "Piece",
+    "PlaneCut",
     "SeamSettings",
     "SkinnedSurface",
     "StrokeCut",

@@ -38,7 +38,7 @@ def paste_graph(
             project = project.with_streams(stream)
         ids.setdefault(part.stream, stream.id)
     copy_id = unused(shape_id, {**project.shapes, **project.graphs, **project.puppets})
-    parts = tuple(replace(part, stream=ids[part.stream], offset=part.offset + delay) for part in shape.parts)
+    parts = tuple(replace(part, stream=ids[part.stream]).later(delay) for part in shape.parts)
     return project.with_graphs(shape.with_changes(id=copy_id, parts=parts)), copy_id
 
 

@@ -60,11 +60,8 @@ def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
 
 def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
     """(K, 3, 3) and (K, 3) of a part's nodes as recorded."""
-    played = (time - part.offset) * part.speed + (stream.duration if part.speed < 0.0 else 0.0)
-    if part.loop and stream.duration > 0.0:
-        played = played % stream.duration
     last = len(stream.positions) - 1
-    frame = min(max(played / stream.step, 0.0), float(last))
+    frame = min(part.played(time, stream.duration)[0] / stream.step, float(last))
     before = min(int(frame), max(last - 1, 0))
     after, share = min(before + 1, last), frame - before
     return (

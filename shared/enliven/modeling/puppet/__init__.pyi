@@ -11,6 +11,7 @@ from .copying import (
 from .edits import make_puppet
 from .layers import change_layer, play_take, remove_layer
 from .merge import merge_puppets
+from .parts import surface_of_puppet
 from .points import add_point, change_point, remove_point
 from .poses import add_key_pose, change_key_pose, mirror_key_pose, remove_key_pose, set_symmetry
 from .suggest import suggested_puppet
@@ -42,5 +43,6 @@ __all__ = [
     "scale_puppet",
     "set_symmetry",
     "suggested_puppet",
+    "surface_of_puppet",
     "turn_puppet",
 ]

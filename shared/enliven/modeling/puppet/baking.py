@@ -108,8 +108,7 @@ def graph_of(
 def end_of_puppet(project: Project, puppet: Puppet) -> float:
     """Seconds until each of its layers that is not muted has played its take once; 0 without."""
     layers = [layer for layer in puppet.layers if not layer.muted]
-    ends = [layer.offset + project.takes[layer.take].duration / abs(layer.speed) for layer in layers]
-    return max(ends, default=0.0)
+    return max((layer.end(project.takes[layer.take].duration) for layer in layers), default=0.0)
 
 
 def frame_times(start: float, end: float, rate: float, name: str) -> Float:

@@ -54,9 +54,7 @@ def paste_puppet(
         id=copy_id,
         place=puppet.place + shift,
         poses=tuple(replace(pose, take=ids[pose.take]) for pose in puppet.poses),
-        layers=tuple(
-            replace(layer, take=ids[layer.take], offset=layer.offset + delay) for layer in puppet.layers
-        ),
+        layers=tuple(replace(layer, take=ids[layer.take]).later(delay) for layer in puppet.layers),
     )
     return project.with_puppets(copy), copy_id
 

@@ -62,7 +62,7 @@ def paste_shape(
         layer = source.layers[name]
         ids[name] = unused(name, taken)
         taken[ids[name]] = None
-        made.append(replace(layer, id=ids[name], take=takes[layer.take], offset=layer.offset + delay))
+        made.append(replace(layer, id=ids[name], take=takes[layer.take]).later(delay))
     copy_id = unused(shape_id, {**project.shapes, **project.graphs, **project.puppets})
     copy = _with_layers(shape, ids).with_changes(id=copy_id, place=shape.place + shift)
     return project.with_layers(*made).with_shapes(copy), copy_id

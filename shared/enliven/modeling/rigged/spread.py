@@ -76,7 +76,7 @@ def reflected(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Lay
     if np.linalg.det(linear) < 0.0:
         linear, mirrored, basis = linear * [-1.0, 1.0, 1.0], not mirrored, basis * _MIRROR
     turned = canonical(multiply(from_matrix(linear), basis))
-    return replace(layer, id=name, basis=turned, mirrored=mirrored, offset=layer.offset + delay)
+    return replace(layer, id=name, basis=turned, mirrored=mirrored).later(delay)
 
 
 def _copied(span: Span, names: dict[str, str], linear: Float) -> Span:

@@ -53,7 +53,7 @@ def window_of(layers: Sequence[Layer], takes: Mapping[str, Clip]) -> Window:
     """The window of layers that are played together; of none, no time at all."""
     if not layers:
         return Window(0.0, 0.0, False)
-    lengths = [takes[layer.take].duration / abs(layer.speed) for layer in layers]
+    lengths = [layer.lasting(takes[layer.take].duration) for layer in layers]
     start = min(layer.offset for layer in layers)
     end = max(layer.offset + length for layer, length in zip(layers, lengths, strict=True))
     looped = [length for layer, length in zip(layers, lengths, strict=True) if layer.loop]

@@ -102,7 +102,7 @@ def _laid_out(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
 
 def _moved(layer: Layer, basis: AnyArray, delay: float, name: str) -> Layer:
     turned = canonical(multiply(basis, layer.basis))
-    return replace(layer, id=name, basis=turned, offset=layer.offset + delay)
+    return replace(layer, id=name, basis=turned).later(delay)
 
 
 def _along(shape: Shape, chain: Sequence[int], pieces: list[_Piece]) -> Shape:

@@ -122,7 +122,7 @@ class _Take:
         """Writes the turns at the knots of these layers into ``out`` (T, K, 4) of all."""
         how = (self._weights, self._turned, self._mirrored, self._begin, out)
         if self.fed is None:
-            at = self._clocks.frames(times)
+            at = self._clocks.played(times)[0]
             knot_turns(self._turns, self._bones, self._first, self._bases, at, *how)
         else:
             at = np.zeros((len(times), len(self._bases)))

@@ -1,7 +1,6 @@
-"""The frame of its take that a layer plays at a time of the project.
+"""The time maps of many layers, compiled: the frames of their takes at many times at once.
 
-    frames_of(layer, clip, seconds) -> (T,)
-    Clocks.of(layers, clips).frames(seconds) -> (T, L)
+    Clocks.of(layers, clips).played(seconds) -> (2, T, L)
 
 Frame numbers may be between two frames, and never beyond the first or the last.
 """
@@ -13,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float
-from enliven.document import Clip, Layer
+from enliven.arrays import Float
+from enliven.document import Clip, TimeMap
 from enliven.kernels import njit
 
 
@@ -29,7 +28,7 @@ class Clocks:
     rows: Float
 
     @staticmethod
-    def of(layers: Sequence[Layer], clips: Sequence[Clip]) -> Clocks:
+    def of(layers: Sequence[TimeMap], clips: Sequence[Clip]) -> Clocks:
         """The clocks of layers that play these takes."""
         rows = [
             (layer.offset, layer.speed, float(layer.loop), clip.step, float(len(clip.turns)))
@@ -37,34 +36,21 @@ class Clocks:
         ]
         return Clocks(np.array(rows, np.float64).reshape(-1, 5))
 
-    def frames(self, seconds: Float) -> Float:
-        """(T, L) frame numbers in [0, F - 1], fractions between frames, at times (T,) of the project."""
-        out = np.empty((len(seconds), len(self.rows)))
-        played_frames(seconds, self.rows, out)
+    def played(self, seconds: Float) -> Float:
+        """What is played at times (T,) of the project.
+
+        Returns:
+            (2, T, L): frame numbers in [0, F - 1], fractions between frames; and how many times a looped take
+            was played to its end before.
+        """
+        out = np.empty((2, len(seconds), len(self.rows)))
+        _played(seconds, self.rows, out)
         return out
-
-    def rounds(self, seconds: Float) -> Float:
-        """(T, L) how many times a looped take was played to its end before; 0 for one that is not looped."""
-        offset, speed, looped, step, frames = self.rows.T
-        length = (frames - 1.0) * step
-        played = (seconds[:, None] - offset) * speed + np.where(speed < 0.0, length, 0.0)
-        whole = np.floor(played / np.where(length > 0.0, length, 1.0))
-        return np.asarray(np.where((looped > 0.0) & (length > 0.0), whole, 0.0))
-
-
-def frames_of(layer: Layer, clip: Clip, seconds: AnyArray) -> Float:
-    """(T,) the frame numbers of the take that a layer plays at ``seconds`` (T,) of the project.
-
-    u = (t - offset) speed, from the end backwards where the speed is below 0; before its begin and after its
-    end a take stands still, unless it is looped.
-    """
-    times = np.ascontiguousarray(np.atleast_1d(seconds), np.float64)
-    return Clocks.of([layer], [clip]).frames(times)[:, 0]
 
 
 @njit(cache=True, nogil=True)
-def played_frames(seconds, rows, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``out`` (T, L) takes the frame numbers at ``seconds`` (T,) of layers with clocks ``rows``."""
+def _played(seconds, rows, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``TimeMap.played`` at ``seconds`` (T,) of layers with clocks ``rows``, into (2, T, L)."""
     for t in range(len(seconds)):
         for i in range(len(rows)):
             offset, speed, looped, step, frames = rows[i]
@@ -73,6 +59,7 @@ def played_frames(seconds, rows, out):  # type: ignore[no-untyped-def]
             played = (seconds[t] - offset) * speed
             if speed < 0.0:
                 played += duration
-            if looped > 0.0 and duration > 0.0:
-                played -= np.floor(played / duration) * duration
-            out[t, i] = min(max(played / step, 0.0), last)
+            rounds = np.floor(played / duration) if looped > 0.0 and duration > 0.0 else 0.0
+            played -= rounds * duration
+            out[1, t, i] = rounds
+            out[0, t, i] = min(max(played / step, 0.0), last)

@@ -65,8 +65,7 @@ class Travel:
         if self.layer is None:
             out[:] = self._still
             return out
-        frames = np.zeros((len(times), 1)) if self._fed else self._clocks.frames(times)
-        rounds = np.zeros((len(times), 1)) if self._fed or not self.layer.loop else self._clocks.rounds(times)
+        frames, rounds = np.zeros((2, len(times), 1)) if self._fed else self._clocks.played(times)
         rest, layer = self._clip.skeleton.positions[0], self.layer
         how = (layer.basis, layer.mirrored, self._factor, self._still)
         travelled(self._root, rest, frames, rounds, *how, out)

@@ -8,7 +8,8 @@ from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.baking.frames import SurfaceFrames, states_of
 from enliven.examples.baking.settings import BakeSettings
-from enliven.exporters.gltf.write import glb_of, graph_performance_of
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.copying import move_graph
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
@@ -57,7 +58,7 @@ def test_it_may_stay_beside_and_its_settings_count(bean):
 
 def test_it_is_written_as_it_moves(baked):
     project, name, _ = baked
-    performance = graph_performance_of(project, name, 0.2, 2.2, 15.0)
+    performance = performance_of(project, name, 0.2, 2.2, 15.0)
     assert performance.lost < 1e-6, "its nodes stretch along axes of their own"
     assert len(glb_of([performance])) > 1000
 

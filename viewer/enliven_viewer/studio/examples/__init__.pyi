@@ -4,6 +4,7 @@ from .edits import (
     added_switch,
     constraints_of,
     duplicated,
+    layer_of,
     mirrored_copy,
     moved_switch,
     removed_switch,
@@ -20,7 +21,6 @@ from .edits import (
 )
 from .exporting import Exporting
 from .solving import Solving
-from .times import layer_end, layer_of, seconds_at, time_of
 
 __all__ = [
     "CoverageCache",
@@ -31,15 +31,12 @@ __all__ = [
     "added_switch",
     "constraints_of",
     "duplicated",
-    "layer_end",
     "layer_of",
     "mirrored_copy",
     "moved_switch",
     "removed_switch",
     "renamed_puppet",
     "retimed",
-    "seconds_at",
-    "time_of",
     "turned_a_quarter",
     "with_constraint",
     "with_default_settings",

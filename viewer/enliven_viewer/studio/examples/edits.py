@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import Coupling, Kind, Position, Project, Switch, Velocity, unused
+from enliven.document import Coupling, Kind, Position, Project, Puppet, Switch, Velocity, unused
 from enliven.errors import InputError
 from enliven.examples import guess_joints
 from enliven.meshes import fit_height
@@ -214,3 +214,11 @@ def removed_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...
         if number + 1 < len(switches)
         else tuple(switches[:number])
     )
+
+
+def layer_of(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
+    """The number of the chosen layer, or of the first unmuted one; with ``take`` of those of the take."""
+    wanted = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
+    if chosen in wanted:
+        return chosen
+    return next((k for k in wanted if not puppet.layers[k].muted), next(iter(wanted), None))

@@ -18,7 +18,7 @@ from enliven.mapping import facing_of
 from enliven.modeling.puppet import play_take
 from enliven_viewer.render import DRAG_TURN, OrbitCamera
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import layer_of, seconds_at, with_joint
+from enliven_viewer.studio.examples import layer_of, with_joint
 from enliven_viewer.studio.viewport import Lens, Point, joints_of
 
 _ROOM = 1.3
@@ -94,7 +94,7 @@ class PerformerView:
         editor, puppet = self.editor, self.editor.puppets.puppet
         number = None if puppet is None else layer_of(puppet, editor.selection.puppet_layer, take)
         if puppet is not None and number is not None:
-            return seconds_at(editor.project, puppet.layers[number], editor.time)
+            return puppet.layers[number].played(editor.time, editor.project.takes[take].duration)[0]
         return min(editor.time, editor.project.takes[take].duration)
 
     def show(self, take: str) -> None:

@@ -169,8 +169,7 @@ class PuppetEditor(KeyPoses):
         takes, moment = self.editor.project.takes, self.moment
         if moment is None and puppet.layers:
             layer = puppet.layers[0]
-            played = (self.editor.time - layer.offset) * layer.speed
-            moment = (layer.take, min(max(played, 0.0), takes[layer.take].duration))
+            moment = (layer.take, layer.played(self.editor.time, takes[layer.take].duration)[0])
         return moment if moment is not None and moment[0] in takes else None
 
 

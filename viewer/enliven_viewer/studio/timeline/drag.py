@@ -87,9 +87,8 @@ class TimelineInput:
         if self._handle.kind == "bar":
             return _changing(names, offset=self._snapped(layout, bar.layer, bar.layer.offset + moved))
         take = layout.project.takes[bar.layer.take]
-        lasting = max(layout.time(bar.right) - bar.layer.offset + moved, 1e-3)
-        speed = min(max(take.duration / lasting, SLOWEST), FASTEST)
-        return _changing(names, speed=speed if bar.layer.speed > 0 else -speed)
+        ends = layout.time(bar.right) + moved
+        return _changing(names, speed=bar.layer.ending(ends, take.duration, SLOWEST, FASTEST).speed)
 
     def _snapped(self, layout: TimelineLayout, layer: Layer, offset: float) -> float:
         """An offset that sticks to what is near: zero, the playhead, the ends of other bars."""

@@ -15,11 +15,9 @@ from enliven_viewer.studio.examples import (
     TakeCoverage,
     added_switch,
     constraints_of,
-    layer_end,
     moved_switch,
     removed_switch,
     retimed,
-    time_of,
     without_constraint,
 )
 from enliven_viewer.studio.timeline.layout import FASTEST, SLOWEST, SNAP, TimelineLayout
@@ -75,8 +73,8 @@ class PuppetTimelineInput:
             self._edit("find contacts again", handle, switches=None)
         elif handle.kind == "held":
             frame = constraints_of(self.editor.project, handle.puppet, handle.layer)[handle.item].frame
-            step = self.editor.project.takes[layer.take].step
-            self.editor.scrub(time_of(self.editor.project, layer, frame * step))
+            take = self.editor.project.takes[layer.take]
+            self.editor.scrub(layer.time_of(frame * take.step, take.duration))
         elif handle.kind == "band":
             self.editor.scrub(layout.time(x))
         self._handle, self._from, self._lanes = handle, x, lanes
@@ -149,9 +147,8 @@ class PuppetTimelineInput:
         way = layout.time(x) - layout.time(self._from)
         if handle.kind == "bar":
             return self._changing(handle, offset=self._snapped(layout, layer.offset + way))
-        lasting = max(layer_end(lanes.project, layer) - layer.offset + way, 1e-3)
-        speed = min(max(take.duration / lasting, SLOWEST), FASTEST)
-        return self._changing(handle, speed=speed if layer.speed > 0 else -speed)
+        ends = layer.end(take.duration) + way
+        return self._changing(handle, speed=layer.ending(ends, take.duration, SLOWEST, FASTEST).speed)
 
     def _snapped(self, layout: TimelineLayout, offset: float) -> float:
         nearest = min((0.0, self.editor.time), key=lambda place: abs(place - offset))

@@ -5,11 +5,11 @@ contacts and flights, and what is held hard. Everything that is drawn at a pixel
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from enliven.document import Project, Puppet, PuppetLayer, Switch
-from enliven_viewer.studio.examples import HardConstraint, TakeCoverage, constraints_of, layer_end, time_of
+from enliven_viewer.studio.examples import HardConstraint, TakeCoverage, constraints_of
 from enliven_viewer.studio.timeline.layout import EDGE, END, GAP, LABELS, LANE, MUTE, TimelineLayout
 
 POSES = 30.0
@@ -96,19 +96,19 @@ class PuppetLanes:
 
     def x(self, row: LaneRow | PuppetLaneHandle, seconds: float) -> float:
         """The pixel of a second of a layer's take."""
-        return self.layout.x(time_of(self.project, self.layer(row), seconds))
+        layer = self.layer(row)
+        return self.layout.x(layer.time_of(seconds, self.project.takes[layer.take].duration))
 
     def seconds(self, row: LaneRow | PuppetLaneHandle, x: float) -> float:
         """The second of a layer's take at a pixel, within the take."""
         layer = self.layer(row)
-        length = self.project.takes[layer.take].duration
-        played = (self.layout.time(x) - layer.offset) * layer.speed + (length if layer.speed < 0 else 0.0)
-        return min(max(played, 0.0), length)
+        once = replace(layer, loop=False)
+        return once.played(self.layout.time(x), self.project.takes[layer.take].duration)[0]
 
     def span(self, row: LaneRow | PuppetLaneHandle) -> tuple[float, float]:
         """First and last pixel of a layer's take, played once."""
         layer = self.layer(row)
-        return self.layout.x(layer.offset), self.layout.x(layer_end(self.project, layer))
+        return self.layout.x(layer.offset), self.layout.x(layer.end(self.project.takes[layer.take].duration))
 
     def poses(self, row: LaneRow) -> tuple[tuple[int, float], ...]:
         """Number and pixel of the key poses that are of the layer's take."""

@@ -58,7 +58,7 @@ def length_of(project: Project, shortest: float) -> float:
     """
     layers = used_layers(project)
     least = max([shortest, *(end_of(project, layer) for layer in layers)])
-    rounds = [project.takes[layer.take].duration / abs(layer.speed) for layer in layers if layer.loop]
+    rounds = [layer.lasting(project.takes[layer.take].duration) for layer in layers if layer.loop]
     rounds = [seconds for seconds in rounds if seconds > 0.05]
     if not rounds:
         return least
@@ -72,7 +72,7 @@ def length_of(project: Project, shortest: float) -> float:
 
 def end_of(project: Project, layer: Layer) -> float:
     """The second at which a layer's take has been played once."""
-    return layer.offset + project.takes[layer.take].duration / abs(layer.speed)
+    return layer.end(project.takes[layer.take].duration)
 
 
 def _posed(player: Player, time: float) -> PosedShape:

@@ -65,7 +65,7 @@ def possessed_at(
 def end_of_streams(project: Project) -> float:
     """The second at which the last stream in use has been played once."""
     ends = [
-        part.offset + project.streams[part.stream].duration / abs(part.speed)
+        part.end(project.streams[part.stream].duration)
         for shape in project.graphs.values()
         for part in shape.parts
     ]

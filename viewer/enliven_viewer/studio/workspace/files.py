@@ -11,15 +11,7 @@ from enliven.document import Project, Puppet, same, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
 from enliven.examples import missing
-from enliven.exporters.gltf import (
-    GraphPerformance,
-    Performance,
-    PuppetPerformance,
-    graph_performance_of,
-    performance_of,
-    puppet_performance_of,
-    write_gltf,
-)
+from enliven.exporters import exporter_of, performance_of
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, fit_height, load_mesh
 from enliven.modeling.puppet import make_puppet
@@ -75,24 +67,22 @@ def export(project: Project, path: Path) -> str:
         InputError: where there is none.
         ResourceError: where the file cannot be written.
     """
-    solid = [shape.id for shape in project.shapes.values() if shape.mesh is not None]
-    acting = [puppet.id for puppet in project.puppets.values() if moves(project, puppet)]
+    solid = [shape for shape in project.shapes.values() if shape.mesh is not None]
+    acting = [puppet for puppet in project.puppets.values() if moves(project, puppet)]
     if not solid and not project.graphs and not acting:
         mend = "Sketch one, or open a model."
         if project.puppets:
             name = next(iter(project.puppets))
             mend = " ".join(missing(project, project.puppets[name])) or f"Choose a take for {name}."
         raise InputError("nothing has a surface that moves", where="export", mend=mend)
-    moving: list[Performance | GraphPerformance | PuppetPerformance] = [
-        performance_of(project, name) for name in solid
-    ]
-    moving += [graph_performance_of(project, name) for name in project.graphs]
-    baked = [puppet_performance_of(project, name) for name in acting]
-    write_gltf(path, [*moving, *baked], path.stem)
-    count = len(moving) + len(baked)
-    said = f"Wrote {count} shape{'s' * (count != 1)} to {path.name}"
-    for one in baked:
-        said += f". {one.name} is {one.error}"
+    exporter = exporter_of(path)
+    chosen = [*solid, *project.graphs.values(), *acting]
+    made = [performance_of(project, character) for character in chosen]
+    exporter.write(path, made, path.stem)
+    said = f"Wrote {len(made)} shape{'s' * (len(made) != 1)} to {path.name}"
+    for one in made:
+        if one.error is not None:
+            said += f". {one.name} is {one.error}"
     return said
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import layer_of, time_of
+from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.workspace.input import ViewportInput
 
@@ -30,7 +30,7 @@ def go_to(workspace: WorkspaceViews, take: str, seconds: float) -> None:
     number = layer_of(puppet, editor.selection.puppet_layer, take)
     if number is not None:
         editor.select(puppet_layer=number)
-        editor.scrub(time_of(editor.project, puppet.layers[number], seconds))
+        editor.scrub(puppet.layers[number].time_of(seconds, editor.project.takes[take].duration))
     workspace.performer.show(take)
 
 

@@ -12,8 +12,6 @@ from enliven_viewer.studio.examples import (
     HardConstraint,
     constraints_of,
     layer_of,
-    seconds_at,
-    time_of,
     with_constraint,
     without_constraint,
 )
@@ -104,7 +102,7 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
         return
     quiet("hold it hard, at the playhead")
     take = editor.project.takes[puppet.layers[number].take]
-    frame = round(seconds_at(editor.project, puppet.layers[number], editor.time) / take.step)
+    frame = round(puppet.layers[number].played(editor.time, take.duration)[0] / take.step)
     name = puppet.points[chosen].name
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
     wanted: HardConstraint | None = None
@@ -143,7 +141,7 @@ def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held:
         if imgui.selectable(
             f"{constraint_text(held, take.step)}##held {row}", False, 0, ImVec2(wide - 30, 0)
         )[0]:
-            editor.scrub(time_of(editor.project, puppet.layers[number], held.frame * take.step))
+            editor.scrub(puppet.layers[number].time_of(held.frame * take.step, take.duration))
         imgui.same_line(wide - 12)
         if imgui.small_button(f"{_REMOVE}##held {row}"):
             editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))

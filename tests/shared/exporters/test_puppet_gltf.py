@@ -11,8 +11,8 @@ from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.baking.settings import BakeSettings
 from enliven.examples.puppet_motion import in_world, state_of
-from enliven.exporters.gltf.puppet_performance import puppet_performance_of
-from enliven.exporters.gltf.write import glb_of, write_gltf
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of, write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.rotation import from_rotation_vector
 
@@ -40,7 +40,7 @@ def solved(project, times):
 @pytest.mark.parametrize("how", ["skin", "morphs"])
 def test_a_file_plays_as_the_surface_is_solved_within_the_stated_error(bean, tmp_path, how):
     settings = BakeSettings(rms=0.001, worst=0.01, keys=0.0002)
-    made = puppet_performance_of(bean, "bean", 0.3, 2.3, 20.0, how=how, settings=settings)
+    made = performance_of(bean, "bean", 0.3, 2.3, 20.0, how=how, settings=settings)
     assert made.error.rms <= 0.001 * made.error.size and made.error.worst <= 0.01 * made.error.size
     path = tmp_path / "bean.glb"
     write_gltf(path, [made])
@@ -57,32 +57,32 @@ def test_a_file_plays_as_the_surface_is_solved_within_the_stated_error(bean, tmp
 
 
 def test_keys_are_left_out_where_they_tell_nothing(bean):
-    few = puppet_performance_of(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.002))
-    all_of_them = puppet_performance_of(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.0))
+    few = performance_of(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.002))
+    all_of_them = performance_of(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.0))
     assert len(glb_of([few])) < 0.7 * len(glb_of([all_of_them]))
 
 
 def test_a_puppet_that_plays_nothing_stands_at_rest():
     still = made_puppets.project(layers=())
-    made = puppet_performance_of(still, "bean")
+    made = performance_of(still, "bean")
     assert made.error.worst < 1e-6 and len(made.times) == 1
     document = checked_glb(glb_of([made]))
     assert "animations" not in document
 
 
 def test_puppets_and_their_times_are_checked(bean):
-    with pytest.raises(InputError, match="no puppet 'pea'"):
-        puppet_performance_of(bean, "pea")
+    with pytest.raises(InputError, match="no character 'pea'"):
+        performance_of(bean, "pea")
     with pytest.raises(InputError, match="is no time"):
-        puppet_performance_of(bean, "bean", 2.0, 1.0)
+        performance_of(bean, "bean", 2.0, 1.0)
     unposed = bean.with_puppets(bean.puppet("bean").with_changes(poses=()))
     with pytest.raises(InputError, match="Pose two examples"):
-        puppet_performance_of(unposed, "bean")
+        performance_of(unposed, "bean")
 
 
 def test_a_baked_puppet_is_read_again_though_its_joints_hang_free(bean, tmp_path):
     path = tmp_path / "bean.glb"
-    write_gltf(path, [puppet_performance_of(bean, "bean")])
+    write_gltf(path, [performance_of(bean, "bean")])
     rig = read_gltf(path)
     mesh = bean.puppet("bean").mesh
     assert rig.shape.mesh is not None and len(rig.shape.mesh.vertices) == len(mesh.vertices)

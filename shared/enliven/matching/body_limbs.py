@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
-from enliven.matching import MatchSource, source_of
+from enliven.matching.source import MatchSource, source_of
 from enliven.person import Body, Joint, parts_named
 
 LIMBS: dict[str, tuple[Joint, ...]] = {

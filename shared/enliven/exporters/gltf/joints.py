@@ -6,7 +6,8 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, UInt8, UInt16
 from enliven.document import Skeleton
-from enliven.rotation import conjugate, from_matrix, multiply, normalized, to_matrix
+from enliven.exporters.performance import continuous
+from enliven.rotation import conjugate, multiply, normalized
 
 
 def bone_names(skeleton: Skeleton) -> list[str]:
@@ -39,23 +40,7 @@ def local_turns(skeleton: Skeleton, turns: Float) -> Float:
     local = turns.copy()
     for j in range(1, len(skeleton)):
         local[:, j] = multiply(conjugate(turns[:, skeleton.parents[j]]), turns[:, j])
-    return _continuous(normalized(local))
-
-
-def _continuous(turns: Float) -> Float:
-    """The same (T, N, 4) turns, each of the sign that is nearest to the one before it in time."""
-    flips = np.sign(np.einsum("tnc,tnc->tn", turns[1:], turns[:-1]))
-    flips[flips == 0] = 1.0
-    start = np.where(turns[:1, :, 0] < 0, -1.0, 1.0)
-    signs = np.concatenate([start, start * np.cumprod(flips, 0)])
-    return np.asarray(turns * signs[..., None])
-
-
-def stretches_of(linear: Float) -> tuple[Float, Float]:
-    """(T, N, 4) turns and (T, N, 3) scales of (T, N, 3, 3) maps: R, and the diagonal of S in linear = R S."""
-    turns = from_matrix(linear)
-    scales = np.einsum("tnji,tnji->tni", to_matrix(turns), linear)
-    return _continuous(turns), scales
+    return continuous(normalized(local))
 
 
 def local_offsets(skeleton: Skeleton) -> Float:
@@ -78,10 +63,6 @@ def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
     made = exact.astype(np.float32)
     indices[made == 0] = 0
     return indices, made
-
-
-def pivots_of(skeleton: Skeleton) -> Float:
-    return np.asarray(skeleton.positions[np.maximum(skeleton.parents, 0)])
 
 
 def listed(values: Float | Float32) -> list[float]:

@@ -1,0 +1,71 @@
+"""The rule of who takes what, where a command leaves open the performer, the character or both."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person import Body, Joint
+from enliven_edge.stage.actor import Actor
+
+FLOOR = [0, 2]
+"""The coordinates over the floor."""
+
+
+@dataclass(frozen=True)
+class Taking:
+    """A performer and the character that they are to take hold of.
+
+    Attributes:
+        character: its id.
+        body: the performer's id; None: the actor's first choice.
+        parts: the parts of the body that the cues show.
+    """
+
+    character: str
+    body: int | None
+    parts: str
+
+
+def in_order(bodies: Collection[Body], busy: Collection[int], place: Float | None) -> list[Body]:
+    """Returns the bodies in the order in which a character is offered to them: idle ones first, then by
+    distance.
+
+    Args:
+        busy: the ids of the performers who hold other characters.
+        place: (2,) metres over the floor, the middle of the character; None where it is not known.
+    """
+    return sorted(bodies, key=lambda body: (body.id in busy, _apart(body, place)))
+
+
+def pairs(
+    performers: Collection[Body], actors: Mapping[str, Actor], places: Mapping[str, Float], anyhow: bool
+) -> list[tuple[str, int]]:
+    """Returns (character, performer) of those who hold nothing with free characters, the nearest pairs first.
+
+    Args:
+        performers: who may take a character.
+        actors: by character id.
+        places: (2,) metres over the floor by character id.
+        anyhow: a performer who holds something, or finds no free character, takes the nearest one.
+    """
+    holders = {hold.body for actor in actors.values() for hold in actor.holds}
+    idle = [body for body in performers if anyhow or body.id not in holders]
+    free = [name for name, actor in actors.items() if not actor.holds]
+    names = free or (list(actors) if anyhow else [])
+    found: list[tuple[str, int]] = []
+    while idle and names:
+        every = ((body, name) for name in names for body in idle)
+        body, name = min(every, key=lambda pair: _apart(pair[0], places.get(pair[1])))
+        found.append((name, body.id))
+        idle, names = [one for one in idle if one is not body], [one for one in names if one != name]
+    return found
+
+
+def _apart(body: Body, place: Float | None) -> float:
+    """Returns the metres over the floor between a performer's hips and a place; infinite where unknown."""
+    metres = np.inf if place is None else np.linalg.norm(body.joints[Joint.HIP_CENTER][FLOOR] - place)
+    return float(metres) if np.isfinite(metres) else np.inf

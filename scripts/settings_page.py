@@ -1,0 +1,111 @@
+"""Writes the tables of docs/settings.md anew from the classes: .venv/bin/python scripts/settings_page.py
+
+Each setting says its own default, unit, range and sentence; a test holds the page to them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import types
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+from enliven.mapping import Plan
+from enliven_edge.settings import EdgeSettings
+from enliven_viewer.settings import ViewerSettings
+from enliven_viewer.studio.settings import StudioSettings
+
+PAGE = Path(__file__).parents[1] / "docs" / "settings.md"
+KINDS = {kind.__name__: kind for kind in (EdgeSettings, ViewerSettings, StudioSettings, Plan)}
+_NAMES = {"chains": "chain"}
+"""Keys that a file writes otherwise than the class that is made of them."""
+
+
+def tables(kind: type, path: str = "") -> Iterator[str]:
+    """A table of TOML for each group of settings: its own keys first, then the groups in it."""
+    hints, rows, groups = typing.get_type_hints(kind), list[str](), list[tuple[str, type]]()
+    for field in dataclasses.fields(kind):
+        inner = _group(hints[field.name])
+        key = _NAMES.get(field.name, field.name)
+        if inner is None:
+            rows.append(_row(field, hints[field.name]))
+        else:
+            many = "" if dataclasses.is_dataclass(hints[field.name]) else ".NAME" * (key != "chain")
+            groups.append((f"{path}.{key}{many}".lstrip("."), inner))
+    if rows:
+        said = (kind.__doc__ or "").partition("\n")[0]
+        name = f"[[{path}]]" if path == "chain" else f"[{path}]"
+        heading = [f"### `{name}`", ""] if path else []
+        table = ["| key | default | may be | what it is |", "|---|---|---|---|", *rows]
+        yield "\n".join([*heading, said, "", *table])
+    for name, inner in groups:
+        yield from tables(inner, name)
+
+
+def _group(hint: Any) -> type | None:
+    """The class of a group, or of the groups in a table of them; None for a single value."""
+    for one in (hint, *typing.get_args(hint)):
+        if dataclasses.is_dataclass(one) and isinstance(one, type):
+            return one
+    return None
+
+
+def _row(field: dataclasses.Field[Any], hint: Any) -> str:
+    said = field.metadata.get("doc", "").replace("|", "\\|")
+    cells = (f"`{field.name}`", _default(field), _range(field, hint), said)
+    return f"| {' | '.join(cells)} |"
+
+
+def _default(field: dataclasses.Field[Any]) -> str:
+    value = field.default
+    if value is dataclasses.MISSING:
+        if field.default_factory is dataclasses.MISSING:
+            return "required"
+        value = field.default_factory()
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, float):
+        return f"`{value:.6g}`"
+    return f"`{list(value)}`" if isinstance(value, tuple) else f"`{value!r}`".replace("'", '"')
+
+
+def _range(field: dataclasses.Field[Any], hint: Any) -> str:
+    """The unit, the range, or the words that a value may be."""
+    words = [f'`"{word}"`' for word in _words(hint)]
+    low, high = field.metadata.get("low", -math.inf), field.metadata.get("high", math.inf)
+    unit = field.metadata.get("unit", "")
+    if math.isfinite(low) and math.isfinite(high):
+        words.append(f"{low:g} to {high:g} {unit}".strip())
+    elif math.isfinite(low):
+        words.append(f"{low:g} {unit} or more".replace("  ", " "))
+    elif unit:
+        words.append(unit)
+    return ", ".join(words)
+
+
+def _words(hint: Any) -> Iterator[str]:
+    """The words of a ``Literal``, in a union or not."""
+    if typing.get_origin(hint) is Literal:
+        yield from map(str, typing.get_args(hint))
+    elif typing.get_origin(hint) in (typing.Union, types.UnionType):
+        for one in typing.get_args(hint):
+            yield from _words(one)
+
+
+def written(page: str) -> str:
+    """The page with everything between its marks made anew."""
+
+    def made(match: re.Match[str]) -> str:
+        return "\n\n".join([f"<!-- settings {match[1]} -->", *tables(KINDS[match[1]]), "<!-- end -->"])
+
+    return re.sub(r"<!-- settings (\w+) -->.*?<!-- end -->", made, page, flags=re.DOTALL)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

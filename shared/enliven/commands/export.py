@@ -1,0 +1,92 @@
+"""enliven export: what moves in a recording, a project or a motion file, written for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from enliven.errors import InputError
+
+if TYPE_CHECKING:
+    from enliven.exporters import Exporter
+    from enliven.takes import Exportable
+
+
+def export(
+    source: Annotated[
+        Path, typer.Argument(help="A recording (.mcap), a project (.enliven), or a .bvh, .txt or .glb.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="What to make: .glb, .bvh or .mp4.")],
+    character: Annotated[
+        list[str] | None,
+        typer.Option("--character", "-c", help="Only this character, person or animation; may be repeated."),
+    ] = None,
+    start: Annotated[float, typer.Option(min=0, help="Seconds to begin at.")] = 0.0,
+    end: Annotated[float | None, typer.Option(min=0, help="Seconds to stop at; else where it ends.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(min=1, max=240, help="Frames a second; else as recorded, or 30.")
+    ] = None,
+    unit: Annotated[str | None, typer.Option(help="Of a .bvh: m or cm; else m.")] = None,
+    size: Annotated[str | None, typer.Option(help="Of an .mp4, such as 1920x1080.")] = None,
+    morphs: Annotated[
+        bool, typer.Option("--morphs", help="Of a .glb: puppets as morph targets instead of transforms.")
+    ] = False,
+) -> None:
+    """Write what moves in a recording or a project for other programs: .glb, .bvh, or as a film.
+
+    Characters come with their surface and transforms. Where a recording has none, its people do, drawn as
+    sticks. A .bvh holds one skeleton: that of a person, of a rigged model, or of a motion file.
+
+    \b
+      enliven export TAKE.mcap -o take.glb                 what was performed, to open anywhere
+      enliven export TAKE.mcap -o body.bvh --start 2 --end 8
+      enliven export SHOW.enliven -o horse.bvh --character horse --unit cm
+      enliven export SHOW.enliven -o show.mp4 --size 1920x1080
+    """
+    # Heavy modules are imported only here, so that the help is quick.
+    from enliven.exporters import exporter_of
+
+    asked = {"unit": unit, "size": size, "morphs": morphs or None}
+    options = {name: value for name, value in asked.items() if value is not None}
+    exporter = exporter_of(output, (), **options)
+    from enliven.takes import exportables_of
+
+    found, notes = exportables_of(source)
+    for note in notes:
+        typer.echo(f"enliven: {note}", err=True)
+    made = []
+    for one in _chosen(found, exporter, character or [], source):
+        typer.echo(f"enliven: sampling {one.name}", err=True)
+        made.append(one.sample(start, end, rate, morphs))
+    exporter.write(output, made, source.stem, **options)
+    lasts = max(performance.times[-1] for performance in made)
+    names = ", ".join(performance.name for performance in made)
+    baked = "".join(f"; {one.name} is {one.error}" for one in made if one.error is not None)
+    typer.echo(f"enliven: {names}, {lasts:.2f} s, are in {output}{baked}")
+
+
+def _chosen(found: list[Exportable], exporter: Exporter, wanted: list[str], source: Path) -> list[Exportable]:
+    """Returns the characters of these names, or where none is named, those that the kind of file can hold.
+
+    Raises:
+        InputError: where a name is not there, or the file cannot hold it, or only one of several.
+    """
+    known = {one.name: one for one in found}
+    for name in wanted:
+        if name not in known:
+            mend = f"Known: {', '.join(known)}."
+            raise InputError(f"there is no character {name!r}", where=str(source), mend=mend)
+    fitting = [one for one in found if (one.jointed if exporter.jointed else one.solid)]
+    unfit = [name for name in wanted if known[name] not in fitting] if wanted else list(known)
+    if unfit and (wanted or not fitting):
+        lacks = "skeleton" if exporter.jointed else "surface"
+        mend = "Write a .glb instead: it holds any surface." if exporter.jointed else "Write a .bvh instead."
+        raise InputError(f"{', '.join(unfit)} has no {lacks}", where=str(source), mend=mend)
+    best = min(one.rank for one in fitting)
+    chosen = [known[name] for name in wanted] or [one for one in fitting if one.rank == best]
+    if exporter.single and len(chosen) > 1:
+        mend = f"Choose one with --character: {', '.join(one.name for one in chosen)}."
+        raise InputError("the file to be made holds one character", where=str(source), mend=mend)
+    return chosen

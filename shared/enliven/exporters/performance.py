@@ -1,0 +1,111 @@
+"""A performance: one character's surface and its transforms over time, whatever kind of rig moves it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Character, Pose, Skeleton, SkinWeights
+from enliven.errors import InputError
+from enliven.examples.baking import BakedMorphs, BakeError
+from enliven.meshes import Mesh
+from enliven.rotation import from_matrix, rotate, to_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """A mesh with transforms over time: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), then the frame.
+
+    Attributes:
+        name: the character's.
+        times: (T,) seconds, rising evenly, from 0.
+        pivots: (J, 3) metres, where the transforms are at rest.
+        linear: (T, J, 3, 3); rotations where there is a skeleton.
+        positions: (T, J, 3) metres, where the pivots are.
+        mesh: at rest, or None for a skeleton alone.
+        skin: which transforms each vertex follows, or None without a mesh.
+        skeleton: the joints, where transform j is that of bone j about its parent joint; None where the
+            transforms hang on nothing, as the nodes of a deformation graph do.
+        axes: (J, 3, 3) rotations: the axes along which each transform stretches; None for those of the mesh.
+        turns, places: (T, 4) and (T, 3), where the frame of all this is: x is at turn x + place in the world.
+            None: it is the world.
+        morphs: morph targets in place of the skin, or None.
+        keys: metres that an exporter may add to the error by leaving out keys.
+        error: how far the baked surface is from the one on the screen, or None where nothing was baked.
+    """
+
+    name: str
+    times: Float
+    pivots: Float
+    linear: Float
+    positions: Float
+    mesh: Mesh | None = None
+    skin: SkinWeights | None = None
+    skeleton: Skeleton | None = None
+    axes: Float | None = None
+    turns: Float | None = None
+    places: Float | None = None
+    morphs: BakedMorphs | None = None
+    keys: float = 0.0
+    error: BakeError | None = None
+
+    @property
+    def lost(self) -> float:
+        """The largest part of a map that a turn and a scale along ``axes`` cannot express."""
+        axes = np.eye(3) if self.axes is None else self.axes
+        turns, scales = stretches_of(self.linear @ axes)
+        said = to_matrix(turns) * scales[..., None, :] @ np.swapaxes(axes, -1, -2)
+        return float(np.abs(said - self.linear).max())
+
+    @property
+    def character(self) -> Character:
+        """The character as viewers know it: its vertices follow transforms in the world.
+
+        Raises:
+            InputError: where it has no mesh.
+        """
+        mesh, skin = self.surface
+        vertices, pivots = mesh.vertices.astype(np.float32), self.pivots.astype(np.float32)
+        kind, edges = "graph" if self.skeleton is None else "bones", np.zeros((0, 2), np.int32)
+        return Character(self.name, vertices, mesh.faces, skin, pivots, edges, kind, mesh.colours)
+
+    def poses(self) -> Iterator[Pose]:
+        """Yields the character's pose in the world at each time, in nanoseconds from 0."""
+        linear, positions = self.linear, self.positions
+        if self.turns is not None and self.places is not None:
+            linear = to_matrix(self.turns)[:, None] @ linear
+            positions = rotate(self.turns[:, None], positions) + self.places[:, None]
+        for time, maps, places in zip(self.times, linear, positions, strict=True):
+            stored = maps.astype(np.float32), places.astype(np.float32)
+            yield Pose(self.name, round(time * 1e9), *stored)
+
+    @property
+    def surface(self) -> tuple[Mesh, SkinWeights]:
+        """The mesh and its skin.
+
+        Raises:
+            InputError: where it has none.
+        """
+        if self.mesh is None or self.skin is None or not len(self.mesh.faces):
+            mend = "Give it one, or leave it out."
+            raise InputError("it has no mesh", where=f"character {self.name!r}", mend=mend)
+        return self.mesh, self.skin
+
+
+def stretches_of(linear: Float) -> tuple[Float, Float]:
+    """(T, N, 4) turns and (T, N, 3) scales of (T, N, 3, 3) maps: R, and the diagonal of S in linear = R S."""
+    turns = from_matrix(linear)
+    scales = np.einsum("tnji,tnji->tni", to_matrix(turns), linear)
+    return continuous(turns), scales
+
+
+def continuous(turns: Float) -> Float:
+    """The same (T, N, 4) turns, each of the sign that is nearest to the one before it in time."""
+    flips = np.sign(np.einsum("tnc,tnc->tn", turns[1:], turns[:-1]))
+    flips[flips == 0] = 1.0
+    start = np.where(turns[:1, :, 0] < 0, -1.0, 1.0)
+    signs = np.concatenate([start, start * np.cumprod(flips, 0)])
+    return np.asarray(turns * signs[..., None])

@@ -1,0 +1,174 @@
+"""Performances of a project's characters and of clips, sampled at even times.
+
+performance_of(project, "horse", rate=30.0)      # a rigged shape, a possessed mesh or a puppet
+performance_of_clip(clip)                        # a take: its skeleton, drawn as sticks
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Clip, GraphShape, Project, Puppet, Shape, Skeleton, SkinWeights
+from enliven.errors import InputError
+from enliven.examples.baking import (
+    BakeSettings,
+    SurfaceFrames,
+    bake_morphs,
+    bake_surface,
+    states_of,
+    stretch_axes,
+)
+from enliven.exporters.performance import Performance
+from enliven.meshes import Mesh
+from enliven.modeling.possessed import graph_pose
+from enliven.modeling.puppet import end_of_puppet, frame_times
+from enliven.motion.layers import Player
+from enliven.rotation import rotate, to_matrix
+
+_STICK = 0.08
+"""Width of a drawn bone as a share of its length, as animation programs draw them."""
+
+
+AnyCharacter = Shape | GraphShape | Puppet
+
+
+def performance_of(
+    project: Project,
+    character: str | AnyCharacter,
+    start: float = 0.0,
+    end: float | None = None,
+    rate: float = 30.0,
+    *,
+    how: Literal["skin", "morphs"] = "skin",
+    settings: BakeSettings | None = None,
+) -> Performance:
+    """Samples a character of a project from ``start`` to ``end`` seconds, at ``rate`` frames a second.
+
+    Args:
+        character: a rigged shape, a possessed mesh or a puppet of the project, or the id of one.
+        end: None takes the end of the last of what moves it.
+        how: a puppet is baked as transforms that vertices follow, or as morph targets.
+        settings: how closely a puppet is baked.
+
+    Raises:
+        InputError: where there is no such character, the times make no sense, or it lacks something to move.
+    """
+    found = _found(project, character) if isinstance(character, str) else character
+    times = frame_times(start, end_of(project, found) if end is None else end, rate, found.id)
+    if isinstance(found, Puppet):
+        return _of_puppet(project, found, times, how, settings or BakeSettings())
+    if isinstance(found, GraphShape):
+        return _of_graph(project, found, times)
+    turns, joints = Player(project, found.id).sample(times)
+    return _of_bones(found.id, found.skeleton, times, turns, joints, found.mesh, found.skin)
+
+
+def performance_of_clip(clip: Clip) -> Performance:
+    """Returns a clip as a performance of all its frames; its mesh is a stick for each bone."""
+    times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
+    skeleton = clip.skeleton
+    joints = np.empty((len(times), len(skeleton), 3))
+    joints[:, 0] = clip.root
+    for j in range(1, len(skeleton)):
+        parent = skeleton.parents[j]
+        joints[:, j] = joints[:, parent] + rotate(clip.turns[:, j], skeleton.vectors[j])
+    return _of_bones(clip.id, skeleton, times, clip.turns, joints, *sticks(skeleton))
+
+
+def end_of(project: Project, character: AnyCharacter) -> float:
+    """Returns the seconds at which the last of what moves a character ends; 0 where nothing does."""
+    if isinstance(character, Puppet):
+        return end_of_puppet(project, character)
+    if isinstance(character, GraphShape):
+        played = [(part, project.streams[part.stream].duration) for part in character.parts]
+        return max((part.end(lasts) for part, lasts in played), default=0.0)
+    named = {ref.layer for spans in character.spans for span in spans for ref in span.refs}
+    named |= {character.travel} if character.travel else set()
+    layers = [project.layers[name] for name in named if not project.layers[name].muted]
+    ends = [layer.end(project.takes[layer.take].duration) for layer in layers]
+    return max(ends, default=0.0)
+
+
+def _found(project: Project, name: str) -> AnyCharacter:
+    """The character of an id; of several, the rigged shape.
+
+    Raises:
+        InputError: where there is none, with the ids that there are.
+    """
+    everything: dict[str, AnyCharacter] = {**project.puppets, **project.graphs, **project.shapes}
+    if name not in everything:
+        known = ", ".join(everything) or "none"
+        raise InputError(f"there is no character {name!r}", where="project", mend=f"Known: {known}.")
+    return everything[name]
+
+
+def _of_bones(
+    name: str,
+    skeleton: Skeleton,
+    times: Float,
+    turns: Float,
+    joints: Float,
+    mesh: Mesh | None,
+    skin: SkinWeights | None,
+) -> Performance:
+    """The performance of a skeleton with turns (T, N, 4) and joints (T, N, 3) in the world."""
+    above = np.maximum(skeleton.parents, 0)
+    linear, pivots = to_matrix(turns), skeleton.positions[above]
+    return Performance(
+        name, times - times[0], pivots, linear, joints[:, above], mesh, skin, skeleton=skeleton
+    )
+
+
+def _of_graph(project: Project, graph: GraphShape, times: Float) -> Performance:
+    poses = [graph_pose(project, graph, float(time)) for time in times]
+    linear, positions = np.stack([p[0] for p in poses]), np.stack([p[1] for p in poses])
+    axes = stretch_axes(linear)
+    return Performance(
+        graph.id, times - times[0], graph.positions, linear, positions, graph.mesh, graph.skin, axes=axes
+    )
+
+
+def _of_puppet(
+    project: Project, puppet: Puppet, times: Float, how: str, settings: BakeSettings
+) -> Performance:
+    """The puppet, baked in its own frame."""
+    states, turns, places = states_of(project, puppet, times)
+    frames, mesh = SurfaceFrames(puppet, states, settings.kept), puppet.mesh
+    if how == "morphs":
+        morphs, still = bake_morphs(mesh, frames, states, settings), np.zeros((len(times), 1, 3))
+        whole = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
+        skin = SkinWeights(np.zeros(whole.shape, np.uint16), whole)
+        linear = np.tile(np.eye(3), (len(times), 1, 1, 1))
+        made = Performance(puppet.id, times - times[0], still[0], linear, still, mesh, skin, morphs=morphs)
+        error = morphs.error
+    else:
+        held = [point.vertex for point in puppet.points]
+        baked = bake_surface(mesh, frames, states, held, settings)
+        linear, positions, error = baked.linear, baked.places, baked.error
+        made = Performance(puppet.id, times - times[0], baked.pivots, linear, positions, mesh, baked.skin)
+        made = replace(made, axes=baked.axes)
+    return replace(made, turns=turns, places=places, error=error, keys=settings.keys * error.size)
+
+
+def sticks(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
+    """Returns an octahedron for each bone and the skin by which it follows that; None without any length."""
+    bones = np.flatnonzero(skeleton.lengths > 0)
+    if not len(bones):
+        return None, None
+    along, length = skeleton.vectors[bones], skeleton.lengths[bones, None]
+    side = np.cross(along, np.where(np.abs(along[:, 1:2]) < 0.9 * length, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]))
+    side *= _STICK * length / np.linalg.norm(side, axis=1, keepdims=True)
+    other = np.cross(along / length, side)
+    begin = skeleton.positions[skeleton.parents[bones]]
+    waist = begin + 0.2 * along
+    corners = [begin, waist + side, waist + other, waist - side, waist - other, begin + along]
+    ring = np.array([[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [5, 1, 2], [5, 2, 3], [5, 3, 4], [5, 4, 1]])
+    faces = (ring + 6 * np.arange(len(bones))[:, None, None]).reshape(-1, 3)
+    indices = np.zeros((6 * len(bones), 4), np.uint16)
+    indices[:, 0] = np.repeat(bones, 6)
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(indices), 1))
+    return Mesh(np.stack(corners, 1).reshape(-1, 3), faces.astype(np.int32)), SkinWeights(indices, weights)

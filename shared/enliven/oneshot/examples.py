@@ -1,0 +1,46 @@
+"""A mesh that acts by a few example poses (example-based retargeting, 2014)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from enliven.arrays import AnyArray
+from enliven.document import Clip, Project, unused
+from enliven.meshes import Mesh
+from enliven.modeling.puppet import add_key_pose, add_point, make_puppet, play_take
+
+
+def fit_examples(
+    mesh: Mesh,
+    take: Clip,
+    points: Mapping[str, tuple[int, str]],
+    poses: Mapping[float, AnyArray],
+    *,
+    plays: Clip | None = None,
+    project: Project | None = None,
+) -> tuple[Project, str]:
+    """A project in which a mesh plays a take, as a few example poses say.
+
+    Args:
+        mesh: any triangles, in metres.
+        take: the motion in which the examples were posed.
+        points: the control points by name: a vertex of the mesh, and the joint of the take that it follows.
+        poses: for some seconds of the take, the control points' places then: (P, 3) metres in the mesh's
+            frame, in the order of ``points``. Two moments at least.
+        plays: the motion to play; None plays ``take``.
+        project: what the mesh is added to; None begins one.
+
+    Returns:
+        The project, and the id of the mesh in it.
+
+    Raises:
+        InputError: for a vertex, a joint or a time that is not there, and for two examples that are one.
+    """
+    project = (project or Project()).with_takes(take, *([plays] if plays else []))
+    name = unused(mesh.name or "mesh", {**project.shapes, **project.graphs, **project.puppets})
+    project = make_puppet(project, mesh, name)
+    for point, (vertex, joint) in points.items():
+        project = add_point(project, name, vertex, point, joint)
+    for seconds, places in poses.items():
+        project = add_key_pose(project, name, take.id, seconds, places)
+    return play_take(project, name, (plays or take).id), name

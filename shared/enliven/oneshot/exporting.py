@@ -1,0 +1,40 @@
+"""Characters and takes written for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from enliven.document import Clip, Project
+from enliven.exporters import exporter_of, performance_of, performance_of_clip
+
+
+def export(
+    what: Project | Clip,
+    path: Path | str,
+    *,
+    characters: Sequence[str] = (),
+    start: float = 0.0,
+    end: float | None = None,
+    rate: float = 30.0,
+) -> None:
+    """Writes a project's characters with their motion, or a take, as a file that other programs play.
+
+    Args:
+        what: a project, or a clip, which is written whole.
+        path: its ending names the kind of file: .glb, .bvh, or what an installed package adds.
+        characters: ids of the project's characters; empty for all.
+        start, end: seconds of the project; None for the end of all that moves.
+        rate: frames a second.
+
+    Raises:
+        InputError: for an ending without an exporter, or what this kind of file cannot hold.
+        ResourceError: where the file cannot be written.
+    """
+    exporter, title = exporter_of(path), Path(path).stem
+    if isinstance(what, Clip):
+        made = [performance_of_clip(what)]
+    else:
+        chosen = characters or [*what.shapes, *what.graphs, *what.puppets]
+        made = [performance_of(what, character, start, end, rate) for character in chosen]
+    exporter.write(Path(path), made, title)

@@ -1,0 +1,171 @@
+"""The characters of a file with motion, each ready to be sampled: what ``enliven export`` chooses from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+from enliven.document import Character, Clip, GraphShape, Pose, Project, Puppet, Shape, unused
+from enliven.errors import InputError
+from enliven.examples import missing
+from enliven.exporters import Performance, performance_of, performance_of_clip
+from enliven.formats.gltf import read_gltf
+from enliven.formats.project import read_project
+from enliven.formats.rig import playing
+from enliven.recording import Recording
+from enliven.takes.capture_clip import between_times, resampled
+from enliven.takes.files import read_take
+from enliven.takes.possessed import characters_and_poses, played
+from enliven.takes.recorded import TakeSettings, body_frames, clips_of_frames
+from enliven.takes.rigged import rigged_of
+
+Sample = Callable[[float, float | None, float | None, bool], Performance]
+"""From start to end seconds (None: all), frames a second (None: its own), with morph targets or without."""
+_RATE = 30.0
+"""Frames a second of what has no rate of its own: that of the sensors."""
+
+
+@dataclass(frozen=True)
+class Exportable:
+    """A character, a person or an animation of a file; its motion is sampled when it is asked for.
+
+    Attributes:
+        name: unique in its file.
+        sample: makes the performance.
+        jointed: whether it has a skeleton.
+        solid: whether it has a surface.
+        rank: 0 for what the file is about; 1 for what is taken where nothing of rank 0 fits.
+    """
+
+    name: str
+    sample: Sample
+    jointed: bool = False
+    solid: bool = True
+    rank: int = 0
+
+
+def exportables_of(path: Path | str) -> tuple[list[Exportable], tuple[str, ...]]:
+    """Returns what a recording, a project, a model or a motion file has to export, and notes on the file.
+
+    Seconds are a project's or a clip's; in a recording, those since the first pose, or since a person came.
+
+    Raises:
+        InputError: where the file cannot be read, or nothing moves in it.
+    """
+    path, notes = Path(path), tuple[str, ...]()
+    kind = path.suffix.lower()
+    if kind == ".enliven":
+        found = _of_project(read_project(path))
+    elif kind == ".mcap":
+        found = _of_recording(path)
+    elif kind in (".glb", ".gltf"):
+        rig = read_gltf(path)
+        found, notes = _of_model(rig.shape, rig.clips), rig.notes
+    else:
+        clip, notes = read_take(path)
+        found = [_of_clip(clip)]
+    if not found:
+        track = f"Find the people in its depth first: enliven track {path.name} -o bodies.mcap"
+        mend = track if kind == ".mcap" else "Animate something first."
+        raise InputError("nothing in it moves", where=str(path), mend=mend)
+    return found, notes
+
+
+def _of_project(project: Project) -> list[Exportable]:
+    """Rigged shapes, possessed meshes, puppets that play something, and then takes."""
+    found = list[Exportable]()
+    for shape in project.shapes.values():
+        found.append(_character(project, shape, shape.mesh is not None))
+    for character in (*project.graphs.values(), *project.puppets.values()):
+        if not isinstance(character, Puppet) or _plays(project, character):
+            found.append(Exportable(character.id, partial(_sampled, project, character)))
+    return [*found, *(_of_clip(clip, 1) for clip in project.takes.values())]
+
+
+def _plays(project: Project, puppet: Puppet) -> bool:
+    return any(not layer.muted for layer in puppet.layers) and not missing(project, puppet)
+
+
+def _of_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
+    """Each animation of a model, the first before the others; the model as it stands where it has none."""
+    if not clips:
+        return [_character(Project().with_shapes(shape), shape, shape.mesh is not None)]
+    found = list[Exportable]()
+    for clip in clips:
+        project, moved = playing(Project(), shape, clip)
+        sample = partial(_sampled, project, moved, own=1 / clip.step)
+        found.append(Exportable(clip.id, sample, True, shape.mesh is not None, min(len(found), 1)))
+    return found
+
+
+def _of_recording(path: Path) -> list[Exportable]:
+    """Characters with the poses that were recorded of them, and then the people."""
+    recording = Recording(path)
+    characters, poses = characters_and_poses(recording)
+    moving = {key: found for key, found in poses.items() if len(found) > 1}
+    begin = min((found[0].time_ns for found in moving.values()), default=0)
+    found = dict[str, Exportable]()
+    for key, of_it in moving.items():
+        character, name = characters[key], unused(characters[key].id, found)
+        sample = partial(_recorded, name, character, of_it, begin)
+        found[name] = Exportable(name, sample, character.kind == "bones")
+    for clip in clips_of_frames(body_frames(recording), path.stem, TakeSettings()):
+        name = unused(clip.id, found)
+        found[name] = _of_clip(replace(clip, id=name), 1)
+    return list(found.values())
+
+
+def _character(project: Project, shape: Shape, solid: bool) -> Exportable:
+    return Exportable(shape.id, partial(_sampled, project, shape), True, solid)
+
+
+def _of_clip(clip: Clip, rank: int = 0) -> Exportable:
+    return Exportable(clip.id, partial(_of_frames, clip), True, True, rank)
+
+
+def _sampled(
+    project: Project,
+    character: Shape | GraphShape | Puppet,
+    start: float,
+    end: float | None,
+    rate: float | None,
+    morphs: bool,
+    own: float = _RATE,
+) -> Performance:
+    """A character of a project, at its ``own`` frames a second where no others are asked for."""
+    how: Literal["skin", "morphs"] = "morphs" if morphs else "skin"
+    return performance_of(project, character, start, end, rate or own, how=how)
+
+
+def _recorded(
+    name: str,
+    character: Character,
+    poses: list[Pose],
+    begin: int,
+    start: float,
+    end: float | None,
+    rate: float | None,
+    morphs: bool,
+) -> Performance:
+    """A character that was performed live, as a rigged shape or as a possessed mesh."""
+    if character.kind == "bones":
+        still, clip, offset = rigged_of(replace(character, id=name), poses, begin)
+        project, shape = playing(Project(), still, clip)
+        project = project.with_layers(*(replace(layer, offset=offset) for layer in project.layers.values()))
+        return _sampled(project, shape, start, end, rate, morphs, 1 / clip.step)
+    graph, stream = played(replace(character, id=name), poses, begin, Project(), [])
+    project = Project(graphs={name: graph}, streams={stream.id: stream})
+    return _sampled(project, graph, start, end, rate, morphs, 1 / stream.step)
+
+
+def _of_frames(clip: Clip, start: float, end: float | None, rate: float | None, _: bool) -> Performance:
+    """Frames of a clip; what is no longer there at a time is refused by its name."""
+    stop = clip.duration if end is None else end
+    if start > clip.duration or stop < start:
+        what = f"it lasts {clip.duration:.2f} s: from {start:g} s to {stop:g} s is nothing"
+        raise InputError(what, where=f"clip {clip.id!r}", mend="Choose another start and end.")
+    cut = between_times(clip, start, stop)
+    return performance_of_clip(cut if rate is None else resampled(cut, 1 / rate))

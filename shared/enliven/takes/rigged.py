@@ -1,0 +1,71 @@
+"""Rigged models out of a recording: what was performed live on a skeleton, as a shape and its clip.
+
+The wire has transforms and what to draw between them, and no joints. So the joints are found again: a bone
+begins at its pivot, and bones with one pivot begin at one joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Character, Clip, Pose, Shape, Skeleton, still_shape
+from enliven.errors import InputError
+from enliven.meshes import Mesh
+from enliven.rotation import from_matrix
+from enliven.takes.capture_clip import continuous
+from enliven.takes.possessed import between, even_times
+
+
+def rigged_of(character: Character, poses: Sequence[Pose], begin: int = 0) -> tuple[Shape, Clip, float]:
+    """Returns a rigged character as a shape, its motion at even steps, and the seconds at which that begins.
+
+    Args:
+        poses: at least two, in the order of time.
+        begin: nanoseconds of the moment that is 0 seconds.
+
+    Raises:
+        InputError: where the bones hang on nothing, or the poses are too few or too far apart.
+    """
+    kept, seconds, grid = even_times(character, list(poses), begin)
+    skeleton = skeleton_of_bones(character)
+    mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id, character.colours)
+    turns = from_matrix(between(np.array([pose.linear for pose in kept], np.float64), seconds, grid))
+    root = between(np.array([pose.positions[0] for pose in kept], np.float64), seconds, grid)
+    clip = Clip(character.id, skeleton, continuous(turns), root, float(grid[1] - grid[0]))
+    return still_shape(character.id, skeleton, mesh, character.skin), clip, float(grid[0])
+
+
+def skeleton_of_bones(character: Character) -> Skeleton:
+    """Returns the skeleton of a character with bones: joint j is the end of bone j, as transform j moves it.
+
+    Raises:
+        InputError: where a bone hangs on nothing.
+    """
+    pivots: Float = np.asarray(character.pivots, np.float64)
+    count = len(pivots)
+    parents, positions = np.full(count, -1), np.full((count, 3), np.nan)
+    positions[0] = pivots[0]
+    for bone, child in character.edges:
+        if 0 < bone < child and parents[child] < 0:
+            parents[child], positions[bone] = bone, pivots[child]
+    for bone in range(1, count):
+        if parents[bone] < 0:
+            begins = np.flatnonzero((positions[:bone] == pivots[bone]).all(1))
+            if not len(begins):
+                what = f"its bone {bone} hangs on nothing"
+                raise InputError(what, where=f"character {character.id!r}", mend="Record it again.")
+            parents[bone] = begins[0]
+    for bone in np.flatnonzero(np.isnan(positions[:, 0])):
+        positions[bone] = _end(character, int(bone), pivots[bone], positions[parents[parents[bone]]])
+    names = ("root", *(f"bone {bone}" for bone in range(1, count)))
+    return Skeleton(names, parents.astype(np.int32), positions)
+
+
+def _end(character: Character, bone: int, begin: Float, before: Float) -> Float:
+    """(3,) where the last bone of a limb ends: twice as far as the middle of its vertices, or straight on."""
+    strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]
+    own = character.vertices[strongest == bone]
+    return np.asarray(2 * own.mean(0, np.float64) - begin if len(own) else 1.5 * begin - 0.5 * before)

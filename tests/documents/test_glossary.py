@@ -1,0 +1,37 @@
+"""docs/glossary.md is in the order of the alphabet, and names what the code has."""
+
+import ast
+import re
+
+from blocks import ROOT
+
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines()
+    if re.match(r"\| \w", line)
+][1:]
+
+
+def defined() -> set[str]:
+    """The names of all classes and functions at the top of a module of the product."""
+    kinds = ast.ClassDef | ast.FunctionDef
+    return {
+        node.name
+        for package in ("shared", "edge", "viewer", "synthesis")
+        for path in (ROOT / package).rglob("*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, kinds)
+    }
+
+
+def test_every_class_that_it_names_is_there():
+    names = {name for row in ROWS for name in re.findall(r"`(\w+)`", row[2])}
+    assert len(names) > 50
+    assert sorted(names - defined()) == []
+
+
+def test_it_is_in_the_order_of_the_alphabet_with_one_sentence_each():
+    words = [row[0].lower() for row in ROWS]
+    assert words == sorted(words)
+    for word, said, _ in ROWS:
+        assert re.match(r"[A-Z].+\.$", said), word

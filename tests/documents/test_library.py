@@ -1,0 +1,38 @@
+"""docs/library.md has a row and an example for every name of ``from enliven import``."""
+
+import ast
+import inspect
+import re
+
+from blocks import ROOT, blocks_of
+
+import enliven
+
+PAGE = ROOT / "docs" / "library.md"
+ROWS = "\n".join(
+    line.split("|")[1] for line in PAGE.read_text(encoding="utf-8").splitlines() if line[:1] == "|"
+)
+
+
+def test_every_name_has_a_row():
+    assert set(re.findall(r"`(\w+)`", ROWS)) == set(enliven.__all__)
+
+
+def test_every_name_is_imported_and_used_by_an_example():
+    used: set[str] = set()
+    imported: set[str] = set()
+    for block in blocks_of(PAGE):
+        assert block.kind == "python" and not block.reason, block
+        for node in ast.walk(ast.parse(block.text)):
+            if isinstance(node, ast.ImportFrom) and node.module == "enliven":
+                imported |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.Name):
+                used.add(node.id)
+    assert imported == set(enliven.__all__) and imported <= used
+
+
+def test_every_name_says_what_it_is():
+    for name in enliven.__all__:
+        said = inspect.getdoc(getattr(enliven, name)) or ""
+        assert re.match(r"[A-Z`].*[.:]", said), f"{name}: {said[:60]!r}"
+        assert not said.startswith(f"{name}("), f"{name} has no docstring of its own"

@@ -1,0 +1,41 @@
+"""Pages that a program writes are as it would write them now."""
+
+import sys
+from datetime import date
+
+from blocks import ROOT
+
+sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests" / "benchmarks")]
+
+import figures_page  # noqa: E402
+import settings_page  # noqa: E402
+from figure import Figure  # noqa: E402
+
+
+def test_the_page_of_settings_is_that_of_the_classes():
+    page = settings_page.PAGE.read_text(encoding="utf-8")
+    assert page == settings_page.written(page), "run .venv/bin/python scripts/settings_page.py"
+    assert page.count("<!-- end -->") == len(settings_page.KINDS)
+    assert "| `full_rate` | `4` | 1 to 32 |" in page
+
+
+def test_every_setting_of_a_page_has_a_sentence():
+    for line in settings_page.PAGE.read_text(encoding="utf-8").splitlines():
+        if line.startswith("| `"):
+            assert line.rstrip(" |").endswith((".", ")", "?")), line
+
+
+def test_a_whole_run_of_benchmarks_writes_the_table_of_figures():
+    page = figures_page.PAGE.read_text(encoding="utf-8")
+    made = [Figure("road.late", 7.125, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)]
+    once = figures_page.written(page, made, "two cores", date(2026, 11, 21))
+    assert "Measured on 2026-11-21 on two cores." in once
+    rows = [line for line in once.splitlines() if line.startswith(("| `road.late", "| `arap.frame"))]
+    assert rows == [
+        "| `arap.frame` | 3.6 ms | 7.5 times better than libigl |",
+        "| `road.late` | 7.125 ms |  |",
+    ]
+    assert figures_page.written(once, made, "two cores", date(2026, 11, 21)) == once
+    before, _, after = page.partition("<!-- figures -->")
+    assert once.startswith(before) and once.endswith(after.partition("<!-- end -->")[2])
+    assert "cores of" in figures_page.this_machine()

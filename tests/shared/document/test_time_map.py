@@ -1,0 +1,100 @@
+"""The time map of layers: one law for all rigs, and its compiled form the same."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.document.clip import Clip
+from enliven.document.layers import Layer
+from enliven.document.possessed import GraphPart
+from enliven.document.puppet import PuppetLayer
+from enliven.document.skeleton import Skeleton
+from enliven.document.time_map import TimeMap
+from enliven.errors import InputError
+from enliven.motion.layers.timing import Clocks
+
+laws = settings(deadline=None, max_examples=100)
+# Sixteenths are exact in binary: the twin's fractions and the formula's floats must not differ by rounding.
+sixteenths = st.integers(-160, 160).map(lambda n: n / 16)
+maps = st.builds(
+    TimeMap,
+    offset=sixteenths,
+    speed=st.sampled_from([0.25, 0.5, 1.0, 2.0, 4.0, -0.5, -1.0, -2.0]),
+    loop=st.booleans(),
+)
+lengths = st.integers(1, 64).map(lambda n: n / 16)
+
+
+def obvious(layer, time, length):
+    """Lets a hand go over the take: it walks, and is put back to the other end each time it gets there."""
+    hand = Fraction(time) - Fraction(layer.offset)
+    hand *= Fraction(layer.speed)
+    if layer.speed < 0:
+        hand += Fraction(length)
+    rounds = 0
+    while layer.loop and hand >= length:
+        hand, rounds = hand - Fraction(length), rounds + 1
+    while layer.loop and hand < 0:
+        hand, rounds = hand + Fraction(length), rounds - 1
+    return float(min(max(hand, Fraction(0)), Fraction(length))), rounds
+
+
+@laws
+@given(maps, sixteenths, lengths)
+def test_what_is_played_is_what_a_hand_that_goes_over_the_take_shows(layer, time, length):
+    assert layer.played(time, length) == obvious(layer, time, length)
+
+
+@laws
+@given(maps, sixteenths, sixteenths, lengths)
+def test_a_layer_that_begins_later_plays_the_same_later(layer, time, delay, length):
+    assert layer.later(delay).played(time + delay, length) == layer.played(time, length)
+
+
+@laws
+@given(maps, lengths, st.integers(0, 16))
+def test_a_second_is_played_when_it_is_said_to_be(layer, length, share):
+    second = length * share / 16
+    time = layer.time_of(second, length)
+    played, rounds = layer.played(time, length)
+    # The two ends of a loop are one moment.
+    assert played + rounds * length == second and rounds in ((0, 1) if layer.loop else (0,))
+    assert layer.offset <= time <= layer.end(length) == layer.offset + layer.lasting(length)
+
+
+@laws
+@given(maps, lengths, st.integers(1, 64).map(lambda n: n / 16))
+def test_a_layer_is_made_to_end_at_a_time(layer, length, lasting):
+    made = layer.ending(layer.offset + lasting, length, 0.0, 1e9)
+    assert made.end(length) == pytest.approx(layer.offset + lasting, abs=1e-9)
+    assert (made.speed > 0) == (layer.speed > 0) and made.offset == layer.offset
+
+
+@laws
+@given(st.lists(maps, min_size=1, max_size=4), st.lists(sixteenths, min_size=1, max_size=5), lengths)
+def test_the_compiled_form_plays_the_same(layers, times, length):
+    frames = round(length * 16) + 1
+    skeleton = Skeleton(("a", "b"), [-1, 0], [[0, 0, 0], [1.0, 0, 0]])
+    clip = Clip("take", skeleton, np.tile([1.0, 0, 0, 0], (frames, 2, 1)), np.zeros((frames, 3)), 1 / 16)
+    played, rounds = Clocks.of(layers, [clip] * len(layers)).played(np.array(times))
+    for t, time in enumerate(times):
+        for k, layer in enumerate(layers):
+            assert (played[t, k] / 16, rounds[t, k]) == layer.played(time, length)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda **time: Layer("layer", "take", (0,), **time),
+        lambda **time: GraphPart("take", np.arange(2), **time),
+        lambda **time: PuppetLayer("take", **time),
+    ],
+)
+def test_the_layers_of_all_rigs_are_time_maps(make):
+    assert make(offset=1.0, speed=-2.0, loop=True).played(1.25, 3.0) == (2.5, 0)
+    for wrong in ({"speed": 0.0}, {"speed": np.nan}, {"offset": np.inf}):
+        with pytest.raises(InputError, match="cannot be played"):
+            make(**wrong)

@@ -1,0 +1,8 @@
+"""Readers, bodies and puppets for tests are in the folders of what they read and test."""
+
+import sys
+from pathlib import Path
+
+SHARED = Path(__file__).parents[1]
+sys.path[:0] = [str(Path(__file__).parent)]
+sys.path[:0] = [str(SHARED / room) for room in ("formats", "examples", "mapping", "motion")]

@@ -1,0 +1,187 @@
+"""enliven export, end to end: recordings, projects and motion files in, GLB and BVH out, errors that help."""
+
+import json
+import struct
+from dataclasses import replace
+
+import made_puppets
+import numpy as np
+import pytest
+from made_bodies import man, meshed, random_motion
+from made_recording import write_recording
+from slow_gltf import SlowGltf
+from strict_gltf import checked_glb
+from test_capture_clip import STANDING
+from test_recorded import waving
+
+from enliven.cli import run
+from enliven.deformation.skinning import skin_vertices
+from enliven.document import Project, character_of, graph_shape_of
+from enliven.exporters.bvh import bvh_text
+from enliven.exporters.sampling import performance_of_clip
+from enliven.formats.motion import read_bvh
+from enliven.formats.project import write_project
+from enliven.formats.rig import playing
+from enliven.motion.layers import Player
+
+BEGIN = 7_000_000_000
+"""Nanoseconds of the sensor's clock at which the recording begins."""
+WIRE = 4e-3
+"""Metres: what poses on the wire, added up along a limb, may be off."""
+
+
+def export(folder, *words):
+    """The exit code of enliven export; words with an ending are files of the folder."""
+    return run(["export", *(str(folder / w) if isinstance(w, str) and "." in w else str(w) for w in words)])
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A man with a mesh, his motion, and the project in which he does it."""
+    shape = meshed("man", man())
+    clip = random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
+    return playing(Project(), shape, clip)
+
+
+@pytest.fixture
+def recorded(made, tmp_path):
+    """A live performance on the rigged man, with the person who performed."""
+    project, shape = made
+    character, player = character_of(shape), Player(project, "man")
+    times = np.arange(25) / 25
+    poses = [replace(player.pose(t), time_ns=BEGIN + round(t * 1e9)) for t in times]
+    people = [(BEGIN + round(t * 1e9), [waving(0, t)]) for t in times]
+    write_recording(tmp_path / "live.mcap", [(character, poses)], people)
+    return character, poses
+
+
+def test_a_live_performance_on_a_rigged_model_is_a_skeleton_and_a_surface(recorded, tmp_path, capsys):
+    character, poses = recorded
+    assert export(tmp_path, "live.mcap", "-o", "man.bvh") == 0
+    assert "man, 0.96 s, are in" in capsys.readouterr().out
+    read = read_bvh(tmp_path / "man.bvh")
+    assert read.frames == len(poses)
+    for frame, pose in enumerate(poses):
+        apart = np.linalg.norm(pose.positions[:, None] - read.positions[frame][None], axis=2)
+        assert apart.min(1).max() < WIRE, "there is a joint where each bone begins"
+    assert export(tmp_path, "live.mcap", "-o", "man.glb") == 0
+    checked_glb((tmp_path / "man.glb").read_bytes())
+    slow = SlowGltf(tmp_path / "man.glb")
+    for frame in (0, 11, 24):
+        seen = slow.vertices_at(0, frame / 25)
+        assert np.abs(seen - skin_vertices(character, poses[frame])).max() < WIRE
+
+
+def test_a_part_is_cut_out_at_another_rate_and_in_centimetres(recorded, tmp_path):
+    words = ("--start", 0.2, "--end", 0.6, "--rate", 50, "--unit", "cm")
+    assert export(tmp_path, "live.mcap", "-o", "part.bvh", *words) == 0
+    read = read_bvh(tmp_path / "part.bvh")
+    assert read.frames == 21 and read.seconds == pytest.approx(0.02)
+    _, poses = recorded
+    assert np.abs(read.positions[0, 0] / 100 - poses[5].positions[0]).max() < WIRE
+
+
+def test_the_person_of_a_performance_is_a_skeleton_too(recorded, tmp_path):
+    assert export(tmp_path, "live.mcap", "-o", "person.bvh", "-c", "live") == 0
+    read = read_bvh(tmp_path / "person.bvh")
+    hand = np.array([body.joints[6] for body in (waving(0, k / 30) for k in range(read.frames))])
+    assert np.abs(read.positions[:, read.names.index("wrist_left")] - hand).max() < 0.01
+    assert export(tmp_path, "live.mcap", "-o", "person.glb", "-c", "live") == 0
+    low = SlowGltf(tmp_path / "person.glb").vertices_at(0, 0.0)[:, 1].min()
+    assert low == pytest.approx(STANDING[:, 1].min(), abs=0.05), "bones are drawn as sticks"
+
+
+def test_a_recording_of_people_alone_is_exported_without_naming_one(recorded, tmp_path):
+    people = [(BEGIN + round(t * 1e9), [waving(0, t)]) for t in np.arange(40) / 30]
+    write_recording(tmp_path / "alone.mcap", [], people)
+    assert export(tmp_path, "alone.mcap", "-o", "alone.bvh") == 0
+    assert read_bvh(tmp_path / "alone.bvh").duration == pytest.approx(1.3, abs=0.04)
+
+
+@pytest.fixture
+def show(made, recorded, tmp_path):
+    """A project with a rigged shape, a possessed mesh and a puppet."""
+    project, _ = made
+    character, poses = recorded
+    graph, stream = graph_shape_of(replace(character, id="chair", kind="graph"), poses, "sit")
+    bean = made_puppets.project()
+    project = replace(project, takes={**project.takes, **bean.takes}, puppets=bean.puppets)
+    write_project(tmp_path / "show.enliven", project.with_streams(stream).with_graphs(graph))
+    return tmp_path
+
+
+def test_every_rig_of_a_project_is_exported(show, capsys):
+    assert export(show, "show.enliven", "-o", "show.glb", "--end", 0.4) == 0
+    document = checked_glb((show / "show.glb").read_bytes())
+    assert {skin["name"] for skin in document["skins"]} == {"man", "chair", "bean"}
+    assert "bean is off by" in capsys.readouterr().out
+    words = ("--end", 0.2, "-c", "bean", "--morphs")
+    assert export(show, "show.enliven", "-o", "bean.glb", *words) == 0
+    (mesh,) = checked_glb((show / "bean.glb").read_bytes())["meshes"]
+    assert mesh["primitives"][0]["targets"]
+    assert export(show, "show.enliven", "-o", "show.bvh") == 0, "one of the three has a skeleton"
+    assert "Left_elbow" in read_bvh(show / "show.bvh").names
+
+
+def test_motion_files_are_turned_into_one_another(made, tmp_path):
+    project, _ = made
+    clip = project.takes["walk"]
+    (tmp_path / "dance.bvh").write_text(bvh_text(performance_of_clip(clip)))
+    assert export(tmp_path, "dance.bvh", "-o", "dance.glb") == 0
+    assert export(tmp_path, "dance.glb", "-o", "again.bvh", "--rate", 1 / clip.step) == 0
+    one, two = read_bvh(tmp_path / "dance.bvh"), read_bvh(tmp_path / "again.bvh")
+    assert one.frames == two.frames
+    for name in ("Left_wrist", "head", "Right_ankle"):
+        off = one.positions[:, one.names.index(name)] - two.positions[:, two.names.index(name)]
+        assert np.abs(off).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known: .bvh, .glb"),
+        (("no.mcap", "-o", "moveis/out.glb"), 4, "there is no folder"),
+        (("no.mcap", "-o", "out.glb", "--unit", "cm"), 3, ".glb has no 'unit' to choose"),
+        (("no.mcap", "-o", "out.bvh", "--unit", "inch"), 3, "no unit 'inch'. Known: m, cm."),
+        (("no.mcap", "-o", "out.bvh", "--morphs"), 3, ".bvh has no 'morphs' to choose"),
+        (("no.mcap", "-o", "out.glb"), 3, "there is no such file"),
+        (("empty.mcap", "-o", "out.glb"), 3, "nothing in it moves. Find the people in its depth first"),
+        (("show.enliven", "-o", "out.glb", "-c", "sofa"), 3, "no character 'sofa'. Known: man, chair, bean"),
+        (("show.enliven", "-o", "out.bvh", "-c", "chair"), 3, "chair has no skeleton. Write a .glb instead"),
+        (
+            ("show.enliven", "-o", "out.bvh", "-c", "man", "-c", "dance"),
+            3,
+            "Choose one with --character: man",
+        ),
+        (("show.enliven", "-o", "out.glb", "--start", 9, "--end", 8), 3, "is no time"),
+        (("live.mcap", "-o", "out.bvh", "-c", "live", "--start", 9), 3, "is nothing. Choose another start"),
+    ],
+)
+def test_what_cannot_be_done_is_said_and_leaves_nothing(show, capsys, words, code, said):
+    write_recording(show / "empty.mcap", [])
+    before = set(show.rglob("*"))
+    assert export(show, *words) == code
+    error = capsys.readouterr().err
+    assert said in error and "Traceback" not in error
+    assert set(show.rglob("*")) == before
+
+
+def test_a_character_of_bones_that_hang_on_nothing_is_refused(recorded, tmp_path, capsys):
+    character, poses = recorded
+    pivots = character.pivots.copy()
+    pivots[4] += 1.0
+    write_recording(
+        tmp_path / "odd.mcap", [(replace(character, pivots=pivots, edges=character.edges[:0]), poses)]
+    )
+    assert export(tmp_path, "odd.mcap", "-o", "odd.bvh") == 3
+    assert "hangs on nothing" in capsys.readouterr().err
+
+
+def test_a_glb_of_sticks_has_the_skeleton_that_it_draws(made, tmp_path):
+    project, _ = made
+    (tmp_path / "dance.bvh").write_text(bvh_text(performance_of_clip(project.takes["walk"])))
+    assert export(tmp_path, "dance.bvh", "-o", "dance.glb") == 0
+    data = (tmp_path / "dance.glb").read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    names = [node.get("name") for node in json.loads(data[20 : 20 + length])["nodes"]]
+    assert "Left_elbow" in names
