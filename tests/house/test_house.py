@@ -1,5 +1,6 @@
 """The house keeps its rules, and each rule refuses what breaks it."""
 
+import ast
 import sys
 from pathlib import Path
 
@@ -132,3 +133,14 @@ def test_the_page_on_the_architecture_is_that_of_the_code():
     page = architecture.PAGE.read_text(encoding="utf-8")
     assert page == architecture.written(page), "run .venv/bin/python scripts/architecture.py"
     assert page.count("<!-- end -->") == 7
+
+
+def test_a_door_names_each_thing_once_as_itself():
+    doors = [path for package in RULES.packages.values() for path in (ROOT / package).rglob("__init__.pyi")]
+    assert len(doors) > 80
+    for path in doors:
+        if path.parent == ROOT / "shared" / "enliven":
+            continue  # the public face is also read by people, as a list
+        for line in ast.parse(path.read_text(encoding="utf-8")).body:
+            named = isinstance(line, ast.ImportFrom) and all(a.asname == a.name for a in line.names)
+            assert named, f"{path.relative_to(ROOT)}:{line.lineno}: write `from .module import name as name`"

@@ -1,6 +1,4 @@
-from .descriptors import raise_descriptor_limit
-from .frame_rate import FrameRate
-from .listening import check_open
-from .outlet import Outlet, need_free
-
-__all__ = ["FrameRate", "Outlet", "check_open", "need_free", "raise_descriptor_limit"]
+from .descriptors import raise_descriptor_limit as raise_descriptor_limit
+from .frame_rate import FrameRate as FrameRate
+from .listening import check_open as check_open
+from .outlet import Outlet as Outlet, need_free as need_free

@@ -1,13 +1,7 @@
-from .performance import Performance
-from .registry import Exporter, exporter_of, suffixes
-from .sampling import end_of, performance_of, performance_of_clip
-
-__all__ = [
-    "Exporter",
-    "Performance",
-    "end_of",
-    "exporter_of",
-    "performance_of",
-    "performance_of_clip",
-    "suffixes",
-]
+from .performance import Performance as Performance
+from .registry import Exporter as Exporter, exporter_of as exporter_of, suffixes as suffixes
+from .sampling import (
+    end_of as end_of,
+    performance_of as performance_of,
+    performance_of_clip as performance_of_clip,
+)

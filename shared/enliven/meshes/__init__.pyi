@@ -1,38 +1,22 @@
-from .files import load_mesh, save_mesh
-from .gltf_json import Entry, gltf_document
+from .files import load_mesh as load_mesh, save_mesh as save_mesh
+from .gltf_json import Entry as Entry, gltf_document as gltf_document
 from .kernels import (
-    corner_sums,
-    edge_lengths,
-    face_areas,
-    face_vectors,
-    first_of_position,
-    longest_edge,
-    normals_of,
-    shells,
-    space_curve,
-    split_long_edges,
+    corner_sums as corner_sums,
+    edge_lengths as edge_lengths,
+    face_areas as face_areas,
+    face_vectors as face_vectors,
+    first_of_position as first_of_position,
+    longest_edge as longest_edge,
+    normals_of as normals_of,
+    shells as shells,
+    space_curve as space_curve,
+    split_long_edges as split_long_edges,
 )
-from .mesh import Axis, Mesh, fit_height, refine, submesh, weld
-
-__all__ = [
-    "Axis",
-    "Entry",
-    "Mesh",
-    "corner_sums",
-    "edge_lengths",
-    "face_areas",
-    "face_vectors",
-    "first_of_position",
-    "fit_height",
-    "gltf_document",
-    "load_mesh",
-    "longest_edge",
-    "normals_of",
-    "refine",
-    "save_mesh",
-    "shells",
-    "space_curve",
-    "split_long_edges",
-    "submesh",
-    "weld",
-]
+from .mesh import (
+    Axis as Axis,
+    Mesh as Mesh,
+    fit_height as fit_height,
+    refine as refine,
+    submesh as submesh,
+    weld as weld,
+)

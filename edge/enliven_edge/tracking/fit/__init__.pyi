@@ -1,6 +1,4 @@
-from .alignment import align
-from .fit import FitReport, Fitter
-from .gauss_newton import cholesky
-from .terms import point_row
-
-__all__ = ["FitReport", "Fitter", "align", "cholesky", "point_row"]
+from .alignment import align as align
+from .fit import FitReport as FitReport, Fitter as Fitter
+from .gauss_newton import cholesky as cholesky
+from .terms import point_row as point_row

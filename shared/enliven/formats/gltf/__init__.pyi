@@ -1,3 +1,1 @@
-from .read import read_gltf
-
-__all__ = ["read_gltf"]
+from .read import read_gltf as read_gltf

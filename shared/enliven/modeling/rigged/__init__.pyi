@@ -1,28 +1,17 @@
-from .axes import Axes, moved_mesh
-from .copying import copy_shape, mirror_shape, paste_shape, scale_shape
-from .merging import merge
-from .nodes import insert_node, remove_node
-from .pasting import checked_motion, checked_shift, with_takes_of
-from .posing import drag_joint, move_shape, turn_bone
-from .spread import spread_motion
-from .stroke_cut import cut_stroke
-
-__all__ = [
-    "Axes",
-    "checked_motion",
-    "checked_shift",
-    "copy_shape",
-    "cut_stroke",
-    "drag_joint",
-    "insert_node",
-    "merge",
-    "mirror_shape",
-    "move_shape",
-    "moved_mesh",
-    "paste_shape",
-    "remove_node",
-    "scale_shape",
-    "spread_motion",
-    "turn_bone",
-    "with_takes_of",
-]
+from .axes import Axes as Axes, moved_mesh as moved_mesh
+from .copying import (
+    copy_shape as copy_shape,
+    mirror_shape as mirror_shape,
+    paste_shape as paste_shape,
+    scale_shape as scale_shape,
+)
+from .merging import merge as merge
+from .nodes import insert_node as insert_node, remove_node as remove_node
+from .pasting import (
+    checked_motion as checked_motion,
+    checked_shift as checked_shift,
+    with_takes_of as with_takes_of,
+)
+from .posing import drag_joint as drag_joint, move_shape as move_shape, turn_bone as turn_bone
+from .spread import spread_motion as spread_motion
+from .stroke_cut import cut_stroke as cut_stroke

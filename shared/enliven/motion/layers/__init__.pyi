@@ -1,21 +1,12 @@
-from .copying import copy_motion
-from .evaluate import Player, pose_from, pose_of
-from .polyline import arc_of, goes_down
-from .retarget import bind_chain, branch, clear_chain, layers_of, set_travel, without_idle_layers
-from .travel import travel_scale
-
-__all__ = [
-    "Player",
-    "arc_of",
-    "bind_chain",
-    "branch",
-    "clear_chain",
-    "copy_motion",
-    "goes_down",
-    "layers_of",
-    "pose_from",
-    "pose_of",
-    "set_travel",
-    "travel_scale",
-    "without_idle_layers",
-]
+from .copying import copy_motion as copy_motion
+from .evaluate import Player as Player, pose_from as pose_from, pose_of as pose_of
+from .polyline import arc_of as arc_of, goes_down as goes_down
+from .retarget import (
+    bind_chain as bind_chain,
+    branch as branch,
+    clear_chain as clear_chain,
+    layers_of as layers_of,
+    set_travel as set_travel,
+    without_idle_layers as without_idle_layers,
+)
+from .travel import travel_scale as travel_scale
