@@ -35,7 +35,7 @@ def write_samples(folder: Path) -> None:
     project = cactus_project()
     puppet = project.puppet("cactus")
     write_project(
-        folder / "cactus.enliven", project.with_puppets(puppet.with_changes(mesh=stepped(puppet.mesh)))
+        folder / "cactus.enliven", project.with_characters(puppet.with_changes(mesh=stepped(puppet.mesh)))
     )
 
 

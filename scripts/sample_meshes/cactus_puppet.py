@@ -121,7 +121,7 @@ def cactus_project(cell: float = 0.018) -> Project:
     plane = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     surface = replace(ArapSettings(), hold=0.03)
     puppet = Puppet("cactus", mesh, points, poses, symmetry=plane, surface=surface)
-    return Project().with_takes(take).with_puppets(puppet)
+    return Project().with_takes(take).with_characters(puppet)
 
 
 def _performer(pose: _Pose) -> Body:

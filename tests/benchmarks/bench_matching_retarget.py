@@ -70,7 +70,7 @@ def spider(take: Clip, rng: np.random.Generator) -> Project:
             places.append(places[parents[-1]] + 0.2 * way + 0.03 * rng.normal(size=3))
     names = tuple(f"joint {j}" for j in range(len(parents)))
     shape = still_shape("spider", Skeleton(names, np.array(parents, np.int32), np.array(places)))
-    project = Project().with_takes(take).with_shapes(shape)
+    project = Project().with_takes(take).with_characters(shape)
     project = bind_chain(project, "spider", (0,), "person", (0,), layer_id="body")
     for leg in range(8):
         chain = (0, *range(1 + 6 * leg, 7 + 6 * leg))

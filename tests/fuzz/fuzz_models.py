@@ -36,7 +36,11 @@ def project() -> bytes:
     indices = random.integers(0, len(shape.skeleton), (count, 4)).astype(np.uint16)
     skin = SkinWeights(indices, random.random((count, 4)).astype(np.float32))
     graph, stream = graph_shape_of(character(), poses(), "dance")
-    made = made.with_shapes(shape.with_changes(mesh=mesh, skin=skin)).with_streams(stream).with_graphs(graph)
+    made = (
+        made.with_characters(shape.with_changes(mesh=mesh, skin=skin))
+        .with_streams(stream)
+        .with_characters(graph)
+    )
     return project_bytes(made)
 
 

@@ -70,4 +70,4 @@ def puppet(name="bean", mesh=None, layers=(PuppetLayer("dance", travel=False),),
 
 def project(**changes):
     """A project with the bean and its take."""
-    return Project().with_takes(take()).with_puppets(puppet(**changes))
+    return Project().with_takes(take()).with_characters(puppet(**changes))

@@ -100,7 +100,7 @@ def main() -> None:
     project = project_with("head", "left", "right", "foot")
     puppet = project.puppets["star"]
     bare = tuple(type(point)(point.name, point.vertex) for point in puppet.points)
-    workspace.store.new(project.with_puppets(puppet.with_changes(points=bare)))
+    workspace.store.new(project.with_characters(puppet.with_changes(points=bare)))
     workspace.puppets.choose("star")
     workspace.input.take("puppet")
     window = StudioWindow(workspace, STEP)

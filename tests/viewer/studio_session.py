@@ -91,7 +91,7 @@ def main() -> None:
     )
     pill = limb(np.array([[0.0, 0.0], [0.0, 0.6]]), np.array([0.08, 0.05]))
     shapes = [shape_from_stroke(np.add(pill, [x, 0.7]), id=name) for x, name in ((-0.4, "one"), (0.4, "two"))]
-    workspace.store.new(workspace.editor.project.with_shapes(*shapes))
+    workspace.store.new(workspace.editor.project.with_characters(*shapes))
     window = StudioWindow(workspace)
 
     def register() -> None:

@@ -95,10 +95,9 @@ def _write_project(job: Job) -> str:
 def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -> tuple[float, float]:
     """Returns the first and the last second to write."""
     from enliven.document import Project
-    from enliven.examples import length_of_puppets
 
-    alone = Project(takes=project.takes, puppets={puppet.id: puppet})
-    stop = length_of_puppets(alone) if end is None else end
+    alone = Project(takes=project.takes, characters={puppet.id: puppet})
+    stop = alone.end_of(puppet) if end is None else end
     if stop <= start:
         what = f"from {start:g} s to {stop:g} s is nothing"
         raise InputError(what, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")

@@ -21,7 +21,7 @@ from .possessed import (
     character_of_graph as character_of_graph,
     graph_shape_of as graph_shape_of,
 )
-from .project import Project as Project, same as same, unused as unused
+from .project import AnyRig as AnyRig, Project as Project, same as same, unused as unused
 from .props import BALL as BALL, BOX as BOX, Props as Props
 from .puppet import (
     ControlPoint as ControlPoint,
@@ -31,7 +31,8 @@ from .puppet import (
     PuppetLayer as PuppetLayer,
     character_of_puppet as character_of_puppet,
 )
+from .rig import RigBase as RigBase
 from .rigged import Shape as Shape, character_of as character_of, still_shape as still_shape
 from .skeleton import Skeleton as Skeleton, skeleton_of as skeleton_of
 from .surface_settings import ArapSettings as ArapSettings
-from .time_map import TimeMap as TimeMap
+from .time_map import Playing as Playing, TimeMap as TimeMap

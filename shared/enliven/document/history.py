@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document.possessed import GraphShape
 from enliven.document.project import Project, same
-from enliven.document.puppet import Puppet
-from enliven.document.rigged import Shape
+from enliven.document.rig import RigBase
 from enliven.errors import InputError
 from enliven.settings import setting
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -148,40 +144,23 @@ class History:
 
 def shared_with(project: Project, before: Project) -> Project:
     """The same project, holding the parts of ``before`` wherever they are the same bit for bit."""
-    takes = {k: _shared(take, before.takes.get(k)) for k, take in project.takes.items()}
-    layers = {k: _shared(layer, before.layers.get(k)) for k, layer in project.layers.items()}
-    shapes = {k: _shared_shape(shape, before.shapes.get(k)) for k, shape in project.shapes.items()}
-    streams = {k: _shared(stream, before.streams.get(k)) for k, stream in project.streams.items()}
-    graphs = {k: _shared_graph(graph, before.graphs.get(k)) for k, graph in project.graphs.items()}
-    puppets = {k: _shared_puppet(puppet, before.puppets.get(k)) for k, puppet in project.puppets.items()}
-    return Project(shapes, takes, layers, graphs, streams, puppets)
+    maps = {}
+    for part in fields(project):
+        old: Mapping[str, Any] = getattr(before, part.name)
+        maps[part.name] = {k: _shared(new, old.get(k)) for k, new in getattr(project, part.name).items()}
+    return Project(**maps)
 
 
-def _shared(new: T, old: T | None) -> T:
-    return old if old is not None and same(new, old) else new
-
-
-def _shared_shape(new: Shape, old: Shape | None) -> Shape:
-    if old is None or new is old or same(new, old):
-        return new if old is None else old
-    return Shape(**_shared_parts(new, old))
-
-
-def _shared_graph(new: GraphShape, old: GraphShape | None) -> GraphShape:
-    if old is None or new is old or same(new, old):
-        return new if old is None else old
-    return GraphShape(**_shared_parts(new, old))
-
-
-def _shared_puppet(new: Puppet, old: Puppet | None) -> Puppet:
-    if old is None or new is old or same(new, old):
-        return new if old is None else old
-    return Puppet(**_shared_parts(new, old))
-
-
-def _shared_parts(new: Any, old: Any) -> dict[str, Any]:
-    """The attributes of a dataclass, those of ``old`` where they are the same."""
-    return {part.name: _shared(getattr(new, part.name), getattr(old, part.name)) for part in fields(new)}
+def _shared(new: Any, old: Any) -> Any:
+    """``old`` where it is the same; of two characters of one kind, the attributes that are."""
+    if old is None or new is old:
+        return new
+    if same(new, old):
+        return old
+    if isinstance(new, RigBase) and type(new) is type(old):
+        parts = {part.name: (getattr(new, part.name), getattr(old, part.name)) for part in fields(new)}
+        return type(new)(**{name: b if same(a, b) else a for name, (a, b) in parts.items()})
+    return new
 
 
 def _arrays(part: object) -> Iterator[AnyArray]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document.time_map import TimeMap
+from enliven.document.time_map import Playing
 from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
@@ -22,7 +22,7 @@ MODES: tuple[str, ...] = ("turns", "end")
 
 
 @dataclass(frozen=True, eq=False)
-class Layer(TimeMap):
+class Layer(Playing):
     """A take with the chain, basis and time by which it drives bones.
 
     Attributes:

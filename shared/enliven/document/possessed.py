@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int, Int32
 from enliven.document.character import Character, Pose, SkinWeights
-from enliven.document.time_map import TimeMap
+from enliven.document.rig import RigBase
+from enliven.document.time_map import Playing
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
+
+if TYPE_CHECKING:
+    from enliven.document.clip import Clip
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +82,11 @@ class Ride:
 
 
 @dataclass(frozen=True, eq=False)
-class GraphPart(TimeMap):
+class GraphPart(Playing):
     """Nodes that play one stream.
 
     Attributes:
-        stream: its id.
+        take: the id of the stream.
         nodes: (K,) int64 which of the stream's nodes.
         axes: (4,) how the rest pose was turned since the recording: linear becomes linear axes^-1.
         turn: (4,) and
@@ -90,9 +95,12 @@ class GraphPart(TimeMap):
         mirrored: whether it was reflected in the plane x = 0 before that: x becomes S x, linear S linear S,
             S = diag(-1, 1, 1); so is the rest pose.
         ride: what carries it, or None for the world.
+        muted: true lets it stand still, as at its stream's first frame.
     """
 
-    stream: str
+    source = "streams"
+
+    take: str
     nodes: Int
     axes: Float = field(default_factory=lambda: IDENTITY)
     turn: Float = field(default_factory=lambda: IDENTITY)
@@ -100,19 +108,20 @@ class GraphPart(TimeMap):
     size: float = 1.0
     mirrored: bool = False
     ride: Ride | None = None
+    muted: bool = False
 
     def __post_init__(self) -> None:
         nodes = np.array(self.nodes, np.int64)
         nodes.setflags(write=False)
         object.__setattr__(self, "nodes", nodes)
         _freeze(self, "axes", "turn", "place")
-        self.check_time(f"part {self.stream!r}")
+        self.check_time(f"part {self.take!r}")
         if not self.size > 0.0:
-            raise InputError(f"it cannot be {self.size} times as large", where=f"part {self.stream!r}")
+            raise InputError(f"it cannot be {self.size} times as large", where=f"part {self.take!r}")
 
 
 @dataclass(frozen=True, eq=False)
-class GraphShape:
+class GraphShape(RigBase):
     """A mesh, the nodes that carry it, and what those play. Nodes are numbered part by part.
 
     Attributes:
@@ -144,9 +153,16 @@ class GraphShape:
         if problem:
             raise InputError(problem, where=f"graph shape {self.id!r}", mend="Build the shape again.")
 
-    def with_changes(self, **changes: object) -> GraphShape:
-        """A copy with some attributes changed; this one stays as it is."""
-        return replace(self, **changes)  # type: ignore[arg-type]
+    kind = "graph"
+    word = "graph shape"
+    played = "parts"
+
+    def check(self, takes: Mapping[str, Clip], streams: Mapping[str, PoseStream]) -> None:
+        super().check(takes, streams)
+        for part in self.parts:
+            known = streams[part.take].positions.shape[1]
+            if part.nodes.size and not 0 <= part.nodes.min() <= part.nodes.max() < known:
+                raise InputError(f"it plays nodes of {part.take!r} that are not there", where=self.where)
 
     @property
     def starts(self) -> tuple[int, ...]:

@@ -1,134 +1,132 @@
-"""The project: shapes, takes and layers. It is a value: an edit makes another, and undo is the one before."""
+"""The project: characters and takes. It is a value: an edit makes another, and undo is the one before."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 
 from enliven.document.clip import Clip
-from enliven.document.layers import Layer
 from enliven.document.possessed import GraphShape, PoseStream
 from enliven.document.puppet import Puppet
+from enliven.document.rig import RigBase
 from enliven.document.rigged import Shape
+from enliven.document.time_map import Playing
 from enliven.errors import InputError
+
+AnyRig = Shape | GraphShape | Puppet
+"""Every kind of rig; a fourth has its line here and in the table of :mod:`enliven.modeling.edits`."""
+R = TypeVar("R", bound=RigBase)
 
 
 @dataclass(frozen=True, eq=False)
 class Project:
-    """All shapes, takes and layers by id. Takes never change; a layer refers to one, a shape to layers.
+    """All characters by id, of any rig, and what they play. Takes and streams never change.
 
-    Possessed meshes (graphs) play pose streams, which never change either; puppets play takes, by examples.
+    Attributes:
+        characters: rigged shapes, possessed meshes and puppets.
+        takes: what performers did, as motion of a skeleton.
+        streams: what possessed meshes did, as motion of their nodes.
 
     Raises:
-        InputError: where a shape names a layer, a layer or a puppet a take, or a graph a stream, that is not
-            there.
+        InputError: where a character plays a take that is not there.
     """
 
-    shapes: Mapping[str, Shape] = field(default_factory=dict)
+    characters: Mapping[str, AnyRig] = field(default_factory=dict)
     takes: Mapping[str, Clip] = field(default_factory=dict)
-    layers: Mapping[str, Layer] = field(default_factory=dict)
-    graphs: Mapping[str, GraphShape] = field(default_factory=dict)
     streams: Mapping[str, PoseStream] = field(default_factory=dict)
-    puppets: Mapping[str, Puppet] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("shapes", "takes", "layers", "graphs", "streams", "puppets"):
-            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-        for layer in self.layers.values():
-            if layer.take not in self.takes:
-                raise InputError(f"there is no take {layer.take!r}", where=f"layer {layer.id!r}")
-            if max(layer.chain) >= len(self.takes[layer.take].skeleton):
-                raise InputError("its chain names joints that the take lacks", where=f"layer {layer.id!r}")
-        for shape in self.shapes.values():
-            named = {ref.layer for spans in shape.spans for span in spans for ref in span.refs}
-            missing = (named | ({shape.travel} if shape.travel else set())) - set(self.layers)
-            if missing:
-                raise InputError(f"there is no layer {min(missing)!r}", where=f"shape {shape.id!r}")
-        for graph in self.graphs.values():
-            where = f"graph shape {graph.id!r}"
-            for part in graph.parts:
-                if part.stream not in self.streams:
-                    raise InputError(f"there is no stream {part.stream!r}", where=where)
-                known = self.streams[part.stream].positions.shape[1]
-                if part.nodes.size and not 0 <= part.nodes.min() <= part.nodes.max() < known:
-                    raise InputError(f"it plays nodes of {part.stream!r} that are not there", where=where)
-        for puppet in self.puppets.values():
-            takes = {layer.take for layer in puppet.layers} | {pose.take for pose in puppet.poses}
-            if takes - set(self.takes):
-                what = f"there is no take {min(takes - set(self.takes))!r}"
-                raise InputError(what, where=f"puppet {puppet.id!r}")
+        for part in fields(self):
+            object.__setattr__(self, part.name, MappingProxyType(dict(getattr(self, part.name))))
+        for character in self.characters.values():
+            character.check(self.takes, self.streams)
 
-    def with_shapes(self, *shapes: Shape) -> Project:
-        """A project with these shapes added, or put in the place of those of the same id."""
-        return replace(self, shapes={**self.shapes, **{shape.id: shape for shape in shapes}})
+    def with_characters(self, *characters: AnyRig) -> Project:
+        """A project with these characters added, or put in the place of those of the same id."""
+        return replace(self, characters={**self.characters, **{one.id: one for one in characters}})
 
-    def without_shape(self, shape_id: str) -> Project:
-        """A project without a shape; its layers and takes stay."""
-        return replace(self, shapes={k: v for k, v in self.shapes.items() if k != shape_id})
+    def without(self, character_id: str) -> Project:
+        """A project without a character; what it played stays.
+
+        Raises:
+            InputError: where there is none, with the ids that there are.
+        """
+        self.character(character_id)
+        return replace(self, characters={k: v for k, v in self.characters.items() if k != character_id})
 
     def with_takes(self, *takes: Clip) -> Project:
         """A project with these takes added."""
         return replace(self, takes={**self.takes, **{take.id: take for take in takes}})
 
-    def with_layers(self, *layers: Layer) -> Project:
-        """A project with these layers added, or put in the place of those of the same id."""
-        return replace(self, layers={**self.layers, **{layer.id: layer for layer in layers}})
-
-    def with_graphs(self, *graphs: GraphShape) -> Project:
-        """A project with these possessed meshes added, or put in the place of those of the same id."""
-        return replace(self, graphs={**self.graphs, **{graph.id: graph for graph in graphs}})
-
-    def without_graph(self, shape_id: str) -> Project:
-        """A project without a possessed mesh; its streams stay."""
-        return replace(self, graphs={k: v for k, v in self.graphs.items() if k != shape_id})
-
     def with_streams(self, *streams: PoseStream) -> Project:
         """A project with these pose streams added."""
         return replace(self, streams={**self.streams, **{stream.id: stream for stream in streams}})
 
-    def with_puppets(self, *puppets: Puppet) -> Project:
-        """A project with these puppets added, or put in the place of those of the same id."""
-        return replace(self, puppets={**self.puppets, **{puppet.id: puppet for puppet in puppets}})
+    def character(self, character_id: str, rig: type[R] = RigBase) -> R:  # type: ignore[assignment]
+        """The character of an id.
 
-    def without_puppet(self, puppet_id: str) -> Project:
-        """A project without a puppet; the takes that it played stay."""
-        return replace(self, puppets={k: v for k, v in self.puppets.items() if k != puppet_id})
-
-    def puppet(self, puppet_id: str) -> Puppet:
-        """The puppet of an id.
+        Args:
+            rig: the kind that it has to be; any, by default.
 
         Raises:
-            InputError: where there is none, with the ids that there are.
+            InputError: where there is none of that kind, with the ids that there are.
         """
-        if puppet_id not in self.puppets:
-            mend = f"Known: {', '.join(self.puppets)}." if self.puppets else "Make one of a mesh first."
-            raise InputError(f"there is no puppet {puppet_id!r}", where="project", mend=mend)
-        return self.puppets[puppet_id]
+        found = self.characters.get(character_id)
+        if isinstance(found, rig):
+            return found
+        known, word = ", ".join(self.of(rig)), getattr(rig, "word", "character")
+        mend = f"Known: {known}." if known else "Add one first."
+        raise InputError(f"there is no {word} {character_id!r}", where="project", mend=mend)
 
-    def graph(self, shape_id: str) -> GraphShape:
-        """The possessed mesh of an id.
-
-        Raises:
-            InputError: where there is none, with the ids that there are.
-        """
-        if shape_id not in self.graphs:
-            mend = f"Known: {', '.join(self.graphs)}." if self.graphs else "Possess a mesh first."
-            raise InputError(f"there is no graph shape {shape_id!r}", where="project", mend=mend)
-        return self.graphs[shape_id]
+    def of(self, rig: type[R]) -> dict[str, R]:
+        """The characters of one kind, by id."""
+        return {key: one for key, one in self.characters.items() if isinstance(one, rig)}
 
     def shape(self, shape_id: str) -> Shape:
-        """The shape of an id.
+        """The rigged shape of an id, as :meth:`character` does."""
+        return self.character(shape_id, Shape)
 
-        Raises:
-            InputError: where there is none, with the ids that there are.
-        """
-        if shape_id not in self.shapes:
-            mend = f"Known: {', '.join(self.shapes)}." if self.shapes else "Add one first."
-            raise InputError(f"there is no shape {shape_id!r}", where="project", mend=mend)
-        return self.shapes[shape_id]
+    def graph(self, shape_id: str) -> GraphShape:
+        """The possessed mesh of an id, as :meth:`character` does."""
+        return self.character(shape_id, GraphShape)
+
+    def puppet(self, puppet_id: str) -> Puppet:
+        """The puppet of an id, as :meth:`character` does."""
+        return self.character(puppet_id, Puppet)
+
+    @property
+    def shapes(self) -> dict[str, Shape]:
+        """The rigged shapes."""
+        return self.of(Shape)
+
+    @property
+    def graphs(self) -> dict[str, GraphShape]:
+        """The possessed meshes."""
+        return self.of(GraphShape)
+
+    @property
+    def puppets(self) -> dict[str, Puppet]:
+        """The puppets."""
+        return self.of(Puppet)
+
+    @property
+    def layer_names(self) -> dict[str, None]:
+        """The ids of the layers of all shapes."""
+        return dict.fromkeys(layer.id for shape in self.shapes.values() for layer in shape.layers)
+
+    def length_of(self, layer: Playing) -> float:
+        """Seconds of the take that a layer plays."""
+        held: Mapping[str, Clip | PoseStream] = self.streams if layer.source == "streams" else self.takes
+        return held[layer.take].duration
+
+    def end_of(self, character: RigBase) -> float:
+        """The time at which each of a character's layers that is not muted was played once; 0 without."""
+        heard = [layer for layer in character.playing if not layer.muted]
+        return max((layer.end(self.length_of(layer)) for layer in heard), default=0.0)
 
 
 def unused(stem: str, taken: Mapping[str, object]) -> str:

@@ -10,6 +10,7 @@ refer to takes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,8 +20,9 @@ from enliven.document.character import Character, SkinWeights
 from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
 from enliven.document.locomotion import LocomotionSettings, Switch
+from enliven.document.rig import RigBase
 from enliven.document.surface_settings import ArapSettings
-from enliven.document.time_map import TimeMap
+from enliven.document.time_map import Playing
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
@@ -72,7 +74,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class PuppetLayer(TimeMap):
+class PuppetLayer(Playing):
     """A take that the puppet plays, as an animation layer of a shape: the first is at the bottom.
 
     Attributes:
@@ -107,7 +109,7 @@ class PuppetLayer(TimeMap):
 
 
 @dataclass(frozen=True, eq=False)
-class Puppet:
+class Puppet(RigBase):
     """A mesh with control points, its example poses, and the takes that it plays.
 
     In the world it is at ``turn`` (yaw(t) x + root(t)) + ``place``, with x in the mesh's own frame and the
@@ -150,9 +152,17 @@ class Puppet:
         if problem:
             raise InputError(problem, where=f"puppet {self.id!r}", mend="Build the puppet again.")
 
-    def with_changes(self, **changes: object) -> Puppet:
-        """A copy with some attributes changed; this one stays as it is."""
-        return replace(self, **changes)  # type: ignore[arg-type]
+    kind = "points"
+    word = "puppet"
+
+    def needed(self) -> Mapping[str, set[str]]:
+        found = super().needed()
+        found["takes"].update(pose.take for pose in self.poses)
+        return found
+
+    def with_takes_named(self, names: Mapping[str, str]) -> Puppet:
+        poses = tuple(replace(pose, take=names[pose.take]) for pose in self.poses)
+        return super().with_takes_named(names).with_changes(poses=poses)
 
     @property
     def rest(self) -> Float:

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.document.character import Character, SkinWeights
-from enliven.document.layers import STILL, Span
+from enliven.document.layers import STILL, Layer, Span
 from enliven.document.pin import Pin
+from enliven.document.rig import RigBase
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
 
+if TYPE_CHECKING:
+    from enliven.document.clip import Clip
+    from enliven.document.possessed import PoseStream
+
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class Shape(RigBase):
     """A skeleton with its rest shape, the rotations it was posed by, and the takes that move it.
 
     The turn of bone j in the world is D_j = D_parent m_j a_j(t): m_j is the *modeling rotation* (posing,
@@ -37,6 +44,7 @@ class Shape:
         travel_scale: metres that this root goes for a metre of the take's, or None for the ratio of their
             sizes; see :mod:`enliven.motion.layers.travel`.
         pins: the feet that stay where they stand; see :mod:`enliven.motion.contact.pin`.
+        layers: those that the spans and the travel name; one that none of them names is left out.
 
     Raises:
         InputError: where the parts do not fit together.
@@ -52,18 +60,51 @@ class Shape:
     skin: SkinWeights | None = None
     travel_scale: float | None = None
     pins: tuple[Pin, ...] = ()
+    layers: tuple[Layer, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("modeling", "place"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
         object.__setattr__(self, "spans", tuple(tuple(spans) for spans in self.spans))
+        named = names_of_layers(self)
+        layers = {layer.id: layer for layer in self.layers if layer.id in named}
+        object.__setattr__(self, "layers", tuple(layers.values()))
         problem = _problem_of(self)
+        missing = [] if problem else [name for name in named if name not in layers]
+        if missing:
+            problem = f"there is no layer {missing[0]!r}"
         if problem:
             raise InputError(problem, where=f"shape {self.id!r}", mend="Build the shape again.")
 
-    def with_changes(self, **changes: object) -> Shape:
-        """A copy with some attributes changed; this one stays as it is."""
-        return replace(self, **changes)  # type: ignore[arg-type]
+    kind = "bones"
+    word = "shape"
+
+    def layer(self, layer_id: str) -> Layer:
+        """The layer of an id.
+
+        Raises:
+            InputError: where there is none, with those that there are.
+        """
+        for layer in self.layers:
+            if layer.id == layer_id:
+                return layer
+        known = ", ".join(layer.id for layer in self.layers)
+        mend = f"Known: {known}." if known else "Bind a chain first."
+        raise InputError(f"there is no layer {layer_id!r}", where=self.where, mend=mend)
+
+    def check(self, takes: Mapping[str, Clip], streams: Mapping[str, PoseStream]) -> None:
+        super().check(takes, streams)
+        for layer in self.layers:
+            if max(layer.chain) >= len(takes[layer.take].skeleton):
+                raise InputError("its chain names joints that the take lacks", where=f"layer {layer.id!r}")
+
+
+def names_of_layers(shape: Shape) -> tuple[str, ...]:
+    """The layers that the spans of a shape name, each once; that of its travel last."""
+    named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
+    if shape.travel is not None:
+        named[shape.travel] = None
+    return tuple(named)
 
 
 def still_shape(

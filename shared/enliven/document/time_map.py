@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from enliven.errors import InputError
 
@@ -73,3 +73,26 @@ class TimeMap:
         """
         speed = min(max(length / max(end - self.offset, 1e-3), slowest), fastest)
         return replace(self, speed=speed if self.speed > 0.0 else -speed)
+
+
+class Playing(TimeMap):
+    """A layer of any rig: the take that it plays, when, and whether it is heard.
+
+    Attributes:
+        source: the map of the project that holds its take: "takes" or "streams".
+        take: the id there.
+        muted: true leaves the layer out.
+    """
+
+    source: ClassVar[str] = "takes"
+    if TYPE_CHECKING:
+
+        @property
+        def take(self) -> str: ...
+
+        @property
+        def muted(self) -> bool: ...
+
+    def of_take(self, take: str) -> Self:
+        """The same layer, playing the take of another id."""
+        return replace(self, take=take)  # type: ignore[call-arg]

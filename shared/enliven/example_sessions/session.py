@@ -207,4 +207,4 @@ class _Reader:
         return self._project.puppets[self._name]
 
     def _put(self, puppet: Puppet) -> None:
-        self._project = self._project.with_puppets(puppet)
+        self._project = self._project.with_characters(puppet)

@@ -53,7 +53,7 @@ def write_session(
     beside = path.with_suffix(".enliven")
     if mesh is None or not set(used) <= set(takes):
         kept = {name: project.takes[name] for name in used}
-        write_project(beside, Project(takes=kept, puppets={puppet.id: puppet}))
+        write_project(beside, Project(takes=kept, characters={puppet.id: puppet}))
     mesh = mesh or MeshTable(beside.name, puppet=puppet.id)
     files = {name: takes.get(name) or TakeTable(beside.name, animation=name) for name in used}
     write_file(path, session_text(puppet, mesh, files), "Save it elsewhere.")

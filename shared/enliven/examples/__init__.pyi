@@ -14,7 +14,6 @@ from .puppet_motion import (
     State as State,
     clock as clock,
     in_world as in_world,
-    length_of_puppets as length_of_puppets,
     motion_of as motion_of,
     pose_of_state as pose_of_state,
     state_of as state_of,

@@ -30,7 +30,6 @@ __all__ = [
     "State",
     "examples_of",
     "in_world",
-    "length_of_puppets",
     "missing",
     "motion_of",
     "pose_of_state",
@@ -108,17 +107,6 @@ def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
     linear = np.tile(to_matrix(turn).astype(np.float32), (len(puppet.points) + 1, 1, 1))
     places = np.concatenate([np.zeros((1, 3)), state.places])
     return Pose(puppet.id, time_ns, linear, in_world(puppet, state, places).astype(np.float32))
-
-
-def length_of_puppets(project: Project) -> float:
-    """Seconds until the last take has been played once by every layer that is not muted; 0 without layers."""
-    ends = [
-        layer.end(project.takes[layer.take].duration)
-        for puppet in project.puppets.values()
-        for layer in puppet.layers
-        if not layer.muted
-    ]
-    return max(ends, default=0.0)
 
 
 def _played(puppet: Puppet, number: int) -> PuppetLayer:

@@ -1,7 +1,3 @@
 from .performance import Performance as Performance
 from .registry import Exporter as Exporter, exporter_of as exporter_of, suffixes as suffixes
-from .sampling import (
-    end_of as end_of,
-    performance_of as performance_of,
-    performance_of_clip as performance_of_clip,
-)
+from .sampling import performance_of as performance_of, performance_of_clip as performance_of_clip

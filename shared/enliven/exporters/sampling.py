@@ -12,8 +12,7 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, GraphShape, Project, Puppet, Shape, Skeleton, SkinWeights
-from enliven.errors import InputError
+from enliven.document import AnyRig, Clip, GraphShape, Project, Puppet, Skeleton, SkinWeights
 from enliven.examples.baking import (
     BakeSettings,
     SurfaceFrames,
@@ -25,7 +24,7 @@ from enliven.examples.baking import (
 from enliven.exporters.performance import Performance
 from enliven.meshes import Mesh
 from enliven.modeling.possessed import graph_pose
-from enliven.modeling.puppet import end_of_puppet, frame_times
+from enliven.modeling.puppet import frame_times
 from enliven.motion.layers import Player
 from enliven.rotation import rotate, to_matrix
 
@@ -33,12 +32,9 @@ _STICK = 0.08
 """Width of a drawn bone as a share of its length, as animation programs draw them."""
 
 
-AnyCharacter = Shape | GraphShape | Puppet
-
-
 def performance_of(
     project: Project,
-    character: str | AnyCharacter,
+    character: str | AnyRig,
     start: float = 0.0,
     end: float | None = None,
     rate: float = 30.0,
@@ -57,8 +53,8 @@ def performance_of(
     Raises:
         InputError: where there is no such character, the times make no sense, or it lacks something to move.
     """
-    found = _found(project, character) if isinstance(character, str) else character
-    times = frame_times(start, end_of(project, found) if end is None else end, rate, found.id)
+    found = project.characters[project.character(character).id] if isinstance(character, str) else character
+    times = frame_times(start, project.end_of(found) if end is None else end, rate, found.id)
     if isinstance(found, Puppet):
         return _of_puppet(project, found, times, how, settings or BakeSettings())
     if isinstance(found, GraphShape):
@@ -77,33 +73,6 @@ def performance_of_clip(clip: Clip) -> Performance:
         parent = skeleton.parents[j]
         joints[:, j] = joints[:, parent] + rotate(clip.turns[:, j], skeleton.vectors[j])
     return _of_bones(clip.id, skeleton, times, clip.turns, joints, *sticks(skeleton))
-
-
-def end_of(project: Project, character: AnyCharacter) -> float:
-    """Returns the seconds at which the last of what moves a character ends; 0 where nothing does."""
-    if isinstance(character, Puppet):
-        return end_of_puppet(project, character)
-    if isinstance(character, GraphShape):
-        played = [(part, project.streams[part.stream].duration) for part in character.parts]
-        return max((part.end(lasts) for part, lasts in played), default=0.0)
-    named = {ref.layer for spans in character.spans for span in spans for ref in span.refs}
-    named |= {character.travel} if character.travel else set()
-    layers = [project.layers[name] for name in named if not project.layers[name].muted]
-    ends = [layer.end(project.takes[layer.take].duration) for layer in layers]
-    return max(ends, default=0.0)
-
-
-def _found(project: Project, name: str) -> AnyCharacter:
-    """The character of an id; of several, the rigged shape.
-
-    Raises:
-        InputError: where there is none, with the ids that there are.
-    """
-    everything: dict[str, AnyCharacter] = {**project.puppets, **project.graphs, **project.shapes}
-    if name not in everything:
-        known = ", ".join(everything) or "none"
-        raise InputError(f"there is no character {name!r}", where="project", mend=f"Known: {known}.")
-    return everything[name]
 
 
 def _of_bones(

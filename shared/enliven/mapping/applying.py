@@ -98,7 +98,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
     ]
     turns = _Turns(*facings(clip, shape, plan))
     lines = [line for line in lines if plan.turn or line.theirs != (0,)]
-    project = project.with_shapes(shape)
+    project = project.with_characters(shape)
     first: Clip | None = None
     for since, group in _rests(lines, clip, plan.rest, target, turns):
         take = replace(rebased(clip, since), id=unused(clip.id, project.takes))
@@ -152,7 +152,7 @@ def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float
         take.id,
         line.mine,
         basis=basis,
-        layer_id=unused(f"{take.id}: {chain.role or chain.target[-1]}", project.layers),
+        layer_id=unused(f"{take.id}: {chain.role or chain.target[-1]}", project.layer_names),
         weight=chain.weight,
         offset=chain.offset,
         speed=chain.speed,
@@ -260,8 +260,9 @@ def _level(angle: float) -> Float:
 
 def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns) -> Project:
     """The project with the shape's root going where the take's goes."""
-    name = unused(f"{take.id}: way", project.layers)
-    project = project.with_layers(Layer(name, take.id, (0,), turns.plain))
+    shape, name = project.shape(shape_id), unused(f"{take.id}: way", project.layer_names)
+    layers = (*shape.layers, Layer(name, take.id, (0,), turns.plain))
+    project = project.with_characters(shape.with_changes(layers=layers, travel=name))
     return set_travel(project, shape_id, name)
 
 

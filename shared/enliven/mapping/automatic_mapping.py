@@ -152,7 +152,7 @@ def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
     if plan.pin:
         project = _pinned(project, shape)
     # What begins again at its end has none of its own: it plays as long as the take.
-    layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.layers.values()]
+    layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
     ends = [layer.end(based.duration) for layer in layers]
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, max(ends), ours, theirs)

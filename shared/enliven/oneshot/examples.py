@@ -37,7 +37,7 @@ def fit_examples(
         InputError: for a vertex, a joint or a time that is not there, and for two examples that are one.
     """
     project = (project or Project()).with_takes(take, *([plays] if plays else []))
-    name = unused(mesh.name or "mesh", {**project.shapes, **project.graphs, **project.puppets})
+    name = unused(mesh.name or "mesh", project.characters)
     project = make_puppet(project, mesh, name)
     for point, (vertex, joint) in points.items():
         project = add_point(project, name, vertex, point, joint)

@@ -45,7 +45,7 @@ def possess(
     """
     project = project or Project()
     graph = DeformationGraph.build(mesh, nodes)
-    name = unused(mesh.name or "mesh", {**project.shapes, **project.graphs, **project.puppets})
+    name = unused(mesh.name or "mesh", project.characters)
     if len(bodies) < 2:
         raise InputError(
             f"{len(bodies)} bodies do not move", where=f"mesh {name!r}", mend="Give two or more."
@@ -60,4 +60,4 @@ def possess(
         time_ns = round(frame * step * 1e9)
         poses.append(Pose(name, time_ns, linear.astype(np.float32), positions.astype(np.float32)))
     shape, stream = graph_shape_of(character, poses, unused(name, project.streams), step)
-    return project.with_streams(stream).with_graphs(shape), name
+    return project.with_streams(stream).with_characters(shape), name

@@ -92,7 +92,7 @@ def _plays(project: Project, puppet: Puppet) -> bool:
 def _of_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
     """Each animation of a model, the first before the others; the model as it stands where it has none."""
     if not clips:
-        return [_character(Project().with_shapes(shape), shape, shape.mesh is not None)]
+        return [_character(Project().with_characters(shape), shape, shape.mesh is not None)]
     found = list[Exportable]()
     for clip in clips:
         project, moved = playing(Project(), shape, clip)
@@ -154,10 +154,10 @@ def _recorded(
     if character.kind == "bones":
         still, clip, offset = rigged_of(replace(character, id=name), poses, begin)
         project, shape = playing(Project(), still, clip)
-        project = project.with_layers(*(replace(layer, offset=offset) for layer in project.layers.values()))
-        return _sampled(project, shape, start, end, rate, morphs, 1 / clip.step)
+        late = shape.later(offset)
+        return _sampled(project.with_characters(late), late, start, end, rate, morphs, 1 / clip.step)
     graph, stream = played(replace(character, id=name), poses, begin, Project(), [])
-    project = Project(graphs={name: graph}, streams={stream.id: stream})
+    project = Project().with_streams(stream).with_characters(graph)
     return _sampled(project, graph, start, end, rate, morphs, 1 / stream.step)
 
 

@@ -65,7 +65,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
             continue
         told: list[str] = [] if notes is None else notes
         shape, stream = played(character, found, begin, project, told)
-        project = project.with_streams(stream).with_graphs(shape)
+        project = project.with_streams(stream).with_characters(shape)
     if not project.graphs:
         mend = "Possess a mesh and record it: enliven run."
         raise InputError("no possessed mesh moves in it", where=str(path), mend=mend)
@@ -108,14 +108,14 @@ def played(
     """Returns the shape of a character, and the stream of its poses at even steps."""
     poses, seconds, grid = even_times(character, poses, begin)
     step = float(grid[1] - grid[0])
-    ids = unused(character.id, project.graphs), unused(character.id, project.streams)
+    ids = unused(character.id, project.characters), unused(character.id, project.streams)
     if character.kind == "points":
         return _solved(character, poses, seconds, grid, ids, notes)
     shape, whole = graph_shape_of(character, poses, ids[1], step)
     linear, positions = (between(values, seconds, grid) for values in (whole.linear, whole.positions))
     stream = PoseStream(whole.id, linear, positions, step)
     part = shape.parts[0]
-    moved = type(part)(part.stream, part.nodes, offset=float(seconds[0]))
+    moved = type(part)(part.take, part.nodes, offset=float(seconds[0]))
     return shape.with_changes(id=ids[0], parts=(moved,)), stream
 
 

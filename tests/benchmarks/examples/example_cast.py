@@ -139,7 +139,7 @@ def staged(act: Act, keys: int | None = None) -> Project:
         surface=act.surface,
         locomotion=act.locomotion,
     )
-    return Project(takes={take.id: take}, puppets={puppet.id: puppet})
+    return Project(takes={take.id: take}, characters={puppet.id: puppet})
 
 
 def figure_of(act: Act, mesh: Mesh) -> tuple[Figure, tuple[ControlPoint, ...]]:
@@ -175,7 +175,7 @@ def playing(name: str, act: Act) -> Project:
     puppet = next(iter(project.puppets.values()))
     # Refining keeps the numbers of the vertices that were there.
     mesh = refine(puppet.mesh, act.finer, _MOST_VERTICES)
-    return project.with_puppets(puppet.with_changes(mesh=mesh))
+    return project.with_characters(puppet.with_changes(mesh=mesh))
 
 
 def _rounded(places: Float) -> Float:

@@ -23,11 +23,11 @@ def evaluated(project: Project, shape_id: str, times: np.ndarray) -> np.ndarray:
 
 def _frame(project, shape, seconds):
     posed = {}
-    for layer in project.layers.values():
+    for layer in shape.layers:
         posed[layer.id] = _posed(project.takes[layer.take], layer, seconds)
     skeleton = shape.skeleton
     joints, matrices = np.empty((len(skeleton), 3)), [None] * len(skeleton)
-    travel = project.layers[shape.travel]
+    travel = shape.layer(shape.travel)
     clip = project.takes[travel.take]
     way = posed[travel.id][2] - clip.skeleton.positions[0]
     way = _matrix(travel.basis) @ way * travel_scale(shape, clip)

@@ -29,7 +29,7 @@ def written(path: Path, project: Project) -> str:
 
 
 def with_puppet(**changes: object) -> Project:
-    return CACTUS.with_puppets(PUPPET.with_changes(**changes))
+    return CACTUS.with_characters(PUPPET.with_changes(**changes))
 
 
 def test_what_is_a_puppet() -> None:
@@ -52,7 +52,7 @@ def test_the_made_cactus_a_session_and_a_project_are_the_same_puppet(tmp_path: P
 
 
 def test_of_several_puppets_one_is_named(tmp_path: Path) -> None:
-    both = CACTUS.with_puppets(PUPPET.with_changes(id="Bob"))
+    both = CACTUS.with_characters(PUPPET.with_changes(id="Bob"))
     spec = written(tmp_path / "two.enliven", both)
     with pytest.raises(InputError, match="2 puppets") as caught:
         cast_puppet(spec)
@@ -100,7 +100,7 @@ def test_a_mesh_that_no_viewer_can_be_sent_is_said_at_once(tmp_path: Path) -> No
     poses = tuple(replace(pose, places=pose.places[:3]) for pose in (PUPPET.poses[0], PUPPET.poses[-1]))
     huge = PUPPET.with_changes(mesh=mesh, points=points, poses=poses, symmetry=None)
     with pytest.raises(InputError, match="Simplify the mesh"):
-        cast_puppet(written(tmp_path / "p.enliven", CACTUS.with_puppets(huge)))
+        cast_puppet(written(tmp_path / "p.enliven", CACTUS.with_characters(huge)))
 
 
 def test_the_edge_says_it_before_it_listens(tmp_path: Path, capfd) -> None:

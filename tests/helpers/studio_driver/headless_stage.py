@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 from enliven.errors import InputError
+from enliven.modeling.edits import rename_character
 from enliven_viewer.studio.places import places_in
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Workspace, renamed
+from enliven_viewer.studio.workspace import Workspace
 from studio_driver.actions import STEP
 from studio_driver.places import source_of
 
@@ -82,7 +83,7 @@ class HeadlessStage:
         """Rename the chosen shape, since there is no field."""
         editor = self.workspace.editor
         before = editor.selection.shape or ""
-        if editor.edit("rename", lambda project: renamed(project, before, name)):
+        if editor.edit("rename", lambda project: rename_character(project, before, name)):
             editor.select(shape=name)
         return True
 

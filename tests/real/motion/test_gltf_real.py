@@ -59,7 +59,7 @@ def test_a_real_rig_moves_as_gltf_says(path):
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
 def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     rig = read_gltf(path)
-    project, end = Project().with_shapes(rig.shape), 0.0
+    project, end = Project().with_characters(rig.shape), 0.0
     if rig.clips:
         project, _ = playing(Project(), rig.shape, rig.clips[-1])
         end = min(rig.clips[-1].duration, 0.3)

@@ -83,7 +83,12 @@ def test_a_tentacle_turns_in_all_as_the_limb_does(path: Path, joints: int) -> No
     limb = clip.skeleton.path(0, end)
     shape = still_shape("tentacle", tentacle(joints))
     project = bind_chain(
-        Project().with_takes(clip).with_shapes(shape), "tentacle", range(joints), "take", limb, basis=IDENTITY
+        Project().with_takes(clip).with_characters(shape),
+        "tentacle",
+        range(joints),
+        "take",
+        limb,
+        basis=IDENTITY,
     )
     turns, at = Player(project, "tentacle").sample(np.arange(len(clip.turns)) * clip.step)
     wanted = multiply(conjugate(clip.turns[:, 0]), clip.turns[:, end])
@@ -99,7 +104,7 @@ def test_a_tentacle_turns_in_all_as_the_limb_does(path: Path, joints: int) -> No
 def test_a_person_on_its_own_skeleton_is_itself(path: Path) -> None:
     clip = clip_of(path)
     skeleton = clip.skeleton
-    project = Project().with_takes(clip).with_shapes(still_shape("twin", skeleton))
+    project = Project().with_takes(clip).with_characters(still_shape("twin", skeleton))
     project = bind_chain(project, "twin", (0,), "take", (0,))
     free = set(range(1, len(skeleton)))
     for start in range(len(skeleton)):
@@ -138,7 +143,7 @@ def test_a_walk_on_shorter_legs_stands_on_its_feet(path: Path) -> None:
         link = skeleton.vectors[joint] * (0.75 if shrunk else 1.0)
         positions[joint] = positions[skeleton.parents[joint]] + link
     shape = still_shape("short", Skeleton(skeleton.names, skeleton.parents, positions))
-    project = bind_chain(Project().with_takes(clip).with_shapes(shape), "short", (0,), "take", (0,))
+    project = bind_chain(Project().with_takes(clip).with_characters(shape), "short", (0,), "take", (0,))
     for hip, _, ankle in legs:
         chain = skeleton.path(0, hip) if hip else (0,)
         chain = (*chain[:-1], *skeleton.path(hip, ankle), *extended(skeleton, ankle)[1:])
@@ -182,7 +187,7 @@ def test_a_walk_before_a_kinect_drives_a_tentacle(name: str) -> None:
             cosine = ours @ theirs / np.linalg.norm(ours) / np.linalg.norm(theirs)
             assert cosine > 0.9 or bodies[i].confidence[joint] == 0
     limb = clip.skeleton.path(Joint.HIP_LEFT, Joint.FOOT_LEFT)
-    project = Project().with_takes(clip).with_shapes(still_shape("tentacle", tentacle(9)))
+    project = Project().with_takes(clip).with_characters(still_shape("tentacle", tentacle(9)))
     project = bind_chain(project, "tentacle", range(9), "take", limb)
     part = between_times(clip, 1.0, 3.0)
     moved = Player(project, "tentacle").sample(1.0 + np.arange(len(part.turns)) * clip.step)[1]

@@ -40,7 +40,7 @@ def puppet():
 
 
 def project():
-    return Project().with_takes(take()).with_puppets(puppet())
+    return Project().with_takes(take()).with_characters(puppet())
 
 
 def test_a_project_file_keeps_a_puppet_bit_for_bit():
@@ -53,7 +53,7 @@ def test_the_history_shares_what_did_not_change():
     history = History(project())
     mesh = history.project.puppet("chair").mesh
     changed = project().puppet("chair").with_changes(place=np.array([2.0, 0, 0]))
-    history.do("move", history.project.with_puppets(changed))
+    history.do("move", history.project.with_characters(changed))
     assert history.project.puppet("chair").mesh is mesh
     assert history.project.puppet("chair").place[0] == 2.0
     assert history.undo().puppet("chair").place[0] == 1.0
@@ -89,7 +89,7 @@ def test_what_does_not_fit_is_refused(changes, said):
 
 def test_takes_that_are_not_there_are_named():
     with pytest.raises(InputError, match="there is no take 'wave'"):
-        Project().with_puppets(puppet())
+        Project().with_characters(puppet())
 
 
 def test_a_puppet_and_a_point_that_are_not_there():

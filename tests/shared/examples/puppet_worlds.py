@@ -17,7 +17,7 @@ from enliven.document.skeleton import Skeleton
 from enliven.document.surface_settings import ArapSettings
 from enliven.example_sessions.text import write_session
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.puppet.edits import (
+from enliven.modeling.puppet import (
     add_key_pose,
     add_point,
     change_point,
@@ -153,7 +153,7 @@ def full_project(seed: int = 0) -> Project:
         examples=ExampleSettings(nearest=3, margin=0.1),
         locomotion=LocomotionSettings(ContactSettings(height=0.2), landing="free"),
     )
-    return project.with_puppets(puppet)
+    return project.with_characters(puppet)
 
 
 def full_session(path: Path, loose: bool = False) -> Project:

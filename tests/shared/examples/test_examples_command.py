@@ -15,7 +15,7 @@ from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import pose_of_state, state_of
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.files import save_mesh
-from enliven.modeling.puppet.edits import change_layer
+from enliven.modeling.puppet import change_layer
 from enliven.recording import Recording
 from enliven.wire.convert import message_to_character, message_to_pose
 from enliven.wire.messages import CharacterMessage, PoseMessage
@@ -121,7 +121,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
     """The slow obvious twin: all distances to all examples."""
     project = full_session(folder / "full.toml")
     puppet, clip = project.puppets["stool"], project.takes["walk"]
-    plain = project.with_puppets(puppet.with_changes(symmetry=None))
+    plain = project.with_characters(puppet.with_changes(symmetry=None))
     found = coverage_of(plain, plain.puppets["stool"], 0)
     poses = performed(clip, [point.joint for point in puppet.points]).poses
     known = [poses[round(pose.time / clip.step)] for pose in puppet.poses]

@@ -27,13 +27,12 @@ from enliven.examples.puppet_motion import (
     clock,
     examples_of,
     in_world,
-    length_of_puppets,
     missing,
     motion_of,
     pose_of_state,
     state_of,
 )
-from enliven.modeling.puppet.edits import add_point, change_layer, change_point, play_take, set_symmetry
+from enliven.modeling.puppet import add_point, change_layer, change_point, play_take, set_symmetry
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 seeds = st.integers(0, 10**6)
@@ -42,7 +41,7 @@ few = settings(max_examples=8, deadline=None)
 
 def with_settings(project: Project, **changes: object) -> Project:
     puppet = project.puppets["stool"]
-    return project.with_puppets(puppet.with_changes(examples=replace(puppet.examples, **changes)))
+    return project.with_characters(puppet.with_changes(examples=replace(puppet.examples, **changes)))
 
 
 def state(project, time):
@@ -229,8 +228,9 @@ def test_the_clock_stops_at_both_ends_and_goes_round_where_it_loops():
     assert clock(layer, made, 1.5)[0] == pytest.approx(1.0 / STEP)
     assert clock(layer, made, 99.0) == (made.frames - 1, 0)
     assert clock(replace(layer, loop=True), made, 1.0 + 3.5)[1] == 2
-    assert length_of_puppets(project) == pytest.approx(1.0 + 3.0 / 2.0)
-    assert length_of_puppets(change_layer(project, "stool", 0, muted=True)) == 0.0
+    assert project.end_of(project.puppets["stool"]) == pytest.approx(1.0 + 3.0 / 2.0)
+    muted = change_layer(project, "stool", 0, muted=True)
+    assert muted.end_of(muted.puppets["stool"]) == 0.0
 
 
 def test_a_motion_is_solved_once_and_forgotten_with_its_take():
@@ -252,7 +252,7 @@ def test_the_pose_on_the_wire_is_the_state():
     puppet = project.puppets["stool"].with_changes(
         place=np.array([1.0, 0.0, 2.0]), turn=from_rotation_vector(np.array([0.0, 0.7, 0.0]))
     )
-    project = project.with_puppets(puppet)
+    project = project.with_characters(puppet)
     now = state(project, 1.1)
     pose, character = pose_of_state(puppet, now, 77), character_of_puppet(puppet)
     assert pose.time_ns == 77 and pose.positions.shape == character.pivots.shape
@@ -293,7 +293,7 @@ def test_key_poses_may_be_of_two_performers():
     puppet = project.puppets["stool"]
     project = project.with_takes(child(ODD, 1.0))
     poses = tuple(replace(p, take="child") if n % 2 else p for n, p in enumerate(puppet.poses))
-    mixed = project.with_puppets(puppet.with_changes(poses=poses))
+    mixed = project.with_characters(puppet.with_changes(poses=poses))
     np.testing.assert_allclose(motion(mixed).places, motion(project).places, atol=1e-6)
 
 
@@ -363,5 +363,5 @@ def test_there_is_no_layer_of_that_number():
 def test_settings_are_part_of_what_a_motion_is_kept_by():
     project = puppet_project()
     puppet = project.puppets["stool"]
-    other = project.with_puppets(puppet.with_changes(examples=ExampleSettings(acceleration=3.0)))
+    other = project.with_characters(puppet.with_changes(examples=ExampleSettings(acceleration=3.0)))
     assert np.abs(motion(project).places - motion(other).places).max() > 1e-3

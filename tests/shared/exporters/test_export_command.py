@@ -106,7 +106,7 @@ def show(made, recorded, tmp_path):
     graph, stream = graph_shape_of(replace(character, id="chair", kind="graph"), poses, "sit")
     bean = made_puppets.project()
     project = replace(project, takes={**project.takes, **bean.takes}, puppets=bean.puppets)
-    write_project(tmp_path / "show.enliven", project.with_streams(stream).with_graphs(graph))
+    write_project(tmp_path / "show.enliven", project.with_streams(stream).with_characters(graph))
     return tmp_path
 
 

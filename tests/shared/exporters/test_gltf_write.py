@@ -125,7 +125,7 @@ def test_a_shape_that_stands_still_has_no_animation_and_its_pose(tmp_path):
     shape = random_shape(np.random.default_rng(5), "statue")
     modeling = shape.modeling.copy()
     modeling[2] = normalized([1.0, 0.4, -0.2, 0.3])
-    project = Project().with_shapes(shape.with_changes(modeling=modeling))
+    project = Project().with_characters(shape.with_changes(modeling=modeling))
     write_gltf(tmp_path / "statue.glb", [performance_of(project, "statue")])
     document = checked_glb((tmp_path / "statue.glb").read_bytes())
     assert "animations" not in document
@@ -141,12 +141,12 @@ def test_names_say_where_a_bone_begins_and_where_it_leads(tmp_path):
     indices[:, 0] = np.repeat(np.arange(5), 3)
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (15, 1))
     shape = still_shape("man", skeleton, mesh, SkinWeights(indices, weights))
-    document = checked_glb(glb_of([performance_of(Project().with_shapes(shape), "man")]))
+    document = checked_glb(glb_of([performance_of(Project().with_characters(shape), "man")]))
     names = [node["name"] for node in document["nodes"]]
     assert names == [
         "hips", "hips to chest", "chest", "chest to hand", "hips to foot", "head", "hand", "foot", "man",
     ]  # fmt: skip
-    (tmp_path / "man.glb").write_bytes(glb_of([performance_of(Project().with_shapes(shape), "man")]))
+    (tmp_path / "man.glb").write_bytes(glb_of([performance_of(Project().with_characters(shape), "man")]))
     assert read_gltf(tmp_path / "man.glb").shape.skeleton.names == ("hips", "chest", "head", "hand", "foot")
 
 
@@ -168,7 +168,7 @@ def test_what_cannot_be_written_is_said(tmp_path):
     random = np.random.default_rng(1)
     shape = random_shape(random, "squid")
     bare = still_shape("bare", shape.skeleton)
-    project = Project().with_shapes(shape, bare)
+    project = Project().with_characters(shape, bare)
     with pytest.raises(InputError, match="it has no mesh"):
         glb_of([performance_of(project, "bare")])
     with pytest.raises(InputError, match="nothing to write"):
@@ -198,7 +198,7 @@ def test_a_possessed_mesh_moves_as_its_nodes_do(tmp_path):
         places = pivots + 0.1 * k * random.normal(size=(5, 3))
         poses.append(Pose("chair", 100_000_000 * k, linear.astype(np.float32), places.astype(np.float32)))
     shape, stream = graph_shape_of(character, poses, "dance")
-    project = Project().with_streams(stream).with_graphs(shape)
+    project = Project().with_streams(stream).with_characters(shape)
     performance = performance_of(project, "chair", rate=10.0)
     assert performance.lost < 1e-6 and len(performance.times) == 6
     path = tmp_path / "chair.glb"

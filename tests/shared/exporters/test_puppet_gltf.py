@@ -75,7 +75,7 @@ def test_puppets_and_their_times_are_checked(bean):
         performance_of(bean, "pea")
     with pytest.raises(InputError, match="is no time"):
         performance_of(bean, "bean", 2.0, 1.0)
-    unposed = bean.with_puppets(bean.puppet("bean").with_changes(poses=()))
+    unposed = bean.with_characters(bean.puppet("bean").with_changes(poses=()))
     with pytest.raises(InputError, match="Pose two examples"):
         performance_of(unposed, "bean")
 

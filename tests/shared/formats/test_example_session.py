@@ -19,7 +19,7 @@ from enliven.examples.puppet_motion import motion_of
 from enliven.formats.project.file import write_project
 from enliven.meshes.files import load_mesh, save_mesh
 from enliven.meshes.mesh import fit_height
-from enliven.modeling.puppet.edits import add_key_pose
+from enliven.modeling.puppet import add_key_pose
 
 BY_HAND = """
 [mesh]
@@ -122,7 +122,7 @@ def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):
     loaded = fit_height(load_mesh(folder / "stool.ply").mesh, 1.0)
     project = full_project()
     puppet = project.puppets["stool"].with_changes(mesh=loaded)
-    project = project.with_puppets(puppet)
+    project = project.with_characters(puppet)
     takes = {name: TakeTable("moves.enliven", animation=name) for name in ("walk", "short")}
     write_session(folder / "made.toml", project, "stool", mesh, takes)
     assert not (folder / "made.enliven").exists()

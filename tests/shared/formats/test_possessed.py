@@ -10,8 +10,8 @@ from enliven.document.puppet import PuppetLayer, character_of_puppet
 from enliven.errors import InputError
 from enliven.examples.baking.frames import SurfaceFrames, states_of
 from enliven.examples.puppet_motion import pose_of_state, state_of
+from enliven.modeling.edits import paste_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
-from enliven.modeling.possessed.copying import paste_graph
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.modeling.possessed.surgery import cut_graph
 from enliven.recording import Recorder
@@ -75,12 +75,12 @@ def test_a_take_becomes_shapes_that_play_it(tmp_path):
     middle = graph_pose(project, project.graph("chair"), 0.5)[1].mean(0)
     edited, ids = cut_graph(project, "chair", PlaneCut(middle, [0.3, 1.0, 0]), 0.5)
     assert len(ids) == 2
-    pasted, copy = paste_graph(edited, project, "lamp", delay=0.5)
+    pasted, copy = paste_character(edited, project, "lamp", delay=0.5)
     assert list(pasted.streams) == list(project.streams)
     later = graph_pose(pasted, pasted.graph(copy), 1.9)
     for value, then in zip(later, graph_pose(project, project.graph("lamp"), 1.4), strict=True):
         np.testing.assert_allclose(value, then, atol=1e-9)
-    other, _ = paste_graph(read_possessed(tmp_path / "take.mcap").without_graph("chair"), project, "chair")
+    other, _ = paste_character(read_possessed(tmp_path / "take.mcap").without("chair"), project, "chair")
     assert list(other.streams) == list(project.streams)
 
 

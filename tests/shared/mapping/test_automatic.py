@@ -160,7 +160,7 @@ def test_weight_offset_speed_and_extend_do_what_they_say():
         ("Left hip", "Left toe"), ("Left hip", "Left stifle"), weight=0.5, offset=0.2, speed=2.0
     )
     made = retarget(shape, clip, Plan(chains=(replace(chain, extend=True),)))
-    layer = next(layer for layer in made.project.layers.values() if layer.weight == 0.5)
+    layer = next(layer for layer in made.project.shape(made.shape_id).layers if layer.weight == 0.5)
     assert (layer.offset, layer.speed) == (0.2, 2.0)
     hoof = horse().index("Left hind hoof")
     moved = made.project.shape("h").spans[hoof][0].refs

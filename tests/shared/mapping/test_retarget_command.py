@@ -32,7 +32,7 @@ def files(tmp_path):
     clip = random_motion(np.random.default_rng(0), horse(), name="graze")
     project, _ = playing(Project(), meshed("horse", horse()), clip)
     write_gltf(tmp_path / "horse.glb", [performance_of(project, "horse")], "graze")
-    write_gltf(tmp_path / "man.glb", [performance_of(Project().with_shapes(meshed("man", man())), "man")])
+    write_gltf(tmp_path / "man.glb", [performance_of(Project().with_characters(meshed("man", man())), "man")])
     return tmp_path
 
 

@@ -71,9 +71,11 @@ def random_spans(random, layers):
 def random_shape(random, name, layers, count=None):
     count = int(random.integers(2, 9)) if count is None else count
     skeleton = random_skeleton(random, count, f"{name} joint")
-    spans = tuple(random_spans(random, layers) for _ in range(count))
-    travel = str(random.choice(layers)) if random.random() < 0.5 else None
-    return Shape(name, skeleton, random_turns(random, count, size=0.4), spans, random.normal(size=3), travel)
+    ids = [layer.id for layer in layers]
+    spans = tuple(random_spans(random, ids) for _ in range(count))
+    travel = str(random.choice(ids)) if random.random() < 0.5 else None
+    modeling, place = random_turns(random, count, size=0.4), random.normal(size=3)
+    return Shape(name, skeleton, modeling, spans, place, travel, layers=tuple(layers))
 
 
 def random_project(seed, shapes=2):
@@ -81,17 +83,16 @@ def random_project(seed, shapes=2):
     random = np.random.default_rng(seed)
     takes = [random_clip(random, "walk"), random_clip(random, "wave")]
     layers = [random_layer(random, f"layer {i}", takes[i % 2]) for i in range(4)]
-    project = Project().with_takes(*takes).with_layers(*layers)
-    ids = [layer.id for layer in layers]
-    return project.with_shapes(*(random_shape(random, f"shape {i}", ids) for i in range(shapes))), random
+    made = (random_shape(random, f"shape {i}", layers) for i in range(shapes))
+    return Project().with_takes(*takes).with_characters(*made), random
 
 
-def straight_shape(name, points, spans, modeling=None):
+def straight_shape(name, points, spans, modeling=None, layers=()):
     """A chain along points; ``spans``: one tuple a bone, the root's still."""
     points = np.array(points, float)
     skeleton = Skeleton(tuple(f"{name} {i}" for i in range(len(points))), np.arange(len(points)) - 1, points)
     modeling = np.tile(IDENTITY, (len(points), 1)) if modeling is None else modeling
-    return Shape(name, skeleton, modeling, ((Span(),), *spans), np.zeros(3))
+    return Shape(name, skeleton, modeling, ((Span(),), *spans), np.zeros(3), layers=layers)
 
 
 def tube(length=4.0, radius=0.3, around=12, along=33):
@@ -123,10 +124,11 @@ def bending_arm():
     turns = np.array([[about_z(0), about_z(60 * t)] for t in (0.0, 1.0)])
     bend = Clip("bend", skeleton, turns, np.zeros((2, 3)), 1.0)
     spans = [(Span(1.0, (Ref("bend", 0.0, 0.5),)),), (Span(1.0, (Ref("bend", 0.5, 1.0),)),)]
-    shape = straight_shape("arm", [[0, 0, 0], [2.0, 0, 0], [4.0, 0, 0]], spans)
+    layers = (Layer("bend", "bend", (0, 1)),)
+    shape = straight_shape("arm", [[0, 0, 0], [2.0, 0, 0], [4.0, 0, 0]], spans, layers=layers)
     mesh = tube()
     shape = shape.with_changes(mesh=mesh, skin=bone_heat(mesh, shape.skeleton))
-    return Project().with_takes(bend).with_layers(Layer("bend", "bend", (0, 1))).with_shapes(shape)
+    return Project().with_takes(bend).with_characters(shape)
 
 
 def slow_pose(project, shape_id, time):
@@ -139,7 +141,10 @@ def slow_pose(project, shape_id, time):
         for span in shape.spans[j]:
             own = multiply(own, span.before)
             if time is not None:
-                begin, end = slow_product(project, span, 0.0, time), slow_product(project, span, 1.0, time)
+                begin, end = (
+                    slow_product(project, shape, span, 0.0, time),
+                    slow_product(project, shape, span, 1.0, time),
+                )
                 own = multiply(own, multiply(conjugate(begin), end))
         if parent < 0:
             turns.append(own)
@@ -152,11 +157,11 @@ def slow_pose(project, shape_id, time):
     return np.array(turns), np.array(joints)
 
 
-def slow_product(project, span, u, time):
+def slow_product(project, shape, span, u, time):
     """C(u) of a span."""
     product = IDENTITY
     for ref in span.refs:
-        layer = project.layers[ref.layer]
+        layer = shape.layer(ref.layer)
         if not layer.muted and layer.weight > 0:
             product = multiply(product, slow_q(project, layer, ref.start + u * (ref.end - ref.start), time))
     return product

@@ -15,8 +15,8 @@ from enliven.document.project import Project, same
 from enliven.errors import InputError
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.mesh import Mesh
+from enliven.modeling.edits import copy_character, mirror_character, move_character, scale_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
-from enliven.modeling.possessed.copying import copy_graph, mirror_graph, move_graph, scale_graph
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
 from enliven.rotation import from_rotation_vector, to_matrix
@@ -67,7 +67,7 @@ def walking():
             )
         )
     shape, stream = graph_shape_of(character, poses, "sway")
-    return Project().with_streams(stream).with_graphs(shape), character, poses
+    return Project().with_streams(stream).with_characters(shape), character, poses
 
 
 def vertices_at(project, shape_id, time):
@@ -143,9 +143,9 @@ def test_a_cut_moves_no_node_and_no_vertex_at_any_time(walking, x, time, later):
 def test_a_merge_leaves_both_where_they_were_and_the_graft_rides(walking, time, seed):
     project, _, _ = walking
     random = np.random.default_rng(seed)
-    project, copy = copy_graph(project, "block", delay=float(random.uniform(0, 1)))
+    project, copy = copy_character(project, "block", delay=float(random.uniform(0, 1)))
     turn = from_rotation_vector(random.normal(size=3))
-    project = move_graph(project, copy, [0.4, 0.3, 0.2], turn, about=[0.5, 0, 0])
+    project = move_character(project, copy, [0.4, 0.3, 0.2], turn, about=[0.5, 0, 0])
     host, graft = project.graph("block"), project.graph(copy)
     merged = merge_graphs(project, "block", copy, time, loose=True)
     shape = merged.graph("block")
@@ -178,22 +178,24 @@ def test_a_merge_leaves_both_where_they_were_and_the_graft_rides(walking, time, 
 def test_a_cut_off_half_is_put_on_elsewhere_and_cut_off_again(walking):
     project, _, _ = walking
     edited, (near, far) = cut_graph(project, "block", PlaneCut([0.25, 0, 0], [1.0, 0, 0]), 0.0)
-    edited = move_graph(edited, far, [-0.35, 0.45, 0], from_rotation_vector([0, 0, 1.2]), about=[0.2, 0, 0])
+    edited = move_character(
+        edited, far, [-0.35, 0.45, 0], from_rotation_vector([0, 0, 1.2]), about=[0.2, 0, 0]
+    )
     whole = merge_graphs(edited, near, far, 0.4)
     assert closed(whole.graph("block").mesh)
     moved = graph_pose(whole, whole.graph("block"), 2.0)[1]
     assert np.linalg.norm(moved - graph_pose(whole, whole.graph("block"), 0.4)[1], axis=1).min() > 0.01
     # Merged once more onto a third, so that a ride rides.
-    twice, copy = copy_graph(project, "block")
-    twice = whole.with_graphs(twice.graph(copy).with_changes(id="third"))
-    twice = move_graph(twice, "third", [1.0, 0.2, 0.3])
+    twice, copy = copy_character(project, "block")
+    twice = whole.with_characters(twice.graph(copy).with_changes(id="third"))
+    twice = move_character(twice, "third", [1.0, 0.2, 0.3])
     before = graph_pose(twice, twice.graph("block"), 0.7)[1]
     both = merge_graphs(twice, "third", "block", 0.7, loose=True)
     after = graph_pose(both, both.graph("third"), 0.7)[1]
     np.testing.assert_allclose(after[-len(before) :], before, atol=1e-9)
     third = both.graph("third")
     again, ids = cut_graph(both, "third", PlaneCut([0.55, 0, 0], [-1.0, 0, 0]), 0.7)
-    assert [part.stream for part in third.parts] == ["sway"] * 3
+    assert [part.take for part in third.parts] == ["sway"] * 3
     for later in (0.0, 0.7, 1.9):
         places = graph_pose(both, third, later)[1]
         for part in ids:
@@ -209,28 +211,28 @@ def test_a_scaled_and_mirrored_mesh_moves_so(walking, time, seed):
     project, _, _ = walking
     random = np.random.default_rng(seed)
     turn = from_rotation_vector(random.normal(size=3))
-    project = move_graph(project, "block", random.normal(size=3), turn)
+    project = move_character(project, "block", random.normal(size=3), turn)
     centre = project.graph("block").positions[0]
     before = vertices_at(project, "block", time)
     factor, normal = float(random.uniform(0.2, 4)), random.normal(size=3)
-    larger = scale_graph(project, "block", factor)
+    larger = scale_character(project, "block", factor)
     np.testing.assert_allclose(
         vertices_at(larger, "block", time), centre + factor * (before - centre), atol=1e-6
     )
-    other = mirror_graph(larger, "block", normal)
+    other = mirror_character(larger, "block", normal)
     unit = normal / np.linalg.norm(normal)
     seen = centre + factor * (before - centre)
     expected = seen - 2 * ((seen - centre) @ unit)[:, None] * unit
     np.testing.assert_allclose(vertices_at(other, "block", time), expected, atol=1e-6)
     assert volume(other.graph("block").mesh) == pytest.approx(factor**3 * volume(project.graph("block").mesh))
-    back = mirror_graph(other, "block", normal)
+    back = mirror_character(other, "block", normal)
     np.testing.assert_allclose(vertices_at(back, "block", time), seen, atol=1e-6)
 
 
 def test_possessed_meshes_are_saved(walking, tmp_path):
     project, _, _ = walking
     edited, (near, far) = cut_graph(project, "block", PlaneCut([0.2, 0, 0], [1.0, 0, 0]), 0.0)
-    edited = merge_graphs(mirror_graph(edited, far, [0, 1.0, 0]), near, far, 1.0, loose=True)
+    edited = merge_graphs(mirror_character(edited, far, [0, 1.0, 0]), near, far, 1.0, loose=True)
     write_project(tmp_path / "block.enliven", edited)
     assert same(read_project(tmp_path / "block.enliven"), edited)
 
@@ -249,21 +251,17 @@ def test_what_cannot_be_done_is_said(walking):
     project, character, poses = walking
     shape = project.graph("block")
     unplayed = shape.with_changes(parts=(GraphPart("nothing", shape.parts[0].nodes),))
-    two, copy = copy_graph(project, "block")
-    ridden = merge_graphs(move_graph(two, copy, [5.0, 0, 0]), "block", copy, 0.0)
     refused = [
         (lambda: cut_graph(project, "block", PlaneCut([9, 0, 0], [1.0, 0, 0]), 0.0), "no part of the mesh"),
         (lambda: cut_graph(project, "chair", PlaneCut([0, 0, 0], [1.0, 0, 0]), 0.0), "no graph shape"),
         (lambda: merge_graphs(project, "block", "block", 0.0), "itself"),
-        (lambda: scale_graph(project, "block", 0.0), "times as large"),
-        (lambda: mirror_graph(project, "block", [0, 0, 0]), "direction"),
-        (lambda: scale_graph(ridden, "block", 2.0), "rides"),
-        (lambda: mirror_graph(ridden, "block", [0, 1.0, 0]), "rides"),
-        (lambda: move_graph(project, "block", [np.nan, 0, 0]), "moved"),
+        (lambda: scale_character(project, "block", 0.0), "times as large"),
+        (lambda: mirror_character(project, "block", [0, 0, 0]), "direction"),
+        (lambda: move_character(project, "block", [np.nan, 0, 0]), "moved"),
         (lambda: graph_pose(project, project.graph("block"), np.inf), "time"),
         (lambda: graph_shape_of(character, poses[:1], "one"), "cannot be played"),
         (lambda: PoseStream("s", np.zeros((2, 3, 3)), np.zeros((2, 3)), 0.1), "no frames"),
-        (lambda: project.with_graphs(unplayed), "no stream"),
+        (lambda: project.with_characters(unplayed), "no stream"),
     ]
     for edit, words in refused:
         with pytest.raises(InputError, match=words):

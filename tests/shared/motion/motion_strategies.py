@@ -55,7 +55,7 @@ def scene(rng: np.random.Generator, joints: int = 8, frames: int = 9) -> tuple[P
     """A project with a take, and a still shape "shape" of the very skeleton of the take."""
     skeleton = random_skeleton(rng, joints)
     clip, shape = random_clip(rng, skeleton, frames), still_shape("shape", skeleton)
-    return Project().with_takes(clip).with_shapes(shape), clip, shape
+    return Project().with_takes(clip).with_characters(shape), clip, shape
 
 
 def times_of(clip: Clip) -> np.ndarray:

@@ -44,7 +44,7 @@ def test_the_end_is_where_the_takes_is(seed, joints, mirrored):
     rng = np.random.default_rng(seed)
     source, target = line(rng, 5), line(rng, joints)
     clip, basis = random_clip(rng, source), random_turn(rng)
-    project = scene(rng)[0].with_takes(clip).with_shapes(still_shape("line", target))
+    project = scene(rng)[0].with_takes(clip).with_characters(still_shape("line", target))
     project = bind_chain(
         project, "line", range(joints), "take", range(5), basis=basis, mode="end", mirrored=mirrored
     )
@@ -67,7 +67,7 @@ def test_on_its_own_polyline_it_is_the_take(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 6, branching=0.0)
     clip = random_clip(rng, skeleton)
-    project = scene(rng)[0].with_takes(clip).with_shapes(still_shape("line", skeleton))
+    project = scene(rng)[0].with_takes(clip).with_characters(still_shape("line", skeleton))
     project = bind_chain(project, "line", (0,), "take", (0,), basis=EYE)
     project = bind_chain(project, "line", range(6), "take", range(6), basis=EYE, mode="end")
     turns, _ = Player(project, "line").sample(np.arange(9) * clip.step)
@@ -80,12 +80,12 @@ def test_a_small_weight_is_a_small_change(seed):
     rng = np.random.default_rng(seed)
     source, target = line(rng, 4), line(rng, 6)
     clip = random_clip(rng, source)
-    project = scene(rng)[0].with_takes(clip).with_shapes(still_shape("line", target))
+    project = scene(rng)[0].with_takes(clip).with_characters(still_shape("line", target))
     project = bind_chain(project, "line", range(6), "take", range(4), mode="end", layer_id="end", weight=0.0)
     times = np.arange(9) * clip.step
     still = Player(project, "line").sample(times)[1]
     np.testing.assert_allclose(still, np.tile(target.positions, (9, 1, 1)), atol=1e-12)
-    little = Player(set_layer(project, "end", weight=1e-4), "line").sample(times)[1]
+    little = Player(set_layer(project, "line", "end", weight=1e-4), "line").sample(times)[1]
     assert np.abs(little - still).max() < 0.02
 
 
@@ -98,7 +98,7 @@ def test_two_arms_of_one_layer_are_led_apart_and_side_branches_ride():
         [[0, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0.1], [-1, 1, 0], [-2, 1, 0.1], [1, 1.5, 0]], float
     )
     tree = Skeleton(tuple("abcdefg"), np.array([-1, 0, 1, 2, 1, 4, 2], np.int32), at)
-    project = scene(rng)[0].with_takes(clip).with_shapes(still_shape("tree", tree))
+    project = scene(rng)[0].with_takes(clip).with_characters(still_shape("tree", tree))
     for chain in ((1, 2, 3), (1, 4, 5)):
         project = bind_chain(
             project, "tree", chain, "take", range(4), basis=EYE, mode="end", layer_id=str(chain)
@@ -123,14 +123,16 @@ def test_a_chain_that_was_cut_follows_its_own_part():
     rng = np.random.default_rng(6)
     source, target = line(rng, 7, 0.1), line(rng, 7, 0.1)
     clip = random_clip(rng, source)
-    project = scene(rng)[0].with_takes(clip).with_shapes(still_shape("line", target))
+    project = scene(rng)[0].with_takes(clip).with_characters(still_shape("line", target))
     project = bind_chain(project, "line", range(7), "take", range(7), basis=EYE, mode="end")
     whole = project.shape("line")
     half = Skeleton(target.names[3:], target.parents[3:] - 3, target.positions[3:])
-    part = still_shape("half", half).with_changes(spans=(whole.spans[0], *whole.spans[4:]))
+    part = still_shape("half", half).with_changes(
+        spans=(whole.spans[0], *whole.spans[4:]), layers=whole.layers
+    )
     start = part.spans[1][0].refs[0].start
     assert 0.2 < start < 0.8
-    joints = Player(project.with_shapes(part), "half").sample(np.arange(9) * clip.step)[1]
+    joints = Player(project.with_characters(part), "half").sample(np.arange(9) * clip.step)[1]
     at, arc = (
         posed(clip, range(7)),
         np.concatenate([[0.0], source.lengths[1:].cumsum()]) / source.lengths.sum(),

@@ -40,7 +40,7 @@ def plain_pose(project, shape, seconds):
     """The definition: D_j = D_parent m_j a_j, span by span and layer by layer."""
 
     def q(ref, s):
-        layer = project.layers[ref.layer]
+        layer = shape.layer(ref.layer)
         if layer.muted:
             return EYE
         clip = project.takes[layer.take]
@@ -102,8 +102,8 @@ def any_project(rng):
     skeleton = random_skeleton(rng, 9)
     modeling = np.array([random_turn(rng) for _ in range(9)])
     spans = tuple(any_spans(rng, [layer.id for layer in layers]) for _ in range(9))
-    shape = Shape("shape", skeleton, modeling, spans, rng.normal(size=3))
-    return Project().with_takes(*clips).with_layers(*layers).with_shapes(shape), shape
+    shape = Shape("shape", skeleton, modeling, spans, rng.normal(size=3), layers=tuple(layers))
+    return Project().with_takes(*clips).with_characters(shape), shape
 
 
 @laws
@@ -155,8 +155,8 @@ def test_mute_and_weight_0_are_removal(seed, how):
     once = bind_chain(project, "shape", below, "take", below)
     twice = bind_chain(once, "shape", below, "take", below, basis=random_turn(rng), layer_id="more")
     less = {
-        "muted": lambda: set_layer(twice, "more", muted=True),
-        "weight": lambda: set_layer(twice, "more", weight=0.0),
+        "muted": lambda: set_layer(twice, "shape", "more", muted=True),
+        "weight": lambda: set_layer(twice, "shape", "more", weight=0.0),
         "removed": lambda: once,
     }[how]()
     times = times_of(clip)
@@ -164,7 +164,7 @@ def test_mute_and_weight_0_are_removal(seed, how):
         Player(less, "shape").sample(times), Player(once, "shape").sample(times), strict=True
     ):
         assert alike(ours, theirs)
-    still = set_layer(set_layer(twice, "take", weight=0.0), "more", muted=True)
+    still = set_layer(set_layer(twice, "shape", "take", weight=0.0), "shape", "more", muted=True)
     turns, joints = Player(still, "shape").sample(times)
     assert alike(turns, np.broadcast_to(EYE, turns.shape))
     np.testing.assert_allclose(joints, np.broadcast_to(clip.skeleton.positions, joints.shape), atol=1e-12)
@@ -176,11 +176,11 @@ def test_a_part_weight_is_on_the_way_from_rest_to_the_whole(seed, weight):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 2)
     clip = random_clip(rng, skeleton)
-    project = Project().with_takes(clip).with_shapes(still_shape("shape", skeleton))
+    project = Project().with_takes(clip).with_characters(still_shape("shape", skeleton))
     project = bind_chain(project, "shape", (0, 1), "take", (0, 1), basis=EYE)
     times = np.arange(9) * clip.step
     whole = Player(project, "shape").own(times)[:, 1]
-    part = Player(set_layer(project, "take", weight=weight), "shape").own(times)[:, 1]
+    part = Player(set_layer(project, "shape", "take", weight=weight), "shape").own(times)[:, 1]
     for a, b in zip(part, whole, strict=True):
         assert angle(a, EYE) == pytest.approx(weight * angle(b, EYE), abs=1e-7)
 
@@ -192,7 +192,7 @@ def test_offset_and_speed_move_the_take_in_time(seed, offset, speed, loop):
     project, clip, _ = scene(rng)
     chain = chain_to(clip.skeleton, 7)
     plain = bind_chain(project, "shape", chain, "take", chain)
-    played = set_layer(plain, "take", offset=offset, speed=speed, loop=loop)
+    played = set_layer(plain, "shape", "take", offset=offset, speed=speed, loop=loop)
     into = np.array([0.02, 0.3, 0.61, 0.99]) * clip.duration
     start = 0.0 if speed > 0 else clip.duration
     times = offset + (into - start) / speed
@@ -217,7 +217,7 @@ def test_layers_on_one_another_telescope(seed):
         project = bind_chain(
             project, "shape", chain, "take", chain, basis=basis, layer_id=str(i), offset=0.1 * i
         )
-        layer = project.layers[str(i)]
+        layer = project.shape("shape").layer(str(i))
         frames = Clocks.of([layer], [clip]).played(np.asarray(times, float))[0][:, 0]
         q = Polyline.of(clip, chain).sample([1.0], frames, 1.0, basis)[:, 0]
         expected = multiply(expected, q)
@@ -232,17 +232,17 @@ def test_travel_goes_as_far_as_the_legs_are_long():
         "small",
         type(shape.skeleton)(shape.skeleton.names, shape.skeleton.parents, shape.skeleton.positions * 0.25),
     )
-    project = bind_chain(project.with_shapes(small), "small", (0,), "take", (0,), basis=EYE)
+    project = bind_chain(project.with_characters(small), "small", (0,), "take", (0,), basis=EYE)
     project = set_travel(project, "small", "take")
     assert project.shape("small").travel_scale == pytest.approx(0.25)
     times = np.arange(9) * clip.step
     way = Player(project, "small").sample(times)[1][:, 0] - small.skeleton.positions[0]
     np.testing.assert_allclose(way, 0.25 * (clip.root - clip.skeleton.positions[0]), atol=1e-12)
     # Turned, halved, mirrored and off.
-    half = set_layer(project, "take", weight=0.5, basis=[0.5, 0.5, 0.5, 0.5], mirrored=True)
+    half = set_layer(project, "small", "take", weight=0.5, basis=[0.5, 0.5, 0.5, 0.5], mirrored=True)
     turned = Player(half, "small").sample(times)[1][:, 0] - small.skeleton.positions[0]
     np.testing.assert_allclose(turned, 0.5 * rotate([0.5, 0.5, 0.5, 0.5], way * [-1, 1, 1]), atol=1e-12)
-    for still in (set_travel(project, "small", None), set_layer(project, "take", muted=True)):
+    for still in (set_travel(project, "small", None), set_layer(project, "small", "take", muted=True)):
         assert alike(Player(still, "small").root(times), np.tile(small.skeleton.positions[0], (9, 1)))
 
 
@@ -298,7 +298,7 @@ def test_a_looped_take_goes_on_from_where_it_ended(speed):
     project, clip, _ = scene(rng)
     project = bind_chain(project, "shape", (0,), "take", (0,), basis=random_turn(rng), speed=speed, loop=True)
     player = Player(set_travel(project, "shape", "take"), "shape")
-    layer = project.layers["take"]
+    layer = project.shape("shape").layer("take")
     way = rotate(layer.basis, (clip.root[-1] - clip.root[0]) * [1, 0, 1]) * np.sign(speed)
     times, period = np.array([0.011, 0.1]), clip.duration / abs(speed)
     for rounds in (-2, 1, 5):

@@ -52,7 +52,7 @@ def walk(frames=91, slide=0.15):
 def walking(clip, shape=None):
     """A project in which a shape walks."""
     shape = shape or still_shape("walker", WALKER)
-    project = Project().with_takes(clip).with_shapes(shape)
+    project = Project().with_takes(clip).with_characters(shape)
     for side in (1, 5):
         chain = tuple(range(side, side + 4))
         project = bind_chain(project, "walker", chain, "walk", chain, basis=EYE, layer_id=f"leg {side}")
@@ -164,7 +164,7 @@ def test_a_node_more_in_the_thigh_changes_nothing_of_the_foot():
     parents = np.array([-1, 0, 1, 2, 3, 4, 0, 6, 7, 8], np.int32)
     finer = still_shape("walker", Skeleton(names, parents, positions))
     clip = walk()
-    project = Project().with_takes(clip).with_shapes(finer)
+    project = Project().with_takes(clip).with_characters(finer)
     for ours, theirs in (((1, 2, 3, 4, 5), (1, 2, 3, 4)), ((6, 7, 8, 9), (5, 6, 7, 8))):
         project = bind_chain(project, "walker", ours, "walk", theirs, basis=EYE, layer_id=str(ours))
     project = set_travel(project, "walker", "(6, 7, 8, 9)")
@@ -180,7 +180,7 @@ def test_a_node_more_in_the_thigh_changes_nothing_of_the_foot():
 def test_a_looped_walk_stands_in_every_round():
     project = walking(walk(31))
     for name in ("leg 1", "leg 5"):
-        project = set_layer(project, name, loop=True)
+        project = set_layer(project, "walker", name, loop=True)
     player = Player(pin_feet(project, "walker", FEET), "walker")
     times = np.linspace(0.01, 0.99, 50)
     (a, x), (b, y) = player.sample(times), player.sample(times + 7.0)
@@ -195,12 +195,13 @@ def test_a_looped_walk_stands_in_every_round():
 
 def test_the_window_of_layers():
     project = walking(walk(31))
-    layers = list(project.layers.values())
+    (shape,) = project.shapes.values()
+    layers = shape.layers
     assert window_of([], {}) == Window(0.0, 0.0, False)
     window = window_of(layers, project.takes)
     assert (window.start, window.looped) == (0.0, False) and window.end == pytest.approx(1.0)
-    late = set_layer(project, "leg 5", offset=2.0, speed=0.5, loop=True)
-    window = window_of(list(late.layers.values()), late.takes)
+    late = set_layer(project, shape.id, "leg 5", offset=2.0, speed=0.5, loop=True)
+    window = window_of(late.shape(shape.id).layers, late.takes)
     assert not window.looped and window.end == 120.0
     np.testing.assert_array_equal(window.folded(np.array([-1.0, 500.0])), [-1.0, 500.0])
     np.testing.assert_allclose(Window(1.0, 3.0, True).folded(np.array([0.5, 1.0, 3.5])), [2.5, 1.0, 1.5])

@@ -22,7 +22,8 @@ from enliven.document.project import Project, same
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import motion_of, state_of
-from enliven.modeling.puppet.edits import (
+from enliven.modeling.edits import rename_character
+from enliven.modeling.puppet import (
     add_key_pose,
     add_point,
     change_layer,
@@ -39,7 +40,6 @@ from enliven_viewer.studio.examples.edits import (
     mirrored_copy,
     moved_switch,
     removed_switch,
-    renamed_puppet,
     retimed,
     spoken_joint,
     turned_a_quarter,
@@ -85,7 +85,7 @@ def test_the_last_good_motion_stays_while_the_newest_is_refused_and_it_is_told_o
     still = (Velocity("left", 1, (0.0, 0.0, 0.0)), Velocity("left", 1, (1.0, 0.0, 0.0)))
     layer = good.puppets["star"].layers[0]
     wrong = PuppetLayer(layer.take, velocities=still)
-    bad = good.with_puppets(good.puppets["star"].with_changes(layers=(wrong,)))
+    bad = good.with_characters(good.puppets["star"].with_changes(layers=(wrong,)))
     for _ in range(3):
         assert solved(solving, bad)[1] is good.puppets["star"], "the last good one"
     problem = solving.problem("star")
@@ -170,10 +170,10 @@ def test_settings_and_names_change_alone_and_come_back() -> None:
     puppet = changed.puppets["star"]
     assert (puppet.examples.acceleration, puppet.surface.hold) == (0.9, 0.1)
     assert same(with_default_settings(changed, "star"), project)
-    named = renamed_puppet(project, "star", "sun")
-    assert list(named.puppets) == ["sun"] and same(renamed_puppet(named, "sun", "star"), project)
+    named = rename_character(project, "star", "sun")
+    assert list(named.puppets) == ["sun"] and same(rename_character(named, "sun", "star"), project)
     with pytest.raises(InputError, match="already"):
-        renamed_puppet(project.with_puppets(named.puppets["sun"]), "star", "sun")
+        rename_character(project.with_characters(named.puppets["sun"]), "star", "sun")
 
 
 def test_a_mesh_is_stood_up_before_it_has_points() -> None:

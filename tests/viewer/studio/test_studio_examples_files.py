@@ -18,7 +18,7 @@ from enliven.examples.puppet_motion import state_of
 from enliven.formats.motion.expmap import COLUMNS
 from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.puppet.edits import add_key_pose
+from enliven.modeling.puppet import add_key_pose
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.files import export
 from enliven_viewer.studio.workspace.workspace import Workspace

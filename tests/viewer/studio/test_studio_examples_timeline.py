@@ -17,7 +17,7 @@ from made_studio_puppets import project_with, studio
 from enliven.document.constraints import Position
 from enliven.document.locomotion import Switch
 from enliven.document.project import Project
-from enliven.modeling.puppet.edits import add_key_pose, change_layer, play_take
+from enliven.modeling.puppet import add_key_pose, change_layer, play_take
 from enliven_viewer.studio.timeline.layout import LABELS, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_lanes import LaneRow, PuppetLanes
 from enliven_viewer.studio.workspace.workspace import Workspace

@@ -11,10 +11,10 @@ import pytest
 
 from enliven.document.project import same
 from enliven.errors import InputError, ResourceError
+from enliven.modeling.edits import rename_character
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.project_store import ProjectStore
-from enliven_viewer.studio.workspace.renaming import renamed
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -22,7 +22,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 def workspace(make_limb, tmp_path) -> Workspace:
     """A workspace with one edit that is not saved."""
     made = Workspace.new(Editor(), tmp_path / "recovery")
-    made.editor.edit("add", lambda project: project.with_shapes(make_limb("limb", 3)))
+    made.editor.edit("add", lambda project: project.with_characters(make_limb("limb", 3)))
     return made
 
 
@@ -47,7 +47,7 @@ def test_what_is_saved_is_opened_bit_for_bit(workspace: Workspace, tmp_path) -> 
     workspace.store.new()
     workspace.store.open(path)
     assert same(workspace.editor.project, saved) and not workspace.store.dirty
-    workspace.editor.edit("delete", lambda project: project.without_shape("limb"))
+    workspace.editor.edit("delete", lambda project: project.without("limb"))
     assert workspace.store.dirty
     workspace.editor.undo()
     assert same(workspace.editor.project, saved)
@@ -133,7 +133,7 @@ def test_nothing_is_kept_of_what_is_saved_or_unchanged(workspace: Workspace, tmp
 def test_a_recovery_file_that_cannot_be_written_is_said(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "in the way").write_text("")
     store = ProjectStore(workspace.editor, tmp_path / "in the way")
-    store._saved = store._autosaved = workspace.editor.project.without_shape("limb")
+    store._saved = store._autosaved = workspace.editor.project.without("limb")
     store.autosave(store._since + 60.0)
     assert "Ctrl+S" in said(workspace)
 
@@ -194,11 +194,11 @@ def test_a_saved_name_gets_its_ending(tmp_path) -> None:
 
 
 def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
-    project = Editor().project.with_shapes(make_limb("a", 2), make_limb("b", 2))
-    made = renamed(project, "a", "mantle")
+    project = Editor().project.with_characters(make_limb("a", 2), make_limb("b", 2))
+    made = rename_character(project, "a", "mantle")
     assert list(made.shapes) == ["mantle", "b"] and made.shapes["mantle"].id == "mantle"
     with pytest.raises(InputError, match="already"):
-        renamed(project, "a", "b")
+        rename_character(project, "a", "b")
 
 
 def test_a_fault_of_our_own_is_told_and_changes_nothing(workspace: Workspace, monkeypatch) -> None:

@@ -35,7 +35,7 @@ def workspace(make_limb, tmp_path) -> Workspace:
             linear = np.tile(np.eye(3, dtype=np.float32), (5, 1, 1))
             poses.append(Pose(name, frame * NS // 30, linear, moved.astype(np.float32)))
         shape, stream = graph_shape_of(character, poses, name)
-        project = project.with_streams(stream).with_graphs(shape)
+        project = project.with_streams(stream).with_characters(shape)
     made = Workspace.new(Editor(), tmp_path)
     made.store.new(project)
     return made

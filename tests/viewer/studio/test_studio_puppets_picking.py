@@ -12,7 +12,8 @@ from made_studio_puppets import SIDES, TIPS, project_with, star, vertex
 
 from enliven.document.puppet import Puppet
 from enliven.examples.puppet_motion import in_world
-from enliven.modeling.puppet.edits import move_puppet, set_symmetry, turn_puppet
+from enliven.modeling.edits import move_character, turn_character
+from enliven.modeling.puppet import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.manipulator import LENGTH, PARTS, Manipulator
@@ -76,7 +77,7 @@ def test_of_a_face_the_nearest_corner_is_taken() -> None:
 def test_a_puppet_is_picked_where_it_stands(name: str) -> None:
     editor = editor_with()
     turn = from_rotation_vector(np.array([0.0, 0.7, 0.0]))
-    editor.edit("away", lambda p: turn_puppet(move_puppet(p, "star", [0.6, 0.2, -0.3]), "star", turn))
+    editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
     standing = editor.puppets.standing[0]
     middle = standing.vertices.mean(0)
     place = standing.vertices[vertex(name)] * 0.93 + middle * 0.07
@@ -90,7 +91,7 @@ def test_a_puppet_is_picked_where_it_stands(name: str) -> None:
 def test_into_the_mesh_and_out_again() -> None:
     editor = editor_with("head")
     turn = from_rotation_vector(np.array([0.3, 0.7, -0.2]))
-    editor.edit("away", lambda p: turn_puppet(move_puppet(p, "star", [0.6, 0.2, -0.3]), "star", turn))
+    editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
     standing = editor.puppets.standing[0]
     assert np.allclose(standing.into(standing.vertices), star().vertices)
     assert np.allclose(standing.vertices, in_world(standing.puppet, standing.state, star().vertices))

@@ -25,7 +25,7 @@ from tolerances import SOLVED, alike
 from enliven.document.project import same
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.mesh import refine
-from enliven.modeling.puppet.edits import add_key_pose, add_point, change_point, make_puppet, play_take
+from enliven.modeling.puppet import add_key_pose, add_point, change_point, make_puppet, play_take
 from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -211,7 +211,7 @@ def test_a_click_chooses_a_puppet_and_one_beside_all_none(tmp_path) -> None:
 
 def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
     workspace, stage = studio(tmp_path)
-    workspace.store.new(workspace.editor.project.without_puppet("star").with_shapes(make_limb("limb")))
+    workspace.store.new(workspace.editor.project.without("star").with_characters(make_limb("limb")))
     assert workspace.editor.selection.shape is None
     play([Key("f"), Wait(1.0), Click(Spot(0.0, 0.8, 0.05)), Key("ctrl+p")], stage)
     made = workspace.editor.project.puppets["limb puppet"]
@@ -256,7 +256,7 @@ def test_a_large_mesh_is_prepared_beside_the_window(tmp_path, monkeypatch) -> No
     mesh = refine(star(), 0.008)
     assert len(mesh.vertices) > 30_000
     puppet = workspace.puppets.puppet.with_changes(mesh=mesh)
-    workspace.editor.edit("finer", lambda p: p.with_puppets(puppet))
+    workspace.editor.edit("finer", lambda p: p.with_characters(puppet))
     assert np.array_equal(workspace.puppets.standing[0].surface, mesh.vertices)
     assert "takes a moment" in workspace.editor.toasts.shown[-1].text
     workspace.puppets.add_point(0)

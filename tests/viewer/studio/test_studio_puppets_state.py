@@ -12,7 +12,7 @@ from made_studio_puppets import SIDES, project_with, star, studio, vertex
 from tolerances import SOLVED, alike
 
 from enliven.document.project import same
-from enliven.modeling.puppet.edits import add_key_pose, set_symmetry
+from enliven.modeling.puppet import add_key_pose, set_symmetry
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.mirrored import partner_point, partner_vertex
 from enliven_viewer.studio.puppets.posing import PuppetEditor
@@ -182,7 +182,7 @@ def test_a_vertex_that_no_face_uses_is_refused() -> None:
     puppets = posing("head")
     mesh = star()
     loose = type(mesh)(np.concatenate([mesh.vertices, [[0, 2.0, 0]]]), mesh.faces, "star")
-    puppets.editor.edit("loosen", lambda p: p.with_puppets(p.puppets["star"].with_changes(mesh=loose)))
+    puppets.editor.edit("loosen", lambda p: p.with_characters(p.puppets["star"].with_changes(mesh=loose)))
     before = puppets.editor.project
     assert not puppets.add_point(len(mesh.vertices)) and puppets.editor.project is before
     assert "loose" in puppets.editor.toasts.shown[-1].text and puppets.editor.toasts.shown[-1].bad
@@ -195,7 +195,7 @@ def test_a_puppet_that_cannot_be_solved_is_told_and_mended() -> None:
     puppet = puppet_of(puppets)
     points = (*puppet.points, replace(puppet.points[0], name="loose", vertex=len(mesh.vertices)))
     wrong = puppet.with_changes(mesh=loose, points=points)
-    puppets.editor.edit("as a file may have it", lambda p: p.with_puppets(wrong))
+    puppets.editor.edit("as a file may have it", lambda p: p.with_characters(wrong))
     assert np.array_equal(puppets.standing[0].surface, loose.vertices)
     assert puppets.editor.toasts.shown[-1].bad, "it is told"
     puppets.choose("star", 2)

@@ -63,7 +63,7 @@ def test_figure_6_keeps_every_motion(films, tmp_path) -> None:
 def test_the_squid_is_one_closed_surface_with_six_moving_tentacles(films, tmp_path) -> None:
     workspace = played(films, "squid", tmp_path)
     project = workspace.editor.project
-    assert list(project.shapes) == ["mantle"] and len(project.layers) == 6
+    assert list(project.shapes) == ["mantle"] and len(project.layer_names) == 6
     squid = project.shapes["mantle"]
     assert closed(squid.mesh.faces)
     tips = [j for j in range(1, len(squid.skeleton)) if not squid.skeleton.children[j]]
@@ -76,7 +76,7 @@ def test_the_mantis_stands_on_four_legs_and_reaches_with_two_arms(films, tmp_pat
     workspace = played(films, "mantis", tmp_path)
     project = workspace.editor.project
     assert list(project.shapes) == ["mantis"]
-    takes = sorted(layer.take for layer in project.layers.values())
+    takes = sorted(layer.take for layer in project.shapes["mantis"].layers)
     assert takes.count("reach") == 2 and takes.count("walk") >= 4
     mantis = project.shapes["mantis"]
     leaves = [j for j in range(1, len(mantis.skeleton)) if not mantis.skeleton.children[j]]
@@ -115,7 +115,7 @@ def make_scene(tmp_path_factory):
 
     def make() -> Workspace:
         workspace = Workspace.new(Editor(), folder)
-        project = workspace.editor.project.with_shapes(limb_at("limb", 0.0), limb_at("arm", 0.5))
+        project = workspace.editor.project.with_characters(limb_at("limb", 0.0), limb_at("arm", 0.5))
         workspace.store.new(
             bind_chain(project, "limb", (0, 1, 2, 3), "wave", (0, 1, 2, 3, 4, 5, 6), loop=True)
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +14,7 @@ from enliven.document.project import Project
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
+from enliven.modeling.edits import change_layers
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.timeline.layout import LABELS, LANE, RULER, TimelineLayout
@@ -28,7 +28,7 @@ def project_of(offsets: list[float], speeds: list[float], take: str = "wave") ->
     names = tuple(f"j{k}" for k in range(count))
     joints = np.stack([np.zeros(count), np.arange(count, dtype=float), np.zeros(count)], 1)
     shape = still_shape("s", Skeleton(names, np.arange(-1, count - 1, dtype=np.int32), joints))
-    project = Project().with_takes(*library()).with_shapes(shape)
+    project = Project().with_takes(*library()).with_characters(shape)
     for k, (offset, speed) in enumerate(zip(offsets, speeds, strict=True)):
         project = bind_chain(project, "s", (k, k + 1), take, (0, 1, 2), offset=offset, speed=speed)
     return project
@@ -50,9 +50,8 @@ def test_what_is_drawn_at_a_pixel_is_found_there(offsets, data, width) -> None:
         assert bar.left == pytest.approx(layout.x(offset))
         assert bar.right <= width
         assert layout.handle_at(bar.right - 0.5, y) == layout.handle_at(bar.right + 0.5, y)
-        assert (
-            layout.handle_at(bar.right, y).kind == "edge" and layout.handle_at(bar.right, y).layers == bar.ids
-        )
+        edge = layout.handle_at(bar.right, y)
+        assert (edge.kind, edge.character, edge.layers) == ("edge", bar.character, bar.layers)
         if bar.right - bar.left > 20:
             assert layout.handle_at((bar.left + bar.right) / 2, y).kind == "bar"
         assert layout.handle_at(5.0, y).kind == "mute" and layout.handle_at(60.0, y).kind == "label"
@@ -78,17 +77,18 @@ def test_many_layers_of_one_take_share_a_lane_until_one_is_moved() -> None:
     project = project_of([0.0] * 20, [1.0] * 20)
     layout = TimelineLayout(project, 4.0, 1000.0)
     assert len(layout.bars()) == 1 and layout.bars()[0].label == "wave  (20 bones)"
-    name = layout.bars()[0].ids[7]
-    moved = project.with_layers(replace(project.layers[name], offset=0.5))
+    moved = change_layers(project, "s", [layout.bars()[0].layers[7]], offset=0.5)
     assert [len(bar.layers) for bar in TimelineLayout(moved, 4.0, 1000.0).bars()] == [19, 1]
 
 
 def test_layers_that_no_shape_uses_have_no_lane() -> None:
-    project = project_of([0.0], [1.0]).with_layers(Layer("idle", "wave", (0, 1)))
-    assert [bar.layer.id for bar in TimelineLayout(project, 2.0, 900.0).bars()] == ["wave"]
+    project = project_of([0.0], [1.0])
     shape = project.shapes["s"]
-    both = shape.with_changes(spans=(shape.spans[0], (Span(1.0, (Ref("idle", 0.0, 1.0),)),)))
-    named = [bar.layer.id for bar in TimelineLayout(project.with_shapes(both), 2.0, 900.0).bars()]
+    two = shape.with_changes(layers=(*shape.layers, Layer("idle", "wave", (0, 1))))
+    assert [bar.label for bar in TimelineLayout(project.with_characters(two), 2.0, 900.0).bars()] == ["wave"]
+    other = (Layer("idle", "wave", (0, 1)),)
+    both = shape.with_changes(spans=(shape.spans[0], (Span(1.0, (Ref("idle", 0.0, 1.0),)),)), layers=other)
+    named = [bar.label for bar in TimelineLayout(project.with_characters(both), 2.0, 900.0).bars()]
     assert named == ["idle"]
 
 
@@ -108,7 +108,7 @@ def test_messages_stay_their_time_and_bad_ones_longer() -> None:
 def test_loops_play_on_until_they_begin_again_together() -> None:
     def looped(*lengths: float) -> Project:
         project = project_of([0.0] * len(lengths), [2.0 / seconds for seconds in lengths])
-        return project.with_layers(*(replace(layer, loop=True) for layer in project.layers.values()))
+        return change_layers(project, "s", range(len(lengths)), loop=True)
 
     assert length_of(looped(1.8, 1.2), 2.0) == pytest.approx(3.6)
     assert length_of(looped(2.0), 2.0) == pytest.approx(2.0)

@@ -40,7 +40,7 @@ def workspace(make_limb: Limb, tmp_path) -> Workspace:
     """A workspace with two limbs and the library, seen from the front."""
     made = Workspace.new(Editor(), tmp_path)
     shapes = make_limb("limb", 4), make_limb("arm", 2, 0.6, (0.7, 0.2, 0.0))
-    made.store.new(made.editor.project.with_shapes(*shapes))
+    made.store.new(made.editor.project.with_characters(*shapes))
     return made
 
 
@@ -147,7 +147,7 @@ def test_a_chain_is_mapped_by_clicking_and_flipped_with_y(workspace: Workspace) 
     )
     assert workspace.editor.history.names == ()
     do(workspace, Click(JointPlace("limb", 4)))
-    layer = workspace.editor.project.layers["curl"]
+    layer = workspace.editor.project.shape("limb").layer("curl")
     assert layer.take == "curl" and layer.chain == (0, 1, 2, 3, 4, 5) and layer.loop
     workspace.editor.scrub(1.2)
     one = workspace.editor.posed("limb").joints[-1]
@@ -211,7 +211,11 @@ def test_copies_have_motion_of_their_own(workspace: Workspace) -> None:
     workspace.editor.edit("map", moving)
     do(workspace, Click(JointPlace("limb", 0)), Key("ctrl+c"), Key("ctrl+v"), Key("ctrl+v"))
     assert {"limb 2", "limb 3"} <= set(workspace.editor.project.shapes)
-    assert len(workspace.editor.project.layers) == 3
+    assert [len(shape.layers) for shape in workspace.editor.project.shapes.values() if shape.layers] == [
+        1,
+        1,
+        1,
+    ]
     places = [workspace.editor.project.shapes[name].place[0] for name in ("limb", "limb 2", "limb 3")]
     assert places[0] < places[1] < places[2], "side by side"
 
@@ -261,12 +265,12 @@ def test_a_dot_is_no_part(workspace: Workspace) -> None:
 def test_a_layer_is_dragged_in_time_and_its_speed_by_its_end(workspace: Workspace) -> None:
     workspace.editor.edit("map", moving)
     do(workspace, Drag((OnTimeline(0.5, 0), OnTimeline(1.1, 0))))
-    assert workspace.editor.project.layers["wave"].offset == pytest.approx(0.6, abs=0.02)
+    assert workspace.editor.project.shape("limb").layer("wave").offset == pytest.approx(0.6, abs=0.02)
     layout = workspace.timeline.layout
     bar = layout.bars()[0]
     end = layout.time(bar.right)
     do(workspace, Drag((OnTimeline(end, 0), OnTimeline(end - 1.0, 0))))
-    assert workspace.editor.project.layers["wave"].speed == pytest.approx(2.0, rel=0.05)
+    assert workspace.editor.project.shape("limb").layer("wave").speed == pytest.approx(2.0, rel=0.05)
     assert workspace.editor.history.names == ("map", "move layer", "change speed")
 
 

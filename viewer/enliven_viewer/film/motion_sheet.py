@@ -79,7 +79,7 @@ def _take(made: Retargeted, times: Float) -> MotionRow:
     shape = stick_shape("performer", made.clip.skeleton)
     project, shape = playing(Project(), shape, made.clip)
     if not made.plan.travel:
-        project = project.with_shapes(shape.with_changes(travel=None))
+        project = project.with_characters(shape.with_changes(travel=None))
     player = Player(project, shape.id)
     return MotionRow(character_of(shape), [player.pose(t) for t in times], made.take_facing + SIDE)
 

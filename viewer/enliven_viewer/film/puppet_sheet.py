@@ -58,7 +58,7 @@ def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:
     clip = project.takes[layer.take]
     shown, shape = playing(Project(), stick_shape("performer", clip.skeleton), clip)
     if not motion.travels:
-        shown = shown.with_shapes(shape.with_changes(travel=None))
+        shown = shown.with_characters(shape.with_changes(travel=None))
     player = Player(shown, shape.id)
     poses = [player.pose(clock(layer, motion, time)[0] * clip.step) for time in times]
     return MotionRow(character_of(shape), poses, facing_of(clip.skeleton) + SIDE)

@@ -149,7 +149,7 @@ class LiveShape:
 
     def _rebuild(self) -> None:
         """Makes the project of all bindings, and its player."""
-        project = Project().with_shapes(self.shape)
+        project = Project().with_characters(self.shape)
         for binding in self.bindings:
             project = project.with_takes(binding.take)
             for source, target in binding.pairs:

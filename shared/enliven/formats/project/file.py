@@ -24,11 +24,12 @@ from enliven.document import Project
 from enliven.errors import InputError
 from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
+from enliven.formats.project.upgrades import characters_of_kinds
 from enliven.formats.project.values import name_of, packed, unpacked
 
-VERSION = 1
+VERSION = 2
 """Of the format. An added field needs no new version; a changed meaning of a written field does."""
-_UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {}
+_UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: characters_of_kinds}
 """For each older version: the function that turns its project object into that of the next version."""
 _FORMAT = "enliven project"
 _HEADER, _ARRAYS = "project.json", "arrays/"

@@ -3,7 +3,7 @@
 A dataclass becomes an object of its fields, a mapping an object, a tuple an array, and a NumPy array
 ``{"array": <name>}`` with its numbers kept elsewhere, each once. Numbers come back bit for bit: JSON has the
 shortest decimal that is the same float64. A field that a file lacks gets its default, so a document that
-grew a field still reads what was written before it.
+grew a field still reads what was written before it. The object of a rig says of which kind it is.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray
+from enliven.document import RigBase
 from enliven.errors import InputError
 
 ARRAY = "array"
+KIND = "kind"
 
 
 def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
@@ -31,7 +33,8 @@ def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
         return {ARRAY: name}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = [field.name for field in dataclasses.fields(value) if field.init]
-        return {name: packed(getattr(value, name), arrays) for name in fields}
+        made = {name: packed(getattr(value, name), arrays) for name in fields}
+        return {KIND: value.kind, **made} if isinstance(value, RigBase) else made
     if isinstance(value, Mapping):
         return {str(key): packed(inner, arrays) for key, inner in value.items()}
     if isinstance(value, (tuple, list)):
@@ -61,6 +64,8 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
         if value is None and type(None) in arguments:
             return None
         inner = [argument for argument in arguments if argument is not type(None)]
+        if len(inner) > 1:
+            return _one_of(inner, _typed(value, dict, where), arrays, where)
         return unpacked(inner[0], value, arrays, where)
     if origin is np.ndarray:
         name = value.get(ARRAY) if isinstance(value, dict) else None
@@ -81,6 +86,17 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
     if hint is Any:
         return value
     return _typed(value, hint, where)
+
+
+def _one_of(rigs: list[type[RigBase]], table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
+    """A value of the one of several rigs that its object names."""
+    kinds = {rig.kind: rig for rig in rigs}
+    kind = table.get(KIND)
+    if kind not in kinds:
+        mend = "A later version of enliven made it: install that."
+        raise InputError(f"a character of kind {kind!r} is not known here", where=where, mend=mend)
+    rest = {name: value for name, value in table.items() if name != KIND}
+    return _dataclass(kinds[kind], rest, arrays, where)
 
 
 def _dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:

@@ -106,12 +106,12 @@ def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]
     if clip.id not in project.takes:
         project = project.with_takes(clip)
     layers, spans = list[Layer](), list[tuple[Span, ...]]()
-    taken = dict(project.layers)
+    taken: dict[str, object] = dict(project.layer_names)
     for j, name in enumerate(skeleton.names):
         chain = (int(skeleton.parents[j]), j) if j else (0,)
         layer = Layer(unused(f"{clip.id}: {name}", taken), clip.id, chain)
         taken[layer.id] = layer
         layers.append(layer)
         spans.append((Span(1.0, (Ref(layer.id, 0.0, 1.0),)),))
-    moved = shape.with_changes(spans=tuple(spans), travel=layers[0].id)
-    return project.with_layers(*layers).with_shapes(moved), moved
+    moved = shape.with_changes(spans=tuple(spans), travel=layers[0].id, layers=tuple(layers))
+    return project.with_characters(moved), moved

@@ -26,7 +26,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         raise InputError(f"the time is {time}", where=f"graph shape {shape.id!r}", mend="Give seconds.")
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     for part, start in zip(shape.parts, shape.starts, strict=False):
-        maps, places = _played(project.streams[part.stream], part, time)
+        maps, places = _played(project.streams[part.take], part, time)
         if part.mirrored:
             maps, places = maps * _MIRRORED * _MIRRORED[:, None], places * _MIRRORED
         places = part.size * places
@@ -61,7 +61,8 @@ def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
 def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
     """(K, 3, 3) and (K, 3) of a part's nodes as recorded."""
     last = len(stream.positions) - 1
-    frame = min(part.played(time, stream.duration)[0] / stream.step, float(last))
+    second = 0.0 if part.muted else part.played(time, stream.duration)[0]
+    frame = min(second / stream.step, float(last))
     before = min(int(frame), max(last - 1, 0))
     after, share = min(before + 1, last), frame - before
     return (

@@ -49,11 +49,11 @@ def cut_graph(
     shape = project.graph(shape_id)
     seen = graph_vertices(shape, *graph_pose(project, shape, time))
     cut = cut_by_stroke(shape.mesh, shape.skin, stroke, seen)
-    far_id = unused(shape_id, {**project.shapes, **project.graphs})
+    far_id = unused(shape_id, project.characters)
     near, far = _side(shape, cut.near, shape_id), _side(shape, cut.far, far_id)
     if notes is not None:
         notes.extend(cut.notes)
-    return project.with_graphs(near, far), (shape_id, far_id)
+    return project.with_characters(near, far), (shape_id, far_id)
 
 
 def merge_graphs(
@@ -117,7 +117,7 @@ def merge_graphs(
         skin,
         (*host.parts, *parts),
     )
-    return project.without_graph(graft_id).with_graphs(merged)
+    return project.without(graft_id).with_characters(merged)
 
 
 def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:

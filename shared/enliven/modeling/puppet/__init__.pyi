@@ -1,18 +1,4 @@
-from .baking import (
-    bake_puppet as bake_puppet,
-    end_of_puppet as end_of_puppet,
-    frame_times as frame_times,
-    graph_of as graph_of,
-)
-from .copying import (
-    copy_puppet as copy_puppet,
-    delete_puppet as delete_puppet,
-    mirror_puppet as mirror_puppet,
-    move_puppet as move_puppet,
-    paste_puppet as paste_puppet,
-    scale_puppet as scale_puppet,
-    turn_puppet as turn_puppet,
-)
+from .baking import bake_puppet as bake_puppet, frame_times as frame_times, graph_of as graph_of
 from .edits import make_puppet as make_puppet
 from .layers import change_layer as change_layer, play_take as play_take, remove_layer as remove_layer
 from .merge import merge_puppets as merge_puppets
@@ -25,5 +11,6 @@ from .poses import (
     remove_key_pose as remove_key_pose,
     set_symmetry as set_symmetry,
 )
+from .rig import PuppetRig as PuppetRig
 from .suggest import suggested_puppet as suggested_puppet
 from .surgery import cut_puppet as cut_puppet

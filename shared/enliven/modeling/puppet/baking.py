@@ -42,11 +42,11 @@ def bake_puppet(
         InputError: as :func:`baked`.
     """
     puppet = project.puppet(puppet_id)
-    rest = project if keep else project.without_puppet(puppet_id)
-    graph_id = unused(puppet_id, {**rest.shapes, **rest.graphs, **rest.puppets})
+    rest = project if keep else project.without(puppet_id)
+    graph_id = unused(puppet_id, rest.characters)
     stream_id = unused(puppet_id, project.streams)
     graph, stream, error = baked(project, puppet, start, end, rate, (graph_id, stream_id), settings)
-    return rest.with_streams(stream).with_graphs(graph), graph_id, error
+    return rest.with_streams(stream).with_characters(graph), graph_id, error
 
 
 def baked(
@@ -70,7 +70,7 @@ def baked(
         InputError: where the times make no sense, or the puppet lacks something to move.
     """
     settings = settings or BakeSettings()
-    stop = end_of_puppet(project, puppet) if end is None else end
+    stop = project.end_of(puppet) if end is None else end
     times = frame_times(start, stop, rate, puppet.id)
     places, turns, roots = states_of(project, puppet, times)
     frames = SurfaceFrames(puppet, places, settings.kept)
@@ -103,12 +103,6 @@ def graph_of(
     stream = PoseStream(ids[1], linear, positions, step)
     part = GraphPart(ids[1], np.arange(len(surface.pivots)), offset=start)
     return GraphShape(ids[0], surface.pivots, surface.edges, mesh, surface.skin, (part,)), stream
-
-
-def end_of_puppet(project: Project, puppet: Puppet) -> float:
-    """Seconds until each of its layers that is not muted has played its take once; 0 without."""
-    layers = [layer for layer in puppet.layers if not layer.muted]
-    return max((layer.end(project.takes[layer.take].duration) for layer in layers), default=0.0)
 
 
 def frame_times(start: float, end: float, rate: float, name: str) -> Float:

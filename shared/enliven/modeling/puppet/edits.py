@@ -7,7 +7,7 @@
 
 An edit that is refused raises InputError and changes nothing. A layer is changed by
 :mod:`enliven.modeling.puppet.layers`, a whole puppet is moved, mirrored and copied by
-:mod:`enliven.modeling.puppet.copying`.
+:mod:`enliven.modeling.edits`.
 """
 
 from __future__ import annotations
@@ -17,46 +17,6 @@ import numpy as np
 from enliven.document import Project, Puppet
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.puppet.copying import (
-    copy_puppet,
-    delete_puppet,
-    mirror_puppet,
-    move_puppet,
-    paste_puppet,
-    scale_puppet,
-    turn_puppet,
-)
-from enliven.modeling.puppet.layers import change_layer, play_take, remove_layer
-from enliven.modeling.puppet.points import add_point, change_point, remove_point
-from enliven.modeling.puppet.poses import (
-    add_key_pose,
-    change_key_pose,
-    mirror_key_pose,
-    remove_key_pose,
-    set_symmetry,
-)
-
-__all__ = [
-    "add_key_pose",
-    "add_point",
-    "change_key_pose",
-    "change_layer",
-    "change_point",
-    "copy_puppet",
-    "delete_puppet",
-    "make_puppet",
-    "mirror_key_pose",
-    "mirror_puppet",
-    "move_puppet",
-    "paste_puppet",
-    "play_take",
-    "remove_key_pose",
-    "remove_layer",
-    "remove_point",
-    "scale_puppet",
-    "set_symmetry",
-    "turn_puppet",
-]
 
 
 def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
@@ -69,7 +29,7 @@ def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
         InputError: for a name that something has already, and for a mesh that cannot be one.
     """
     where = f"puppet {puppet_id!r}"
-    if not puppet_id or puppet_id in {**project.shapes, **project.graphs, **project.puppets}:
+    if not puppet_id or puppet_id in project.characters:
         what = "something has that name already" if puppet_id else "it needs a name"
         raise InputError(what, where=where, mend="Choose another name.")
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
@@ -77,4 +37,4 @@ def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
             "its mesh has no faces" if len(mesh.faces) == 0 else "its mesh has vertices that are not finite"
         )
         raise InputError(what, where=where, mend="Export the mesh again.")
-    return project.with_puppets(Puppet(puppet_id, mesh))
+    return project.with_characters(Puppet(puppet_id, mesh))

@@ -25,7 +25,7 @@ def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) ->
     puppet = project.puppet(puppet_id)
     check_names(attributes, PuppetLayer, f"layer of {take!r}")
     layer = _checked(project, puppet, PuppetLayer(take, **attributes))
-    return project.with_puppets(puppet.with_changes(layers=(*puppet.layers, layer)))
+    return project.with_characters(puppet.with_changes(layers=(*puppet.layers, layer)))
 
 
 def change_layer(project: Project, puppet_id: str, number: int, **changes: Any) -> Project:
@@ -39,7 +39,7 @@ def change_layer(project: Project, puppet_id: str, number: int, **changes: Any) 
     check_names(changes, PuppetLayer, f"layer {number}")
     layer = _checked(project, puppet, replace(puppet.layers[number], **changes))
     layers = (*puppet.layers[:number], layer, *puppet.layers[number + 1 :])
-    return project.with_puppets(puppet.with_changes(layers=layers))
+    return project.with_characters(puppet.with_changes(layers=layers))
 
 
 def remove_layer(project: Project, puppet_id: str, number: int) -> Project:
@@ -51,7 +51,7 @@ def remove_layer(project: Project, puppet_id: str, number: int) -> Project:
     puppet = project.puppet(puppet_id)
     _layer(puppet, number)
     layers = puppet.layers[:number] + puppet.layers[number + 1 :]
-    return project.with_puppets(puppet.with_changes(layers=layers))
+    return project.with_characters(puppet.with_changes(layers=layers))
 
 
 def _layer(puppet: Puppet, number: int) -> PuppetLayer:

@@ -100,9 +100,9 @@ def merge_puppets(
     to_host, to_graft = host.around(middle), graft.around(middle)
     united_mesh = _united(host.puppet, graft.puppet, to_host.back.after(to_graft), seam, loose, told)
     merged = _Merge(host, graft, united_mesh, keys, middle).made(told)
-    project = project.without_puppet(graft_id)
-    now = state_at(project.with_puppets(merged), merged, time)
-    return project.with_puppets(stood_as(merged, now, before, host.state))
+    project = project.without(graft_id)
+    now = state_at(project.with_characters(merged), merged, time)
+    return project.with_characters(stood_as(merged, now, before, host.state))
 
 
 class _Side:

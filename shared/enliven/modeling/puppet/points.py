@@ -47,7 +47,7 @@ def add_point(
         for pose, place in zip(puppet.poses, places, strict=True)
     ]
     point = ControlPoint(name, vertex, joint, bool(foot))
-    return project.with_puppets(puppet.with_changes(points=(*puppet.points, point), poses=tuple(poses)))
+    return project.with_characters(puppet.with_changes(points=(*puppet.points, point), poses=tuple(poses)))
 
 
 def remove_point(project: Project, puppet_id: str, name: str) -> Project:
@@ -61,7 +61,7 @@ def remove_point(project: Project, puppet_id: str, name: str) -> Project:
     points = tuple(point for point in puppet.points if point.name != name)
     poses = tuple(replace(pose, places=np.delete(pose.places, gone, axis=0)) for pose in puppet.poses)
     layers = tuple(_without(layer, name) for layer in puppet.layers if layer.points != (name,))
-    return project.with_puppets(puppet.with_changes(points=points, poses=poses, layers=layers))
+    return project.with_characters(puppet.with_changes(points=points, poses=poses, layers=layers))
 
 
 def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -> Project:
@@ -95,7 +95,7 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
     layers = puppet.layers
     if new.name != old.name:
         layers = tuple(_renamed(layer, old.name, new.name) for layer in layers)
-    return project.with_puppets(puppet.with_changes(points=points, poses=poses, layers=layers))
+    return project.with_characters(puppet.with_changes(points=points, poses=poses, layers=layers))
 
 
 def checked_vertex(puppet: Puppet, vertex: int) -> int:

@@ -53,7 +53,9 @@ def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
     """
     puppet = project.puppet(puppet_id)
     _pose(puppet, number)
-    return project.with_puppets(puppet.with_changes(poses=puppet.poses[:number] + puppet.poses[number + 1 :]))
+    return project.with_characters(
+        puppet.with_changes(poses=puppet.poses[:number] + puppet.poses[number + 1 :])
+    )
 
 
 def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
@@ -74,7 +76,7 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
     names = [point.name for point in puppet.points]
     partners = partners_of(puppet.rest, np.array(plane.point), np.array(plane.normal), names=names)
     places = mirrored_places(pose.places, puppet.rest, partners, np.array(plane.normal))
-    return project.with_puppets(_with_pose(puppet, number, replace(pose, places=places)))
+    return project.with_characters(_with_pose(puppet, number, replace(pose, places=places)))
 
 
 def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Project:
@@ -91,12 +93,12 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
         if not np.isfinite([*plane.point, length]).all() or length == 0.0:
             what = f"a plane at {plane.point} across {plane.normal} is none"
             raise InputError(what, where=f"puppet {puppet.id!r}", mend="Give a point and a direction.")
-    return project.with_puppets(puppet.with_changes(symmetry=plane))
+    return project.with_characters(puppet.with_changes(symmetry=plane))
 
 
 def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
     """The project with the puppet; its examples must differ as soon as they can be compared."""
-    made = project.with_puppets(puppet)
+    made = project.with_characters(puppet)
     if not missing(made, puppet):
         examples_of(made, puppet)
     return made

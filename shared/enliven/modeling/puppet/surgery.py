@@ -81,7 +81,7 @@ def cut_puppet(
     seen = in_world(puppet, before, surface.settle(before.places))
     cut = cut_by_stroke(puppet.mesh, None, stroke, seen)
     told.extend(cut.notes)
-    far_id = unused(puppet_id, {**project.shapes, **project.graphs, **project.puppets})
+    far_id = unused(puppet_id, project.characters)
     whole = unfolded(project, with_moment(project, puppet, time))
     places = [pose.places for pose in whole.poses]
     was = shown(surface, np.array(places).reshape(len(places), len(whole.points), 3))
@@ -90,9 +90,9 @@ def cut_puppet(
     halves = []
     for piece, name in ((cut.near, puppet_id), (cut.far, far_id)):
         half = _Half(project, whole, was, piece, settings or PuppetCutSettings()).made(name, told)
-        now = state_at(project.with_puppets(half), half, time)
+        now = state_at(project.with_characters(half), half, time)
         halves.append(stood_as(half, now, puppet, before))
-    return project.with_puppets(*halves), (puppet_id, far_id)
+    return project.with_characters(*halves), (puppet_id, far_id)
 
 
 class _Half:

@@ -8,15 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.document import Layer, Project, Shape, unused
+from enliven.document import Layer
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.rigged.spans import Spans, as_before
-from enliven.motion.layers import layers_of
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized, rotate
 
 _MIRRORED = np.array([1.0, 1.0, -1.0, -1.0])
 """What the reflection in the plane x = 0 does to a quaternion: S q S, S = diag(-1, 1, 1)."""
+
+
+_AS_THEY_ARE: Mapping[str, str] = {}
+"""No layer has a new id."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,7 @@ class Axes:
         basis = normalized(multiply(self.turn, basis))
         return replace(layer, basis=basis, mirrored=layer.mirrored != self.mirrored)
 
-    def spans(self, spans: Spans, layers: Mapping[str, str]) -> Spans:
+    def spans(self, spans: Spans, layers: Mapping[str, str] = _AS_THEY_ARE) -> Spans:
         """The spans with what is fixed in them in the new axes; ``layers``: the new id of each layer."""
         return tuple(
             replace(
@@ -76,26 +79,6 @@ class Axes:
             )
             for span in spans
         )
-
-
-def layers_in(project: Project, shape: Shape, axes: Axes) -> tuple[Project, dict[str, str]]:
-    """The project with the layers of a shape in new axes, and the new id of each.
-
-    A layer that no other shape uses keeps its id; the others are copied, and stay for the other shapes.
-    """
-    used = layers_of(shape)
-    if axes.same or not used:
-        return project, {layer: layer for layer in used}
-    elsewhere = {
-        layer for other in project.shapes.values() if other.id != shape.id for layer in layers_of(other)
-    }
-    ids, made = {}, []
-    taken = dict.fromkeys(project.layers)
-    for layer in used:
-        ids[layer] = unused(layer, taken) if layer in elsewhere else layer
-        taken[ids[layer]] = None
-        made.append(replace(axes.layer(project.layers[layer]), id=ids[layer]))
-    return project.with_layers(*made), ids
 
 
 def moved_mesh(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:

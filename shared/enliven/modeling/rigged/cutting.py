@@ -65,7 +65,7 @@ def cut_bone(
         upper, lower = with_cut(shape, upper, lower, cut)
         if notes is not None:
             notes.extend(cut.notes)
-    return project.with_shapes(upper, lower), (upper.id, lower.id)
+    return project.with_characters(upper, lower), (upper.id, lower.id)
 
 
 def parted_at(
@@ -73,8 +73,8 @@ def parted_at(
 ) -> tuple[Shape, Shape]:
     """The two shapes of a cut, without meshes; the lower one's id is new. See :func:`cut_bone`."""
     shape = shape.with_changes(mesh=None, skin=None)
-    project = project.with_shapes(shape)
-    lower_id = unused(shape.id, project.shapes)
+    project = project.with_characters(shape)
+    lower_id = unused(shape.id, project.characters)
     if time is None and _END < at < 1.0 - _END:
         # In the rest pose there is no motion to put back: a node, and the cut there.
         project, _ = insert_node(project, shape.id, j, at, name=name)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document import Pin, Project, Shape, SkinWeights
+from enliven.document import Layer, Pin, Project, Shape, SkinWeights, same, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.mesh import (
@@ -19,13 +19,12 @@ from enliven.modeling.mesh import (
     no_maps,
     posed_vertices,
 )
-from enliven.modeling.rigged.axes import Axes, layers_in, moved_mesh
+from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.graft import grafted, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
 from enliven.modeling.rigged.posed import posed, with_travel_kept
 from enliven.modeling.skinning import renumbered
-from enliven.motion.layers import without_idle_layers
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
 _SEAM = SeamSettings()
@@ -75,8 +74,7 @@ def merge(
 
     Returns:
         The project, without the grafted shape, and the new name of each of its joints but the root, which
-        becomes the node. A layer that only the graft used keeps its id; one that others use is copied; one
-        that only moved the graft's root along goes.
+        becomes the node. A layer of the graft keeps its id where the host has none of it, or the same one.
 
     Raises:
         InputError: for a shape merged with itself, or a joint that is not there, or where no
@@ -96,20 +94,35 @@ def merge(
     (ours, spots), (theirs, places) = posed(project, host, time), posed(project, graft, time)
     world = ours[j]
     axes = Axes(_exact(multiply(conjugate(world), theirs[_first_bone(graft, time)])))
-    edited, layers = layers_in(project, graft, axes)
-    bones, names = grafted(host, j, graft, world, axes, layers)
+    layers = _layers_beside(host, graft, axes)
+    bones, names = grafted(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
     pins = (*host.pins, *_pins(graft, names))
-    merged = rebuilt(host, [*bones_of(host), *bones], mesh=None, skin=None, pins=pins)
-    merged = with_travel_kept(edited, host, merged)
+    more = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
+    merged = with_travel_kept(project, host, rebuilt(host, [*bones_of(host), *bones], **more))
     surfaces = _surface(host, ours, spots, time), _surface(graft, theirs, places + spots[j] - places[0], time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
     moved = _put(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
-    then = None if time is None else posed(edited, merged, time)
+    then = None if time is None else posed(project, merged, time)
     mesh, skin = _one_surface(merged, surfaces[0], moved, then, loose, seam, [] if notes is None else notes)
     del names[graft.skeleton.names[0]]
     merged = merged.with_changes(mesh=mesh, skin=skin)
-    done = edited.without_shape(graft_id).with_shapes(merged)
-    return without_idle_layers(done, edited, graft_id), names
+    return project.without(graft_id).with_characters(merged), names
+
+
+def _layers_beside(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
+    """The graft's layers in the host's axes of rest, by the ids that they had.
+
+    One that is the host's own, as after a cut, stays one with it.
+    """
+    known, made = {layer.id: layer for layer in host.layers}, dict[str, Layer]()
+    taken = dict.fromkeys([*known, *(layer.id for layer in graft.layers)])
+    for layer in graft.layers:
+        moved = layer if axes.same else axes.layer(layer)
+        if layer.id in known and not same(known[layer.id], moved):
+            moved = replace(moved, id=unused(layer.id, taken))
+            taken[moved.id] = None
+        made[layer.id] = moved
+    return made
 
 
 def _surface(shape: Shape, turns: Float, joints: Float, time: float | None) -> SkinnedSurface | None:

@@ -58,7 +58,7 @@ def insert_node(
         begin, end = shape.skeleton.positions[[int(shape.skeleton.parents[j]), j]]
         part = upper_part(shape.mesh.vertices, begin, end, at, settings.blend)
         skin = shared_skin(renumbered(skin, numbers_of(shape, bones)), j, j + 1, part)
-    return project.with_shapes(rebuilt(shape, bones, skin=skin)), name
+    return project.with_characters(rebuilt(shape, bones, skin=skin)), name
 
 
 def new_name(shape: Shape, j: int, name: str | None) -> str:
@@ -114,7 +114,7 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
         if bone.name != gone.name
     ]
     kept = rebuilt(shape, bones, skin=_skin_without(shape, j, bones))
-    return project.with_shapes(with_travel_kept(project, shape, kept))
+    return project.with_characters(with_travel_kept(project, shape, kept))
 
 
 def _joined(upper: Bone, lower: Bone, shape: Shape) -> Bone:

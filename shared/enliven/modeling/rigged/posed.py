@@ -25,7 +25,7 @@ def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Fl
         return as_modeled(shape)
     if not np.isfinite(time):
         raise InputError(f"the time is {time}", where=f"shape {shape.id!r}", mend="Give seconds.")
-    pose = pose_of(project.with_shapes(shape), shape.id, float(time))
+    pose = pose_of(project.with_characters(shape), shape.id, float(time))
     return pose.turns, pose.joints
 
 
@@ -45,7 +45,7 @@ def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
     """The edited shape with the travel scale of before: its strides stay, though its height has changed."""
     if new.travel is None:
         return new
-    clip = project.takes[project.layers[new.travel].take]
+    clip = project.takes[new.layer(new.travel).take]
     before = travel_scale(old, clip)
     return new if travel_scale(new, clip) == before else new.with_changes(travel_scale=before)
 

@@ -59,23 +59,14 @@ def drag_joint(
     shape, j, _, joints = _seen(project, shape_id, joint, time)
     point = _point(point, shape_id)
     if j == 0:
-        return move_shape(project, shape_id, point - joints[0])
+        shape = project.shape(shape_id)
+        return project.with_characters(shape.with_changes(place=shape.place + point - joints[0]))
     start = joints[int(shape.skeleton.parents[j])]
     way, bone = point - start, joints[j] - start
     if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
         return project
     turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
     return turn_bone(project, shape_id, j, turn, time)
-
-
-def move_shape(project: Project, shape_id: str, offset: AnyArray) -> Project:
-    """A project with a shape moved by ``offset`` (3,) metres, at every time.
-
-    Raises:
-        InputError: where there is no such shape, or the offset is not finite.
-    """
-    shape = project.shape(shape_id)
-    return project.with_shapes(shape.with_changes(place=shape.place + _point(offset, shape_id)))
 
 
 def _seen(
@@ -93,7 +84,7 @@ def _above(turns: Float, shape: Shape, j: int) -> Float:
 def _posed(project: Project, shape: Shape, j: int, modeling: Float) -> Project:
     changed = np.array(shape.modeling)
     changed[j] = normalized(modeling)
-    return project.with_shapes(shape.with_changes(modeling=changed))
+    return project.with_characters(shape.with_changes(modeling=changed))
 
 
 def _rotation(turn: AnyArray, shape_id: str) -> Float:

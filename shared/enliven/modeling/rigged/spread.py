@@ -50,20 +50,21 @@ def spread_motion(
     if not used:
         what = f"no take moves the limb of joint {shape.skeleton.names[joint]!r}"
         raise InputError(what, where=f"shape {shape_id!r}", mend="Bind a chain of it first.")
-    layers, spans = dict(project.layers), list(shape.spans)
+    layers, spans = {layer.id: layer for layer in shape.layers}, list(shape.spans)
+    taken = dict(project.layer_names)
     for number in range(len(group.limbs)):
         if number == own:
             continue
         later = delay * ((number - own) % len(group.limbs))
         linear, fresh = group.between(own, number), dict[str, str]()
         for name in used:
-            fresh[name] = unused(name, layers)
+            fresh[name] = unused(name, taken)
+            taken[fresh[name]] = None
             layers[fresh[name]] = reflected(layers[name], linear, fresh[name], later)
         for start, end in group.joint_map(own, number).items():
             if end != group.joint:
                 spans[end] = tuple(_copied(span, fresh, linear) for span in shape.spans[start])
-    made = project.with_layers(*layers.values()).with_shapes(shape.with_changes(spans=tuple(spans)))
-    return _without_unused(made, project)
+    return project.with_characters(shape.with_changes(spans=tuple(spans), layers=tuple(layers.values())))
 
 
 def reflected(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Layer:
@@ -84,20 +85,3 @@ def _copied(span: Span, names: dict[str, str], linear: Float) -> Span:
     x, y, z = (linear @ np.array(span.before[1:]) * np.linalg.det(linear)).tolist()
     refs = tuple(replace(ref, layer=names[ref.layer]) for ref in span.refs)
     return replace(span, refs=refs, before=(span.before[0], x, y, z))
-
-
-def _without_unused(project: Project, before: Project) -> Project:
-    """The project without layers that a shape used before and none uses now."""
-
-    def used(of: Project) -> set[str]:
-        named = {
-            r.layer
-            for shape in of.shapes.values()
-            for spans in shape.spans
-            for span in spans
-            for r in span.refs
-        }
-        return named | {shape.travel for shape in of.shapes.values() if shape.travel}
-
-    gone = used(before) - used(project)
-    return replace(project, layers={key: layer for key, layer in project.layers.items() if key not in gone})

@@ -61,7 +61,7 @@ def cut_stroke(
     for crossing in crossings:
         j = upper.skeleton.index(shape.skeleton.names[crossing.bone])
         upper, lower = parted_at(edited, upper, j, crossing.at, time, None)
-        edited = edited.with_shapes(upper, lower)
+        edited = edited.with_characters(upper, lower)
         lowers.append(lower)
     if shape.mesh is not None and shape.skin is not None:
         cut = cut_by_stroke(shape.mesh, shape.skin, stroke, posed_vertices(shape, turns, joints))
@@ -76,7 +76,7 @@ def cut_stroke(
         if notes is not None:
             notes.extend(cut.notes)
     made = (upper, *lowers)
-    return project.with_shapes(*made), tuple(part.id for part in made)
+    return project.with_characters(*made), tuple(part.id for part in made)
 
 
 def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossing]:

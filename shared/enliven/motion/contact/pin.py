@@ -80,7 +80,7 @@ def pin_feet(
             raise InputError(what, where=f"shape {shape_id!r}", mend="Name the joint where the limb begins.")
         name = skeleton.names[foot]
         pins[name] = Pin(name, skeleton.names[hip], settings or ContactSettings())
-    return project.with_shapes(shape.with_changes(pins=tuple(pins.values())))
+    return project.with_characters(shape.with_changes(pins=tuple(pins.values())))
 
 
 def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = None) -> Project:
@@ -88,7 +88,7 @@ def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = 
     shape = project.shape(shape_id)
     names = None if joints is None else {shape.skeleton.names[_number(shape.skeleton, j)] for j in joints}
     kept = tuple(pin for pin in shape.pins if names is not None and pin.joint not in names)
-    return project.with_shapes(shape.with_changes(pins=kept))
+    return project.with_characters(shape.with_changes(pins=kept))
 
 
 def held_pins(shape: Shape) -> list[HeldPin]:

@@ -5,8 +5,6 @@ from .retarget import (
     bind_chain as bind_chain,
     branch as branch,
     clear_chain as clear_chain,
-    layers_of as layers_of,
     set_travel as set_travel,
-    without_idle_layers as without_idle_layers,
 )
 from .travel import travel_scale as travel_scale

@@ -64,13 +64,13 @@ def copy_motion(
         basis = basis_between(first, other, view, up, flip=flip)
     fresh: dict[str, Layer] = {}
     for name in dict.fromkeys(ref.layer for _, _, refs in pieces for ref in refs):
-        taken = {**project.layers, **{layer.id: layer for layer in fresh.values()}}
-        fresh[name] = _moved(project.layers[name], basis, delay, unused(name, taken))
+        taken = {**project.layer_names, **{layer.id: None for layer in fresh.values()}}
+        fresh[name] = _moved(source.layer(name), basis, delay, unused(name, taken))
     if replaced:
         project = clear_chain(project, to_shape, to_chain)
         target = project.shape(to_shape)
     renamed = [(a, b, tuple(replace(r, layer=fresh[r.layer].id) for r in refs)) for a, b, refs in pieces]
-    return project.with_layers(*fresh.values()).with_shapes(_along(target, to_chain, renamed))
+    return project.with_characters(_along(target, to_chain, renamed, tuple(fresh.values())))
 
 
 _Piece = tuple[float, float, tuple[Ref, ...]]
@@ -105,14 +105,16 @@ def _moved(layer: Layer, basis: AnyArray, delay: float, name: str) -> Layer:
     return replace(layer, id=name, basis=turned).later(delay)
 
 
-def _along(shape: Shape, chain: Sequence[int], pieces: list[_Piece]) -> Shape:
-    """The shape with ``pieces`` laid along a chain, innermost; its own spans are cut where a piece ends."""
+def _along(shape: Shape, chain: Sequence[int], pieces: list[_Piece], layers: tuple[Layer, ...]) -> Shape:
+    """The shape with ``pieces`` of ``layers`` laid along a chain, innermost; its own spans are cut where a
+    piece ends.
+    """
     spans = list(shape.spans)
     for bone, (start, end) in _places(shape, chain):
         width = end - start
         inside = [((a - start) / width, (b - start) / width, refs) for a, b, refs in pieces if refs]
         spans[bone] = _overlaid(spans[bone], inside)
-    return shape.with_changes(spans=tuple(spans))
+    return shape.with_changes(spans=tuple(spans), layers=(*shape.layers, *layers))
 
 
 def _overlaid(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]:

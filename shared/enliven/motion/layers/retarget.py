@@ -4,7 +4,7 @@
                source_up=None, basis=None, flip=False, offset=0, speed=1, loop=False, weight=1,
                mirrored=False, layer_id=None)                  # adds a layer to the present ones
     clear_chain(project, shape_id, chain, layer_id=None)       # takes one layer, or all, off the bones
-    set_layer(project, layer_id, muted=..., weight=..., offset=..., speed=..., loop=..., basis=...)
+    set_layer(project, shape_id, layer_id, muted=..., weight=..., offset=..., speed=..., loop=..., basis=...)
     copy_motion(project, from_shape, from_chain, to_shape, to_chain, ...)  # of enliven.motion.layers.copying
     set_travel(project, shape_id, layer_id or None, scale=None)  # root motion of that layer's take, or off
     extended(skeleton, joint)                                  # the longest way down from a joint (Figure 5)
@@ -80,15 +80,15 @@ def bind_chain(
             source_view=source_view,
             source_up=source_up,
         )
-    name = unused(take_id, project.layers) if layer_id is None else layer_id
-    if name in project.layers:
-        raise InputError(f"there is a layer {name!r} already", where="project", mend="Choose another name.")
+    name = unused(take_id, project.layer_names) if layer_id is None else layer_id
+    if any(layer.id == name for layer in shape.layers):
+        raise InputError(f"there is a layer {name!r} already", where=shape.where, mend="Choose another name.")
     layer = Layer(name, take_id, source, basis, **played)
     arc = arc_of(shape.skeleton, target) if len(target) > 1 else [0.0, 1.0]
     spans = list(shape.spans)
     for bone, start, end in zip(bones, arc[:-1], arc[1:], strict=True):
         spans[bone] = _laid(spans[bone], name, float(start), float(end))
-    return project.with_layers(layer).with_shapes(shape.with_changes(spans=tuple(spans)))
+    return project.with_characters(shape.with_changes(spans=tuple(spans), layers=(*shape.layers, layer)))
 
 
 def clear_chain(
@@ -105,16 +105,19 @@ def clear_chain(
             replace(span, refs=tuple(r for r in span.refs if layer_id is not None and r.layer != layer_id))
             for span in spans[bone]
         )
-    return without_idle_layers(project.with_shapes(shape.with_changes(spans=tuple(spans))), project, shape_id)
+    return project.with_characters(shape.with_changes(spans=tuple(spans)))
 
 
-def set_layer(project: Project, layer_id: str, **changes: Any) -> Project:
-    """A project with a layer changed: muted, weight, offset, speed, loop, basis, mirrored.
+def set_layer(project: Project, shape_id: str, layer_id: str, **changes: Any) -> Project:
+    """A project with a layer of a shape changed: muted, weight, offset, speed, loop, basis, mirrored.
 
     Raises:
         InputError: where there is no such layer, or it cannot be played like that.
     """
-    return project.with_layers(replace(layer_named(project, layer_id), **changes))
+    shape = project.shape(shape_id)
+    wanted = shape.layer(layer_id)
+    layers = tuple(replace(one, **changes) if one is wanted else one for one in shape.layers)
+    return project.with_characters(shape.with_changes(layers=layers))
 
 
 def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: float | None = None) -> Project:
@@ -126,11 +129,11 @@ def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: flo
     """
     shape = project.shape(shape_id)
     if layer_id is None:
-        return project.with_shapes(shape.with_changes(travel=None, travel_scale=None))
-    clip = project.takes[layer_named(project, layer_id).take]
+        return project.with_characters(shape.with_changes(travel=None, travel_scale=None))
+    clip = project.takes[shape.layer(layer_id).take]
     if scale is None:
         scale = travel_scale(shape.with_changes(travel_scale=None), clip)
-    return project.with_shapes(shape.with_changes(travel=layer_id, travel_scale=float(scale)))
+    return project.with_characters(shape.with_changes(travel=layer_id, travel_scale=float(scale)))
 
 
 def extended(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
@@ -149,18 +152,6 @@ def branch(skeleton: Skeleton, start: int, end: int, *, extend: bool = True) -> 
     """The chain from ``start`` to ``end``, and on along the longest branch below it where ``extend``."""
     path = skeleton.path(start, end)
     return (*path, *extended(skeleton, end)[1:]) if extend and goes_down(skeleton, path) else path
-
-
-def layer_named(project: Project, layer_id: str) -> Layer:
-    """The layer of an id.
-
-    Raises:
-        InputError: where there is none, with those that there are.
-    """
-    if layer_id not in project.layers:
-        mend = f"Known: {', '.join(project.layers)}." if project.layers else "Bind a chain first."
-        raise InputError(f"there is no layer {layer_id!r}", where="project", mend=mend)
-    return project.layers[layer_id]
 
 
 def checked_down(shape: Shape, chain: Sequence[int]) -> list[int]:
@@ -182,21 +173,6 @@ def checked_down(shape: Shape, chain: Sequence[int]) -> list[int]:
             mend = f"Give it as two chains, from {top!r} to each end."
         raise InputError(f"the chain from {first!r} to {last!r} goes up the tree", where=where, mend=mend)
     return bones
-
-
-def without_idle_layers(project: Project, before: Project, shape_id: str) -> Project:
-    """The project without layers that the shape used ``before`` and that no shape uses now."""
-    used = {key for shape in project.shapes.values() for key in layers_of(shape)}
-    gone = set(layers_of(before.shape(shape_id))) - used
-    return replace(project, layers={k: v for k, v in project.layers.items() if k not in gone})
-
-
-def layers_of(shape: Shape) -> tuple[str, ...]:
-    """The layers that a shape refers to, each once; that of its travel last."""
-    named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
-    if shape.travel is not None:
-        named[shape.travel] = None
-    return tuple(named)
 
 
 def _laid(spans: tuple[Span, ...], layer: str, start: float, end: float) -> tuple[Span, ...]:

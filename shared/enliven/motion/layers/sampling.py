@@ -31,8 +31,7 @@ class Sampler:
     """
 
     def __init__(self, project: Project, shape: Shape) -> None:
-        heard = [project.layers[key] for key in active_layers(project, shape)]
-        self.layers: list[Layer] = sorted(heard, key=lambda layer: layer.take)
+        self.layers: list[Layer] = sorted(active_layers(shape), key=lambda layer: layer.take)
         self.lines = [Polyline.of(project.takes[layer.take], layer.chain) for layer in self.layers]
         ends = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
         self.parts = [slice(a, b) for a, b in pairwise(ends)]
@@ -129,7 +128,8 @@ class _Take:
             knot_turns(self.fed, self._bones, self._first, self._bases, at, *how)
 
 
-def active_layers(project: Project, shape: Shape) -> list[str]:
+def active_layers(shape: Shape) -> list[Layer]:
     """The layers that turn a bone of the shape, each once, without those that are muted or have no weight."""
+    layers = {layer.id: layer for layer in shape.layers if not layer.muted and layer.weight > 0.0}
     named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
-    return [key for key in named if not project.layers[key].muted and project.layers[key].weight > 0.0]
+    return [layers[key] for key in named if key in layers]

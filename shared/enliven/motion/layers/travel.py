@@ -47,7 +47,7 @@ class Travel:
 
     def __init__(self, project: Project, shape: Shape) -> None:
         self._still = np.array(shape.skeleton.positions[0] + shape.place)
-        layer = project.layers.get(shape.travel or "")
+        layer = None if shape.travel is None else shape.layer(shape.travel)
         self.layer = None if layer is None or layer.muted else layer
         if self.layer is not None:
             clip = project.takes[self.layer.take]

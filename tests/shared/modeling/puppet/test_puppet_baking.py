@@ -10,8 +10,8 @@ from enliven.examples.baking.frames import SurfaceFrames, states_of
 from enliven.examples.baking.settings import BakeSettings
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of
+from enliven.modeling.edits import move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
-from enliven.modeling.possessed.copying import move_graph
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
 from enliven.modeling.puppet.baking import bake_puppet
@@ -71,7 +71,7 @@ def test_it_is_cut_and_merged_as_a_possessed_mesh(baked):
     after = np.concatenate([seen(cut, part, 1.7) for part in (low, high)])
     near = np.linalg.norm(before[:, None] - after[None], axis=2).min(1)
     assert near.max() < 1e-6
-    moved = move_graph(cut, high, [0.0, -0.05, 0.0])
+    moved = move_character(cut, high, [0.0, -0.05, 0.0])
     whole = merge_graphs(moved, low, high, 1.0)
     assert list(whole.graphs) == [low]
     assert np.isfinite(seen(whole, low, 1.9)).all()

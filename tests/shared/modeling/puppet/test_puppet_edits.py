@@ -19,26 +19,28 @@ from enliven.errors import InputError
 from enliven.examples.puppet_motion import in_world, motion_of, state_of
 from enliven.formats.project.file import project_bytes
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.puppet.edits import (
+from enliven.modeling.edits import (
+    copy_character,
+    delete_character,
+    mirror_character,
+    move_character,
+    paste_character,
+    scale_character,
+    turn_character,
+)
+from enliven.modeling.puppet import (
     add_key_pose,
     add_point,
     change_key_pose,
     change_layer,
     change_point,
-    copy_puppet,
-    delete_puppet,
     make_puppet,
     mirror_key_pose,
-    mirror_puppet,
-    move_puppet,
-    paste_puppet,
     play_take,
     remove_key_pose,
     remove_layer,
     remove_point,
-    scale_puppet,
     set_symmetry,
-    turn_puppet,
 )
 from enliven.rotation import from_rotation_vector, rotate
 
@@ -79,10 +81,10 @@ def test_an_edit_leaves_the_project_that_it_was_made_of():
     add_key_pose(project, "stool", "walk", 1.9, project.puppets["stool"].rest)
     mirror_key_pose(set_symmetry(project, "stool", SIDES), "stool", 0)
     change_layer(project, "stool", 0, loop=True)
-    scale_puppet(project, "stool", 2.0)
-    mirror_puppet(project, "stool", [1, 0, 0])
-    move_puppet(project, "stool", [1, 0, 0])
-    delete_puppet(project, "stool")
+    scale_character(project, "stool", 2.0)
+    mirror_character(project, "stool", [1, 0, 0])
+    move_character(project, "stool", [1, 0, 0])
+    delete_character(project, "stool")
     play_take(project.with_takes(clip), "stool", "other")
     assert project_bytes(project) == before
 
@@ -163,15 +165,15 @@ def test_the_mesh_says_its_plane_where_the_puppet_has_none():
 def test_a_moved_puppet_is_moved_at_every_time(seed, angle, x):
     project = busy_project(seed)
     turn, about = from_rotation_vector(np.array([0.0, angle, 0.0])), np.array([0.3, 0.0, -0.2])
-    moved = move_puppet(project, "stool", [x, 0.0, 1.0], turn, about)
+    moved = move_character(project, "stool", [x, 0.0, 1.0], turn, about)
     for time in TIMES:
         there = rotate(turn, world(project, time) - about) + about + [x, 0.0, 1.0]
         np.testing.assert_allclose(world(moved, time), there, atol=1e-9)
 
 
 def test_a_turned_puppet_stays_where_it_stands():
-    project = move_puppet(puppet_project(), "stool", [3.0, 0.0, 1.0])
-    turned = turn_puppet(project, "stool", from_rotation_vector(np.array([0.0, 1.0, 0.0])))
+    project = move_character(puppet_project(), "stool", [3.0, 0.0, 1.0])
+    turned = turn_character(project, "stool", from_rotation_vector(np.array([0.0, 1.0, 0.0])))
     rest = stool().vertices
     for one in (project, turned):
         puppet = one.puppets["stool"]
@@ -183,8 +185,8 @@ def test_a_turned_puppet_stays_where_it_stands():
 @given(seeds, st.floats(0.2, 5.0))
 @few
 def test_a_scaled_puppet_is_scaled_at_every_time(seed, factor):
-    project = move_puppet(busy_project(seed), "stool", [1.0, 0.0, 2.0])
-    scaled = scale_puppet(project, "stool", factor)
+    project = move_character(busy_project(seed), "stool", [1.0, 0.0, 2.0])
+    scaled = scale_character(project, "stool", factor)
     foot = np.array([1.0, 0.0, 2.0])
     for time in TIMES:
         there = foot + factor * (world(project, time) - foot)
@@ -194,17 +196,17 @@ def test_a_scaled_puppet_is_scaled_at_every_time(seed, factor):
 @given(seeds, st.floats(-3, 3))
 @few
 def test_a_mirrored_puppet_is_the_mirror_image_at_every_time(seed, angle):
-    project = move_puppet(
+    project = move_character(
         busy_project(seed), "stool", [1.0, 0.0, 2.0], from_rotation_vector(np.array([0.0, 0.4, 0.0]))
     )
     normal = np.array([np.cos(angle), 0.0, np.sin(angle)])
-    mirrored = mirror_puppet(project, "stool", normal)
+    mirrored = mirror_character(project, "stool", normal)
     foot = project.puppets["stool"].place
     for time in TIMES:
         here = world(project, time)
         there = here - 2.0 * ((here - foot) @ normal)[:, None] * normal
         np.testing.assert_allclose(world(mirrored, time), there, atol=1e-7)
-    again = mirror_puppet(mirrored, "stool", normal)
+    again = mirror_character(mirrored, "stool", normal)
     for time in TIMES:
         np.testing.assert_allclose(world(again, time), world(project, time), atol=1e-7)
     mesh = mirrored.puppets["stool"].mesh
@@ -213,7 +215,7 @@ def test_a_mirrored_puppet_is_the_mirror_image_at_every_time(seed, angle):
 
 
 def test_a_copy_plays_later_and_elsewhere():
-    project, name = copy_puppet(busy_project(), "stool", offset=[2.0, 0.0, 0.0], delay=0.5)
+    project, name = copy_character(busy_project(), "stool", offset=[2.0, 0.0, 0.0], delay=0.5)
     assert name == "stool 2" and list(project.takes) == ["walk"]
     for time in TIMES:
         np.testing.assert_allclose(
@@ -224,13 +226,13 @@ def test_a_copy_plays_later_and_elsewhere():
 def test_a_paste_brings_the_takes():
     source = busy_project()
     other = walker(1, "walk", turning=0.0)
-    target, name = paste_puppet(Project().with_takes(other), source, "stool")
+    target, name = paste_character(Project().with_takes(other), source, "stool")
     assert name == "stool" and list(target.takes) == ["walk", "walk 2"]
     assert {pose.take for pose in target.puppets["stool"].poses} == {"walk 2"}
     assert_alike(world(target, 1.2), world(source, 1.2))
-    once, _ = paste_puppet(target, source, "stool")
+    once, _ = paste_character(target, source, "stool")
     assert list(once.takes) == ["walk", "walk 2", "walk 3"]
-    twice, name = paste_puppet(source, source, "stool")
+    twice, name = paste_character(source, source, "stool")
     assert list(twice.takes) == ["walk"] and name == "stool 2"
 
 
@@ -239,7 +241,7 @@ def test_removing_is_of_the_number_that_is_meant():
     poses = remove_key_pose(project, "stool", 1).puppets["stool"].poses
     assert poses == project.puppets["stool"].poses[:1] + project.puppets["stool"].poses[2:]
     assert remove_layer(project, "stool", 0).puppets["stool"].layers == project.puppets["stool"].layers[1:]
-    gone = delete_puppet(project, "stool")
+    gone = delete_character(project, "stool")
     assert not gone.puppets and list(gone.takes) == ["walk"]
 
 
@@ -315,10 +317,10 @@ FIVE = np.zeros((5, 3))
         ),
         (lambda p: change_layer(p, "stool", 3, loop=True), "there is no layer 3. It has 1."),
         (lambda p: remove_layer(p, "stool", 1), "there is no layer 1"),
-        (lambda p: scale_puppet(p, "stool", 0.0), "it cannot be 0.0 times as large"),
-        (lambda p: move_puppet(p, "stool", [np.nan, 0, 0]), "it cannot be moved by"),
-        (lambda p: mirror_puppet(p, "stool", [0, 0, 0]), "is no direction"),
-        (lambda p: copy_puppet(p, "stool", delay=np.inf), "s late"),
+        (lambda p: scale_character(p, "stool", 0.0), "it cannot be 0.0 times as large"),
+        (lambda p: move_character(p, "stool", [np.nan, 0, 0]), "it cannot be moved by"),
+        (lambda p: mirror_character(p, "stool", [0, 0, 0]), "is no direction"),
+        (lambda p: copy_character(p, "stool", delay=np.inf), "s late"),
         (lambda p: set_symmetry(p, "stool", Plane((0, 0, 0), (0, 0, 0))), "is none. Give a point"),
         (lambda p: make_puppet(p, stool(), "stool"), "something has that name already"),
         (lambda p: make_puppet(p, stool(), ""), "it needs a name"),
@@ -348,7 +350,7 @@ def test_equal_examples_are_refused_by_number_and_the_last_good_motion_stays():
     clip = project.takes["walk"]
     still = replace(clip, id="still", turns=clip.turns[[0, 0]], root=clip.root[[0, 0]])
     poses = (puppet.poses[0], replace(puppet.poses[1], take="still", time=STEP))
-    wrong = project.with_takes(still).with_puppets(puppet.with_changes(poses=poses))
+    wrong = project.with_takes(still).with_characters(puppet.with_changes(poses=poses))
     with pytest.raises(InputError, match="examples 0 and 1 have the same pose of the performer"):
         motion_of(wrong, wrong.puppets["stool"], 0)
     one = remove_key_pose(remove_key_pose(remove_key_pose(project, "stool", 3), "stool", 2), "stool", 1)

@@ -12,8 +12,8 @@ from enliven.document.puppet import Plane, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import in_world, missing, state_of
 from enliven.formats.project.file import project_bytes, project_of
+from enliven.modeling.edits import copy_character, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
-from enliven.modeling.puppet.copying import copy_puppet, move_puppet
 from enliven.modeling.puppet.parts import shown, surface_of_puppet
 from enliven.modeling.puppet.surgery import PuppetCutSettings, cut_puppet, merge_puppets
 from enliven.rotation import from_rotation_vector
@@ -111,7 +111,7 @@ def test_a_half_without_paired_points_follows_through_new_ones():
         points=bare.points[1:],
         poses=[pose.__class__(pose.take, pose.time, pose.places[1:]) for pose in bare.poses],
     )
-    after, (low, _) = cut_puppet(project.with_puppets(tip), "bean", PlaneCut([0, 0.3, 0], [0, 1, 0]), 0.0)
+    after, (low, _) = cut_puppet(project.with_characters(tip), "bean", PlaneCut([0, 0.3, 0], [0, 1, 0]), 0.0)
     half = after.puppet(low)
     assert half.points and all(p.joint for p in half.points) and not missing(after, half)
     assert np.abs(seen(after, low, 1.1) - seen(after, low, 0.2)).max() > 0.01
@@ -144,7 +144,7 @@ def test_edits_are_values(bean):
 def test_a_puppet_that_is_not_ready_is_cut_at_rest():
     project = made_puppets.project(layers=())
     puppet = project.puppet("bean").with_changes(poses=())
-    after, names = cut_puppet(project.with_puppets(puppet), "bean", PlaneCut([0, 0.5, 0], [0, 1, 0]), 0.0)
+    after, names = cut_puppet(project.with_characters(puppet), "bean", PlaneCut([0, 0.5, 0], [0, 1, 0]), 0.0)
     for name in names:
         np.testing.assert_allclose(seen(after, name, 0.0), after.puppet(name).mesh.vertices, atol=1e-6)
 
@@ -159,13 +159,13 @@ def pair():
             *(getattr(made_puppets.take(seed=5), name) for name in ("skeleton", "turns", "root", "step")),
         )
     )
-    project, name = copy_puppet(project, "bean")
+    project, name = copy_character(project, "bean")
     other = project.puppet(name)
     layer = PuppetLayer("sway", travel=False)
-    project = project.with_puppets(other.with_changes(layers=(layer,)))
+    project = project.with_characters(other.with_changes(layers=(layer,)))
     side = from_rotation_vector(np.array([0.0, 0.0, -1.3]))
     place = seen(project, "bean", 0.7)[np.abs(other.mesh.vertices[:, 1] - 0.5).argmin()]
-    return move_puppet(project, name, place - [0.06, 0.0, 0.0], side), name
+    return move_character(project, name, place - [0.06, 0.0, 0.0], side), name
 
 
 def test_at_the_time_of_a_merge_both_are_where_they_were(pair):
@@ -206,7 +206,7 @@ def test_key_poses_of_both_stay_and_both_go_on(pair):
 
 def test_a_graft_that_plays_nothing_is_carried(pair):
     project, other = pair
-    still = project.with_puppets(project.puppet(other).with_changes(layers=()))
+    still = project.with_characters(project.puppet(other).with_changes(layers=()))
     merged = merge_puppets(still, "bean", other, 0.7)
     whole = merged.puppet("bean")
     (layer,) = whole.layers
@@ -223,7 +223,7 @@ def test_two_that_play_the_same_have_one_layer(pair):
     project, other = pair
     alike = project.puppet(other).with_changes(layers=(PuppetLayer("dance", travel=False),))
     notes = []
-    merged = merge_puppets(project.with_puppets(alike), "bean", other, 0.7, notes=notes)
+    merged = merge_puppets(project.with_characters(alike), "bean", other, 0.7, notes=notes)
     assert len(merged.puppet("bean").layers) == 1
     assert not any("another take" in note for note in notes)
     merge_puppets(project, "bean", other, 0.7, notes=notes)
@@ -233,7 +233,7 @@ def test_two_that_play_the_same_have_one_layer(pair):
 def test_a_cut_that_is_merged_again_is_whole():
     project = made_puppets.project()
     cut, (low, high) = cut_puppet(project, "bean", PlaneCut([0, 0.5, 0], [0, 1.0, 0.0]), 0.7)
-    cut = move_puppet(cut, high, [0.0, -0.03, 0.0])
+    cut = move_character(cut, high, [0.0, -0.03, 0.0])
     whole = merge_puppets(cut, low, high, 0.7)
     before, after = seen(project, "bean", 0.7), seen(whole, low, 0.7)
     assert cKDTree(after).query(before)[0].max() < 0.05
@@ -248,7 +248,7 @@ def test_what_cannot_be_merged_is_said(pair):
         merge_puppets(project, "bean", "pea", 0.7)
     torn = project.puppet(other)
     mesh = torn.mesh.__class__(torn.mesh.vertices, torn.mesh.faces[5:], "torn")
-    broken = project.with_puppets(torn.with_changes(mesh=mesh))
+    broken = project.with_characters(torn.with_changes(mesh=mesh))
     try:
         merge_puppets(broken, "bean", other, 0.7)
     except InputError as error:

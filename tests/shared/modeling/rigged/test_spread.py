@@ -46,7 +46,7 @@ def waving(seed):
 
 def animated(skeleton, seed, mirrored=False):
     """A project in which the first limb waves."""
-    project = Project().with_shapes(still_shape("star", skeleton)).with_takes(waving(seed))
+    project = Project().with_characters(still_shape("star", skeleton)).with_takes(waving(seed))
     return bind_chain(project, "star", (0, 1, 2, 3), "wave", (0, 1, 2, 3), loop=True, mirrored=mirrored)
 
 
@@ -79,7 +79,7 @@ def test_spreading_again_leaves_no_layer_behind():
     (group,) = equal_limbs(skeleton)
     once = spread_motion(animated(skeleton, 1), "star", group, 1, delay=0.1)
     again = spread_motion(once, "star", group, 1, delay=0.2)
-    assert len(once.layers) == len(again.layers) == 5
+    assert len(once.layer_names) == len(again.layer_names) == 5
     assert again.takes == once.takes
 
 

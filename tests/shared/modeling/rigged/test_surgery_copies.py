@@ -11,9 +11,15 @@ from enliven.document.character import SkinWeights
 from enliven.document.project import Project, same
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.rigged.copying import copy_shape, delete_shape, mirror_shape, paste_shape, scale_shape
+from enliven.modeling.edits import (
+    copy_character,
+    mirror_character,
+    move_character,
+    paste_character,
+    scale_character,
+)
 from enliven.modeling.rigged.posed import posed
-from enliven.modeling.rigged.posing import drag_joint, move_shape, set_bone, turn_bone
+from enliven.modeling.rigged.posing import drag_joint, set_bone, turn_bone
 from enliven.motion.layers.evaluate import pose_of
 from enliven.motion.layers.retarget import set_layer
 from enliven.rotation import multiply
@@ -29,10 +35,10 @@ laws = settings(deadline=None, max_examples=25)
 def test_a_copy_does_the_same_elsewhere_and_later(seed, time, delay):
     project, random = random_project(seed)
     away = random.normal(size=3)
-    edited, copy = copy_shape(project, "shape 0", offset=away, delay=delay)
+    edited, copy = copy_character(project, "shape 0", offset=away, delay=delay)
     one, two = pose_of(edited, "shape 0", time), pose_of(edited, copy, time + delay)
     # A loop's seam may fall between the two times where the sum is rounded; a millisecond off is no law.
-    if not any(layer.loop for layer in project.layers.values()):
+    if not any(layer.loop for layer in project.shape("shape 0").layers):
         assert angle(one.turns, two.turns) < 1e-7
         np.testing.assert_allclose(one.joints + away, two.joints, atol=1e-7)
     assert same(edited.shape("shape 0"), project.shape("shape 0"))
@@ -42,9 +48,9 @@ def test_a_copy_does_the_same_elsewhere_and_later(seed, time, delay):
 @given(SEEDS, TIMES)
 def test_a_copy_has_layers_of_its_own(seed, time):
     project, _ = random_project(seed)
-    edited, copy = copy_shape(project, "shape 0")
-    for name in set(edited.layers) - set(project.layers):
-        edited = set_layer(edited, name, weight=0.0)
+    edited, copy = copy_character(project, "shape 0")
+    for layer in edited.shape(copy).layers:
+        edited = set_layer(edited, copy, layer.id, weight=0.0)
     one = pose_of(project, "shape 0", time)
     assert same(pose_of(edited, "shape 0", time).turns, one.turns)
     modeled = posed(edited, edited.shape(copy), None)
@@ -57,14 +63,14 @@ def test_a_paste_into_another_project_moves_the_same(seed, time):
     source, _ = random_project(seed)
     other, _ = random_project(seed + 1)
     for target in (Project(), other, source):
-        edited, copy = paste_shape(target, source, "shape 1")
+        edited, copy = paste_character(target, source, "shape 1")
         one, two = pose_of(source, "shape 1", time), pose_of(edited, copy, time)
         assert same(one.turns, two.turns)
         np.testing.assert_allclose(one.joints, two.joints, atol=1e-12)
         for shape_id in target.shapes:
             assert same(edited.shape(shape_id), target.shape(shape_id))
         assert all(same(edited.takes[name], take) for name, take in target.takes.items())
-    twice, _ = paste_shape(edited, source, "shape 1")
+    twice, _ = paste_character(edited, source, "shape 1")
     assert len(twice.takes) == len(edited.takes)
 
 
@@ -73,7 +79,7 @@ def test_a_paste_into_another_project_moves_the_same(seed, time):
 def test_a_mirror_shows_every_joint_on_the_other_side_at_every_time(seed, time):
     project, random = random_project(seed)
     normal = random.normal(size=3)
-    edited = mirror_shape(project, "shape 0", normal)
+    edited = mirror_character(project, "shape 0", normal)
     shape = project.shape("shape 0")
     centre = shape.skeleton.positions[0] + shape.place
     unit = normal / np.linalg.norm(normal)
@@ -81,7 +87,7 @@ def test_a_mirror_shows_every_joint_on_the_other_side_at_every_time(seed, time):
     np.testing.assert_allclose(after, before - 2 * ((before - centre) @ unit)[:, None] * unit, atol=1e-8)
     other = pose_of(edited, "shape 1", time)
     assert same(other.joints, pose_of(project, "shape 1", time).joints)
-    back = pose_of(mirror_shape(edited, "shape 0", normal), "shape 0", time)
+    back = pose_of(mirror_character(edited, "shape 0", normal), "shape 0", time)
     assert angle(back.turns, pose_of(project, "shape 0", time).turns) < 1e-8
     np.testing.assert_allclose(back.joints, before, atol=1e-8)
 
@@ -90,7 +96,7 @@ def test_a_mirror_shows_every_joint_on_the_other_side_at_every_time(seed, time):
 @given(SEEDS, TIMES, st.floats(0.1, 10))
 def test_a_scaled_shape_turns_the_same_and_goes_as_much_farther(seed, time, factor):
     project, _ = random_project(seed)
-    edited = scale_shape(project, "shape 0", factor)
+    edited = scale_character(project, "shape 0", factor)
     one, two = pose_of(project, "shape 0", time), pose_of(edited, "shape 0", time)
     assert angle(one.turns, two.turns) < 1e-12
     shape = project.shape("shape 0")
@@ -136,21 +142,9 @@ def test_a_mirrored_mesh_keeps_its_outside():
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     mesh = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32))
     skin = SkinWeights(np.zeros((4, 4), np.uint16), np.eye(4, dtype=np.float32)[[0] * 4])
-    project = project.with_shapes(project.shape("shape 0").with_changes(mesh=mesh, skin=skin))
-    mirrored = mirror_shape(project, "shape 0", [1.0, 2.0, 0.0]).shape("shape 0").mesh
+    project = project.with_characters(project.shape("shape 0").with_changes(mesh=mesh, skin=skin))
+    mirrored = mirror_character(project, "shape 0", [1.0, 2.0, 0.0]).shape("shape 0").mesh
     assert volume(mirrored) == pytest.approx(volume(mesh)) == pytest.approx(1 / 6)
-
-
-def test_a_shape_goes_with_the_layers_that_only_it_used():
-    project, _ = random_project(7)
-    shared = {ref.layer for spans in project.shape("shape 1").spans for span in spans for ref in span.refs}
-    copied, copy = copy_shape(project, "shape 0")
-    assert set(delete_shape(copied, copy).layers) == set(project.layers)
-    left = delete_shape(project, "shape 0")
-    assert shared <= set(left.layers)
-    assert list(left.takes) == list(project.takes)
-    with pytest.raises(InputError, match="no shape"):
-        delete_shape(project, "shape 9")
 
 
 def volume(mesh):
@@ -161,12 +155,12 @@ def volume(mesh):
 def test_what_cannot_be_done_is_said():
     project, _ = random_project(3)
     refused = [
-        (lambda: scale_shape(project, "shape 0", 0.0), "times as large"),
-        (lambda: scale_shape(project, "shape 0", float("nan")), "times as large"),
-        (lambda: mirror_shape(project, "shape 0", np.zeros(3)), "direction"),
-        (lambda: copy_shape(project, "shape 0", offset=[0, 0, np.nan]), "copy"),
-        (lambda: copy_shape(project, "shape 9"), "no shape"),
-        (lambda: move_shape(project, "shape 0", [0, np.inf, 0]), "no place"),
+        (lambda: scale_character(project, "shape 0", 0.0), "times as large"),
+        (lambda: scale_character(project, "shape 0", float("nan")), "times as large"),
+        (lambda: mirror_character(project, "shape 0", np.zeros(3)), "direction"),
+        (lambda: copy_character(project, "shape 0", offset=[0, 0, np.nan]), "copy"),
+        (lambda: copy_character(project, "shape 9"), "no character"),
+        (lambda: move_character(project, "shape 0", [0, np.inf, 0]), "moved"),
         (lambda: set_bone(project, "shape 0", 1, [0, 0, 0, 0]), "no rotation"),
         (lambda: turn_bone(project, "shape 0", 1, [2, 0, 0, 0]), "no rotation"),
         (lambda: drag_joint(project, "shape 0", 1, [0, 0]), "no place"),

@@ -8,7 +8,7 @@ from enliven.document.clip import Clip
 from enliven.document.layers import Layer, Ref, Span
 from enliven.document.project import Project
 from enliven.document.skeleton import Skeleton
-from enliven.modeling.rigged.copying import copy_shape
+from enliven.modeling.edits import copy_character
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
@@ -16,6 +16,7 @@ from enliven.modeling.rigged.posing import turn_bone
 from enliven.motion.layers.evaluate import pose_of
 from enliven.rotation import from_rotation_vector
 
+SWING = Layer("swing", "swing", (0, 1))
 TIMES = [0.0, 1 / 3, 2 / 3, 1.0]
 
 
@@ -28,8 +29,9 @@ def one_bone():
     skeleton = Skeleton(("shoulder", "hand"), [-1, 0], [[0, 0, 0], [2.0, 0, 0]])
     turns = np.array([[about_z(0), about_z(90 * time)] for time in TIMES])
     swing = Clip("swing", skeleton, turns, np.zeros((4, 3)), 1 / 3)
-    shape = straight_shape("a", [[0, 0, 0], [1.0, 0, 0]], [(Span(1.0, (Ref("swing", 0.0, 1.0),)),)])
-    return Project().with_takes(swing).with_layers(Layer("swing", "swing", (0, 1))).with_shapes(shape)
+    spans = [(Span(1.0, (Ref("swing", 0.0, 1.0),)),)]
+    shape = straight_shape("a", [[0, 0, 0], [1.0, 0, 0]], spans, layers=(SWING,))
+    return Project().with_takes(swing).with_characters(shape)
 
 
 def degrees(project, shape_id, time):
@@ -65,7 +67,7 @@ def test_figure_six():
     np.testing.assert_allclose(end, [sum(thirds).real, sum(thirds).imag, 0], atol=1e-12)
 
     # (c) a copy, turned by half a turn.
-    c, copy = copy_shape(b, "a")
+    c, copy = copy_character(b, "a")
     c = turn_bone(c, copy, 0, about_z(180), 1.0)
     for time in TIMES:
         assert_degrees(degrees(c, "a", time), degrees(b, "a", time))
@@ -107,7 +109,7 @@ def test_figure_six():
             degrees(f, kept, time) | {names[q]: rides + 45 + 15 * time, names["a 1"]: rides + 45 + 45 * time},
         )
     assert len(h.takes) == 1
-    assert list(h.layers) == ["swing", "swing 2"]
+    assert list(h.layer_names) == ["swing", "swing 2"]
 
     # Taking the nodes of (b) out again restores (a).
     back = remove_node(remove_node(b, "a", "p"), "a", "q")
@@ -118,9 +120,13 @@ def test_figure_thirteen():
     """The grafting node has 0.6 of one motion and 0.3 of another; taken out, the one bone has both."""
     project = one_bone()
     other = Layer("other", "swing", (0, 1), from_rotation_vector(np.array([np.pi, 0, 0])))
-    a = straight_shape("a", [[0, 0, 0], [1.0, 0, 0]], [(Span(1.0, (Ref("swing", 0.2, 0.6),)),)])
-    b = straight_shape("b", [[0, 0, 0], [3.0, 0, 0]], [(Span(1.0, (Ref("other", 0.3, 0.9),)),)])
-    project = project.with_layers(other).with_shapes(a, b)
+    a = straight_shape(
+        "a", [[0, 0, 0], [1.0, 0, 0]], [(Span(1.0, (Ref("swing", 0.2, 0.6),)),)], layers=(SWING,)
+    )
+    b = straight_shape(
+        "b", [[0, 0, 0], [3.0, 0, 0]], [(Span(1.0, (Ref("other", 0.3, 0.9),)),)], layers=(other,)
+    )
+    project = project.with_characters(a, b)
     merged, _ = merge(project, "a", "a 1", "b", 0.0)
     for time in TIMES:
         # The other take is seen from behind: it turns the other way.

@@ -47,7 +47,7 @@ def a_bone(project, random, shape_id="shape 0"):
 def test_the_evaluation_is_the_slow_one(seed, time):
     project, _ = random_project(seed, 1)
     shape = project.shape("shape 0").with_changes(travel=None)
-    project = project.with_shapes(shape)
+    project = project.with_characters(shape)
     turns, joints = slow_pose(project, "shape 0", time)
     fast = pose_of(project, "shape 0", time)
     assert angle(turns, fast.turns) < 1e-9

@@ -9,14 +9,14 @@ from enliven.document.layers import Ref, Span
 from enliven.document.project import same
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
+from enliven.modeling.edits import copy_character, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
 from enliven.modeling.mesh.meshes import posed_vertices
-from enliven.modeling.rigged.copying import copy_shape
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
-from enliven.modeling.rigged.posing import move_shape, set_bone, turn_bone
+from enliven.modeling.rigged.posing import set_bone, turn_bone
 from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.motion.layers.evaluate import pose_of
 
@@ -109,10 +109,10 @@ def test_a_merge_in_the_rest_pose_makes_a_cut_arm_whole(arm):
 
 @pytest.mark.parametrize("time", [0.0, 0.4, 1.0])
 def test_a_graft_lies_where_it_was_seen_and_rides_on_the_host(arm, time):
-    project, copy = copy_shape(arm, "arm")
+    project, copy = copy_character(arm, "arm")
     project = turn_bone(project, copy, 0, about_z(75), time)
     node = pose_of(project, "arm", time).joints[1]
-    project = move_shape(project, copy, node - pose_of(project, copy, time).joints[0])
+    project = move_character(project, copy, node - pose_of(project, copy, time).joints[0])
     seen = surface(project, copy, time)
     merged, names = merge(project, "arm", "arm 1", copy, time)
     shape = merged.shape("arm")
@@ -132,7 +132,7 @@ def test_a_graft_lies_where_it_was_seen_and_rides_on_the_host(arm, time):
 
 
 def test_weights_and_places_away_from_the_seam_stay_to_the_bit(arm):
-    project, copy = copy_shape(arm, "arm")
+    project, copy = copy_character(arm, "arm")
     project = turn_bone(project, copy, 0, about_z(90), 0.0)
     merged, _ = merge(project, "arm", "arm 1", copy, 0.0)
     old, new = arm.shape("arm"), merged.shape("arm")
@@ -146,10 +146,10 @@ def test_weights_and_places_away_from_the_seam_stay_to_the_bit(arm):
 
 
 def test_a_union_that_cannot_be_made_is_refused_and_changes_nothing(arm):
-    project, copy = copy_shape(arm, "arm")
+    project, copy = copy_character(arm, "arm")
     shape = project.shape(copy)
     torn = Mesh(shape.mesh.vertices, shape.mesh.faces[::2], "torn")
-    project = project.with_shapes(shape.with_changes(mesh=torn))
+    project = project.with_characters(shape.with_changes(mesh=torn))
     before = project
     with pytest.raises(InputError, match=r"no union can be made.*torn"):
         merge(project, "arm", "arm 2", copy, 0.0)
@@ -164,12 +164,12 @@ def test_a_cut_where_no_mesh_is_around_the_bone_is_refused(arm):
     shape = arm.shape("arm")
     away = Mesh(shape.mesh.vertices + np.array([0, 9, 0]), shape.mesh.faces)
     with pytest.raises(InputError, match="surrounds"):
-        cut_bone(arm.with_shapes(shape.with_changes(mesh=away)), "arm", 2, 0.5, 0.0)
+        cut_bone(arm.with_characters(shape.with_changes(mesh=away)), "arm", 2, 0.5, 0.0)
 
 
 def test_a_shape_without_a_mesh_is_merged_with_one_that_has_one(arm):
-    bare, copy = copy_shape(arm, "arm")
-    bare = bare.with_shapes(bare.shape(copy).with_changes(mesh=None, skin=None))
+    bare, copy = copy_character(arm, "arm")
+    bare = bare.with_characters(bare.shape(copy).with_changes(mesh=None, skin=None))
     onto, _ = merge(bare, "arm", "arm 2", copy, 0.5)
     assert same(onto.shape("arm").mesh, arm.shape("arm").mesh)
     under, _ = merge(bare, copy, "arm 2", "arm", 0.5)
@@ -178,7 +178,7 @@ def test_a_shape_without_a_mesh_is_merged_with_one_that_has_one(arm):
 
 
 def test_a_moving_root_with_skin_stays_as_a_bone_without_length(arm):
-    project, copy = copy_shape(arm, "arm")
+    project, copy = copy_character(arm, "arm")
     shape = project.shape(copy)
     layer = shape.spans[1][0].refs[0].layer
     spans = ((Span(1.0, (Ref(layer, 0.0, 1.0),)),), *shape.spans[1:])
@@ -186,7 +186,7 @@ def test_a_moving_root_with_skin_stays_as_a_bone_without_length(arm):
     indices = np.where(shape.mesh.vertices[:, :1] < 1.0, 0, skin.indices).astype(np.uint16)
     weights = np.where(shape.mesh.vertices[:, :1] < 1.0, [1, 0, 0, 0], skin.weights).astype(np.float32)
     moved = shape.with_changes(spans=spans, skin=type(skin)(indices, weights))
-    project = project.with_shapes(moved)
+    project = project.with_characters(moved)
     time = 0.5
     seen = surface(project, copy, time)
     seen = seen - pose_of(project, copy, time).joints[0] + pose_of(project, "arm", time).joints[2]
@@ -203,14 +203,14 @@ def fork(arm):
     """The arm with two more arms at its end, to both sides."""
     project = arm
     for degrees in (50, -50):
-        project, copy = copy_shape(project, "arm" if degrees > 0 else "copied")
+        project, copy = copy_character(project, "arm" if degrees > 0 else "copied")
         if degrees > 0:
             kept = project.shape(copy).with_changes(id="copied")
-            project = project.without_shape(copy).with_shapes(kept)
-            project, copy = copy_shape(project, "copied")
+            project = project.without(copy).with_characters(kept)
+            project, copy = copy_character(project, "copied")
         project = turn_bone(project, copy, 0, about_z(degrees))
         project, _ = merge(project, "arm", "arm 2", copy)
-    return project.without_shape("copied")
+    return project.without("copied")
 
 
 @pytest.mark.parametrize("time", [None, 0.0, 0.8])
@@ -240,7 +240,7 @@ def test_a_stroke_through_two_limbs_takes_both_off(fork, time):
 
 
 def test_a_stroke_without_a_mesh_cuts_the_bones(fork):
-    bare = fork.with_shapes(fork.shape("arm").with_changes(mesh=None, skin=None))
+    bare = fork.with_characters(fork.shape("arm").with_changes(mesh=None, skin=None))
     joints = posed(bare, bare.shape("arm"), 0.3)[1]
     edited, ids = cut_stroke(bare, "arm", PlaneCut((joints[0] + joints[1]) / 2, joints[1] - joints[0]), 0.3)
     assert [len(edited.shape(i).skeleton) for i in ids] == [2, len(joints)]

@@ -8,7 +8,7 @@ from enliven.document.clip import Clip
 from enliven.document.project import Project
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
-from enliven.modeling.rigged.copying import copy_shape
+from enliven.modeling.edits import copy_character
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import remove_node
@@ -33,7 +33,7 @@ def walker():
         turns[:, hip + 1] = from_rotation_vector(np.stack([-swing - bend, 0 * t, 0 * t], 1))
         turns[:, hip + 2] = from_rotation_vector(np.stack([-swing + bend, 0 * t, 0 * t], 1))
     clip = Clip("step", WALKER, turns, np.tile(WALKER.positions[0], (61, 1)), 1 / 30)
-    project = Project().with_takes(clip).with_shapes(still_shape("walker", WALKER))
+    project = Project().with_takes(clip).with_characters(still_shape("walker", WALKER))
     for hip in (1, 4):
         chain = (hip, hip + 1, hip + 2)
         project = bind_chain(project, "walker", chain, "step", chain, basis=IDENTITY)
@@ -41,7 +41,7 @@ def walker():
 
 
 def test_the_pin_does_something(walker):
-    free = walker.with_shapes(walker.shape("walker").with_changes(pins=()))
+    free = walker.with_characters(walker.shape("walker").with_changes(pins=()))
     apart = [angle(pose_of(walker, "walker", t).turns, pose_of(free, "walker", t).turns) for t in (0.3, 1.0)]
     assert max(apart) > 1e-3
 
@@ -62,7 +62,7 @@ def test_a_cut_turns_nothing_although_a_pin_lets_go(walker, bone, time):
 
 
 def test_pins_go_with_their_joints(walker):
-    project, copy = copy_shape(walker, "walker")
+    project, copy = copy_character(walker, "walker")
     assert project.shape(copy).pins == walker.shape("walker").pins
     merged, names = merge(project, "walker", "hips", copy, 0.5)
     pins = merged.shape("walker").pins

@@ -11,7 +11,6 @@ import numpy as np
 
 from enliven.document import History, Project
 from enliven.errors import EnlivenError
-from enliven.examples import length_of_puppets
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, Box, OrbitCamera
 from enliven_viewer.studio.examples import Solving
@@ -24,7 +23,6 @@ from enliven_viewer.studio.viewport import (
     PosedShape,
     Possessed,
     Selection,
-    end_of_streams,
     length_of,
     possessed_of,
     valid_selection,
@@ -67,9 +65,7 @@ class Editor:
     @property
     def length(self) -> float:
         """Seconds that the project plays."""
-        project = self.project
-        last = max(end_of_streams(project), length_of_puppets(project))
-        return max(length_of(project, self.settings.shortest), last)
+        return length_of(self.project, self.settings.shortest)
 
     @property
     def lens(self) -> Lens:
@@ -160,6 +156,14 @@ class Editor:
         if changes.get("puppet", self.selection.puppet) != self.selection.puppet:
             self.selection = Selection()
         self.selection = replace(self.selection, **changes)  # type: ignore[arg-type]
+
+    def choose(self, character_id: str) -> None:
+        """Choose a character of any rig."""
+        kind = self.project.characters[character_id].kind
+        if kind == "points":
+            self.puppets.choose(character_id)
+        else:
+            self.select(**{"shape" if kind == "bones" else "graph": character_id})
 
     def advance(self, seconds: float) -> None:
         """Let time pass: the playhead, the camera, the messages."""

@@ -8,7 +8,6 @@ from .edits import (
     mirrored_copy as mirrored_copy,
     moved_switch as moved_switch,
     removed_switch as removed_switch,
-    renamed_puppet as renamed_puppet,
     retimed as retimed,
     turned_a_quarter as turned_a_quarter,
     with_constraint as with_constraint,

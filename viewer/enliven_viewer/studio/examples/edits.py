@@ -84,7 +84,7 @@ def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
     turned = np.stack([x, z, -y] if axis == "x" else [-z, y, x], axis=1)
     tall = float(np.ptp(turned[:, 1]))
     mesh = fit_height(replace(puppet.mesh, vertices=turned), tall)
-    return project.with_puppets(puppet.with_changes(mesh=mesh))
+    return project.with_characters(puppet.with_changes(mesh=mesh))
 
 
 def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Project:
@@ -113,24 +113,11 @@ def retimed(project: Project, puppet_id: str, number: int, time: float) -> Proje
     return change_key_pose(project, puppet_id, number, time=frame * take.step)
 
 
-def renamed_puppet(project: Project, old: str, new: str) -> Project:
-    """A project with a puppet under another name, at its place among the others."""
-    if new == old:
-        return project
-    if not new or new in project.puppets:
-        raise InputError(f"there is a puppet {new!r} already", where="name", mend="Choose another name.")
-    puppets = {
-        (new if k == old else k): (p.with_changes(id=new) if k == old else p)
-        for k, p in project.puppets.items()
-    }
-    return replace(project, puppets=puppets)
-
-
 def with_setting(project: Project, puppet_id: str, group: str, name: str, value: Any) -> Project:
     """A project with one number of a puppet's settings changed: ``group`` is "examples", "surface"
     or "locomotion"."""
     puppet = project.puppet(puppet_id)
-    return project.with_puppets(
+    return project.with_characters(
         puppet.with_changes(**{group: replace(getattr(puppet, group), **{name: value})})
     )
 
@@ -139,7 +126,7 @@ def with_default_settings(project: Project, puppet_id: str) -> Project:
     """A project with a puppet's settings as they are by default."""
     puppet = project.puppet(puppet_id)
     plain = {name: type(getattr(puppet, name))() for name in ("examples", "surface", "locomotion")}
-    return project.with_puppets(puppet.with_changes(**plain))
+    return project.with_characters(puppet.with_changes(**plain))
 
 
 def constraints_of(project: Project, puppet_id: str, layer: int) -> tuple[HardConstraint, ...]:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from enliven.document import Layer, Project, Shape
+from enliven.modeling.edits import change_layers, rename_character
 from enliven.motion.layers import set_travel
 from enliven_viewer.studio.editor import Edit
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import MapTool
-from enliven_viewer.studio.viewport import default_colour, layers_of, used_layers
-from enliven_viewer.studio.workspace import Workspace, renamed
+from enliven_viewer.studio.viewport import default_colour
+from enliven_viewer.studio.workspace import Workspace
 
 _HALF = ImVec2(126, 0)
 _MEANT = {
@@ -30,7 +29,7 @@ def draw_side(workspace: Workspace, area: Area) -> None:
         if workspace.editor.selection.shape is not None:
             _chosen_shape(workspace, workspace.editor.selection.shape)
         if workspace.editor.selection.layer is not None:
-            _chosen_layer(workspace, workspace.editor.project.layers[workspace.editor.selection.layer])
+            _chosen_layer(workspace, *workspace.editor.selection.layer)
         _takes(workspace)
 
 
@@ -69,7 +68,7 @@ def _chosen_shape(workspace: Workspace, name: str) -> None:
     typed, wanted = imgui.input_text("##name", name, flags)
     workspace.remember("name")
     if typed and wanted.strip() and wanted != name:
-        if editor.edit("rename", lambda project: renamed(project, name, wanted.strip())):
+        if editor.edit("rename", lambda project: rename_character(project, name, wanted.strip())):
             editor.select(shape=wanted.strip())
         return
     bones = len(shape.skeleton) - 1
@@ -96,73 +95,70 @@ def _chosen_shape(workspace: Workspace, name: str) -> None:
             imgui.same_line()
 
 
-def _chosen_layer(workspace: Workspace, layer: Layer) -> None:
-    editor = workspace.editor
+def _chosen_layer(workspace: Workspace, character: str, number: int) -> None:
+    editor, at = workspace.editor, (character, number)
+    layer = editor.project.characters[character].playing[number]
     heading("Chosen motion")
-    imgui.text_unformatted(layer.id)
+    imgui.text_unformatted(getattr(layer, "id", character))
     quiet(f"take {layer.take}")
-    _slider(workspace, layer, "weight", layer.weight, 0.0, 1.0, "weight %.2f")
-    _slider(workspace, layer, "offset", layer.offset, -5.0, 5.0, "begins at %.2f s")
-    _slider(workspace, layer, "speed", layer.speed, -3.0, 3.0, "speed %.2f")
+    if isinstance(layer, Layer):
+        _slider(workspace, at, "weight", layer.weight, 0.0, 1.0, "weight %.2f")
+    _slider(workspace, at, "offset", layer.offset, -5.0, 5.0, "begins at %.2f s")
+    _slider(workspace, at, "speed", layer.speed, -3.0, 3.0, "speed %.2f")
     for label in ("loop", "muted"):
         toggled, on = imgui.checkbox(label, getattr(layer, label))
         if toggled:
-            editor.edit(label, _setting(layer.id, label, on))
+            editor.edit(label, _setting(at, label, on))
         if label == "loop":
             imgui.same_line()
+    if isinstance(layer, Layer):
+        _chain(workspace, editor.project.shape(character), layer, at)
+
+
+def _chain(workspace: Workspace, shape: Shape, layer: Layer, at: tuple[str, int]) -> None:
+    """Draw what only a layer of bones has: whether it leads the end, and whether the root travels."""
+    editor = workspace.editor
     ends = layer.mode == "end"
     toggled, on = imgui.checkbox("lead the end", ends)
     if imgui.is_item_hovered():
         imgui.set_tooltip("Bend the chain so that its end goes where the take's end goes")
     if toggled:
-        editor.edit("lead the end", _setting(layer.id, "mode", "end" if on else "turns"))
-    shape = _mover(workspace, layer.id)
-    if shape is not None:
-        imgui.same_line()
-        toggled, on = imgui.checkbox("root travels", shape.travel == layer.id)
-        if imgui.is_item_hovered():
-            imgui.set_tooltip(
-                "The shape goes where the take's root goes. P keeps chosen feet where they stand."
-            )
-        if toggled:
-            wanted = layer.id if on else None
-            editor.edit("root travels", lambda project: set_travel(project, shape.id, wanted))
-
-
-def _mover(workspace: Workspace, layer: str) -> Shape | None:
-    """The chosen shape where the layer moves it, or the first that it moves."""
-    shapes = workspace.editor.project.shapes
-    movers = [shape for shape in shapes.values() if layer in layers_of(shape)]
-    chosen = [shape for shape in movers if shape.id == workspace.editor.selection.shape]
-    return next(iter(chosen or movers), None)
+        editor.edit("lead the end", _setting(at, "mode", "end" if on else "turns"))
+    imgui.same_line()
+    toggled, on = imgui.checkbox("root travels", shape.travel == layer.id)
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("The shape goes where the take's root goes. P keeps chosen feet where they stand.")
+    if toggled:
+        wanted = layer.id if on else None
+        editor.edit("root travels", lambda project: set_travel(project, shape.id, wanted))
 
 
 def _slider(
-    workspace: Workspace, layer: Layer, name: str, value: float, low: float, high: float, said: str
+    workspace: Workspace, at: tuple[str, int], name: str, value: float, low: float, high: float, said: str
 ) -> None:
     """Draw a slider of a layer's number: a draft while it is dragged, one edit when it is let go."""
     imgui.set_next_item_width(-1)
     changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said)
     workspace.remember(f"layer {name}")
     if changed and (name != "speed" or abs(wanted) > 0.02):
-        workspace.editor.sketch(lambda project: _changed(project, layer.id, name, wanted))
+        workspace.editor.sketch(lambda project: _changed(project, at, name, wanted))
     if imgui.is_item_deactivated_after_edit():
-        last = getattr(workspace.editor.project.layers[layer.id], name)
-        workspace.editor.edit(f"change {name}", lambda project: _changed(project, layer.id, name, last))
+        last = getattr(workspace.editor.project.characters[at[0]].playing[at[1]], name)
+        workspace.editor.edit(f"change {name}", lambda project: _changed(project, at, name, last))
 
 
-def _setting(layer: str, name: str, value: object) -> Edit:
-    return lambda project: _changed(project, layer, name, value)
+def _setting(at: tuple[str, int], name: str, value: object) -> Edit:
+    return lambda project: _changed(project, at, name, value)
 
 
-def _changed(project: Project, layer: str, name: str, value: object) -> Project:
-    return project.with_layers(replace(project.layers[layer], **{name: value}))  # type: ignore[arg-type]
+def _changed(project: Project, at: tuple[str, int], name: str, value: object) -> Project:
+    return change_layers(project, at[0], [at[1]], **{name: value})
 
 
 def _takes(workspace: Workspace) -> None:
     editor = workspace.editor
     heading("Takes")
-    used = {layer.take for layer in used_layers(editor.project)}
+    used = set().union(*(one.needed()["takes"] for one in editor.project.characters.values()))
     mapping = workspace.input.tools["map"]
     assert isinstance(mapping, MapTool)
     for name, take in editor.project.takes.items():

@@ -124,7 +124,8 @@ def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
 def _lane(workspace: Workspace, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: ImVec2) -> None:
     draw, layer = imgui.get_window_draw_list(), bar.layer
     top, right = origin.y + bar.top, origin.x + size.x
-    chosen = workspace.editor.selection.layer in bar.ids
+    character, number = workspace.editor.selection.layer or ("", -1)
+    chosen = character == bar.character and number in bar.layers
     draw.add_rect_filled(
         ImVec2(origin.x, top), ImVec2(right, top + LANE), packed(RAISED, 0.95 if chosen else 0.5), 4.0
     )

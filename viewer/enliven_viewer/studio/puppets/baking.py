@@ -53,7 +53,7 @@ class Baking:
 
     def _put(self, puppet: Puppet, made: Project, graph: str, error: BakeError) -> None:
         shape = made.graphs[graph]
-        streams = [made.streams[part.stream] for part in shape.parts]
+        streams = [made.streams[part.take] for part in shape.parts]
 
         def change(project: Project) -> Project:
             if project.puppets.get(puppet.id) is not puppet or graph in project.graphs:
@@ -61,7 +61,7 @@ class Baking:
                 raise InputError(
                     "it was changed while it was baked", where=f"puppet {puppet.id!r}", mend=mend
                 )
-            return project.without_puppet(puppet.id).with_streams(*streams).with_graphs(shape)
+            return project.without(puppet.id).with_streams(*streams).with_characters(shape)
 
         if self.editor.edit(f"bake {puppet.id}", change):
             self.editor.select(graph=graph)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
-from enliven.document import Layer, Project
+from enliven.modeling.edits import change_layers
 from enliven_viewer.studio.editor import Edit, Editor
-from enliven_viewer.studio.timeline.layout import FASTEST, RULER, SLOWEST, SNAP, LaneHandle, TimelineLayout
+from enliven_viewer.studio.timeline.layout import (
+    FASTEST,
+    RULER,
+    SLOWEST,
+    SNAP,
+    Bar,
+    LaneHandle,
+    TimelineLayout,
+)
 from enliven_viewer.studio.timeline.puppet_drag import PuppetTimelineInput
 
 
@@ -43,14 +50,14 @@ class TimelineInput:
         if y >= RULER and self.puppets.press(x, y, layout):
             return
         self._handle, self._from, self._held_layout = layout.handle_at(x, y), x, layout
-        if self._handle.layers:
-            self.editor.select(layer=self._handle.layers[0])
+        handle = self._handle
+        if handle.layers:
+            self.editor.select(layer=(handle.character, handle.layers[0]))
         if self._handle.kind == "ruler":
             self.editor.scrub(layout.time(x))
         elif self._handle.kind == "mute":
-            names = self._handle.layers
-            muted = not self.editor.project.layers[names[0]].muted
-            self.editor.edit("mute" if muted else "unmute", _changing(names, muted=muted))
+            muted = not self.editor.project.characters[handle.character].playing[handle.layers[0]].muted
+            self.editor.edit("mute" if muted else "unmute", _changing(handle, muted=muted))
             self._handle = LaneHandle("nothing")
 
     def drag(self, x: float) -> None:
@@ -81,30 +88,25 @@ class TimelineInput:
 
     def _change(self, x: float) -> Edit:
         """The edit that dragging to ``x`` makes."""
-        layout, names = self._held_layout, self._handle.layers
-        bar = next(bar for bar in layout.bars() if bar.ids == names)
+        layout, handle = self._held_layout, self._handle
+        bar = next(b for b in layout.bars() if (b.character, b.layers) == (handle.character, handle.layers))
         moved = layout.time(x) - layout.time(self._from)
-        if self._handle.kind == "bar":
-            return _changing(names, offset=self._snapped(layout, bar.layer, bar.layer.offset + moved))
-        take = layout.project.takes[bar.layer.take]
-        ends = layout.time(bar.right) + moved
-        return _changing(names, speed=bar.layer.ending(ends, take.duration, SLOWEST, FASTEST).speed)
+        if handle.kind == "bar":
+            return _changing(handle, offset=self._snapped(layout, bar, bar.layer.offset + moved))
+        ends, length = layout.time(bar.right) + moved, layout.project.length_of(bar.layer)
+        return _changing(handle, speed=bar.layer.ending(ends, length, SLOWEST, FASTEST).speed)
 
-    def _snapped(self, layout: TimelineLayout, layer: Layer, offset: float) -> float:
+    def _snapped(self, layout: TimelineLayout, bar: Bar, offset: float) -> float:
         """An offset that sticks to what is near: zero, the playhead, the ends of other bars."""
         places = [0.0, self.editor.time]
-        for bar in layout.bars():
-            if layer.id not in bar.ids:
-                places += [bar.layer.offset, layout.time(bar.right)]
+        for other in layout.bars():
+            if (other.character, other.layers) != (bar.character, bar.layers):
+                places += [other.layer.offset, layout.time(other.right)]
         nearest = min(places, key=lambda place: abs(place - offset))
         near = abs(layout.x(nearest) - layout.x(offset)) <= SNAP
         return nearest if near else offset
 
 
-def _changing(layers: tuple[str, ...], **changes: Any) -> Edit:
-    """The edit that changes attributes of layers."""
-
-    def change(project: Project) -> Project:
-        return project.with_layers(*(replace(project.layers[name], **changes) for name in layers))
-
-    return change
+def _changing(handle: LaneHandle, **changes: Any) -> Edit:
+    """The edit that changes attributes of a lane's layers."""
+    return lambda project: change_layers(project, handle.character, handle.layers, **changes)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from enliven.document import Layer, Project
-from enliven_viewer.studio.viewport import end_of, used_layers
+from enliven.document import Playing, Project, Puppet
 
 LABELS = 190.0
 """Pixels, width of the labels: about 25 letters."""
@@ -38,39 +37,33 @@ Kind = Literal["ruler", "bar", "edge", "mute", "label", "nothing"]
 
 @dataclass(frozen=True)
 class LaneHandle:
-    """The part of the timeline under the pointer, and its layers."""
+    """The part of the timeline under the pointer, and the layers of a character that it belongs to."""
 
     kind: Kind
-    layers: tuple[str, ...] = ()
+    character: str = ""
+    layers: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A lane: its layers, its top, and the first and last pixel of the take played once.
+    """A lane: the numbers of its layers, its top, and the first and last pixel of the take played once.
 
-    Layers that play one take in the same way share a lane: a model that comes with its own animation has a
-    layer for every bone.
+    Layers of a character that play one take in the same way share a lane: a model that comes with its own
+    animation has a layer for every bone.
     """
 
-    layers: tuple[Layer, ...]
+    character: str
+    layers: tuple[int, ...]
+    layer: Playing
     top: float
     left: float
     right: float
 
     @property
-    def layer(self) -> Layer:
-        """The first of the layers."""
-        return self.layers[0]
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """The ids of the layers."""
-        return tuple(layer.id for layer in self.layers)
-
-    @property
     def label(self) -> str:
         """The layer's id, or the take's and how many layers play it."""
-        return self.layer.id if len(self.layers) == 1 else f"{self.layer.take}  ({len(self.layers)} bones)"
+        name = getattr(self.layer, "id", self.layer.take)
+        return name if len(self.layers) == 1 else f"{self.layer.take}  ({len(self.layers)} bones)"
 
 
 @dataclass(frozen=True)
@@ -107,27 +100,29 @@ class TimelineLayout:
         """The time of a pixel, seconds; outside the track it goes on."""
         return (x - LABELS) / self.track * self.length
 
-    def lanes(self) -> tuple[tuple[Layer, ...], ...]:
-        """The layers of each lane, from the top."""
-        groups: dict[tuple[object, ...], list[Layer]] = {}
-        for layer in used_layers(self.project):
-            alone = layer.chain if self._few(layer.take) else ()
-            key = (layer.take, layer.offset, layer.speed, layer.loop, layer.muted, alone and layer.id)
-            groups.setdefault(key, []).append(layer)
-        return tuple(tuple(layers) for layers in groups.values())
+    def lanes(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
+        """The character and the numbers of its layers that share a lane, from the top."""
+        groups: dict[tuple[object, ...], list[int]] = {}
+        for key, character in self.project.characters.items():
+            if isinstance(character, Puppet):
+                continue  # its lanes have rows of their own
+            playing = character.playing
+            for number, layer in enumerate(playing):
+                few = sum(other.take == layer.take for other in playing) <= _FEW
+                alone = number if few and character.kind == "bones" else -1
+                how = (layer.take, layer.offset, layer.speed, layer.loop, layer.muted)
+                groups.setdefault((key, *how, alone), []).append(number)
+        return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
 
     def bars(self) -> tuple[Bar, ...]:
         """The lanes, from the top."""
         bars = []
-        for row, layers in enumerate(self.lanes()):
+        for row, (character, numbers) in enumerate(self.lanes()):
+            layer = self.project.characters[character].playing[numbers[0]]
             top = RULER + row * (LANE + GAP) - self.scrolled
-            left, right = self.x(layers[0].offset), self.x(end_of(self.project, layers[0]))
-            bars.append(Bar(layers, top, left, right))
+            left, right = self.x(layer.offset), self.x(layer.end(self.project.length_of(layer)))
+            bars.append(Bar(character, numbers, layer, top, left, right))
         return tuple(bars)
-
-    def _few(self, take: str) -> bool:
-        """Whether a take is played by so few layers that each has a lane."""
-        return sum(layer.take == take for layer in used_layers(self.project)) <= _FEW
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:
         """Times to mark on the ruler, and whether each is numbered; numbers stand 60 pixels apart or more."""
@@ -145,11 +140,11 @@ class TimelineLayout:
             if not bar.top <= y < bar.top + LANE:
                 continue
             if x < MUTE:
-                return LaneHandle("mute", bar.ids)
+                return LaneHandle("mute", bar.character, bar.layers)
             if x < LABELS - END:
-                return LaneHandle("label", bar.ids)
+                return LaneHandle("label", bar.character, bar.layers)
             if abs(x - bar.right) <= EDGE:
-                return LaneHandle("edge", bar.ids)
+                return LaneHandle("edge", bar.character, bar.layers)
             if bar.left <= x <= bar.right or (bar.layer.loop and x >= bar.left):
-                return LaneHandle("bar", bar.ids)
+                return LaneHandle("bar", bar.character, bar.layers)
         return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")

@@ -6,10 +6,9 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project
-from enliven.modeling.rigged import merge, move_shape
+from enliven.modeling.edits import merge_characters, move_character
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.handle_graph import GraphDrag
-from enliven_viewer.studio.tools.handle_puppet import PuppetDrag
+from enliven_viewer.studio.tools.drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone_at, joint_at
 from enliven_viewer.theme import GOOD, INK, STROKE
 
@@ -23,17 +22,14 @@ class CarryTool(Tool):
         super().__init__(editor)
         self._held: tuple[str, Float, Pointer] | None = None
         self._graft: Hit | None = None
-        self._graph: GraphDrag | None = None
-        self._puppet: PuppetDrag | None = None
+        self._dragged: CharacterDrag | None = None
 
     @property
     def hint(self) -> str:
         if self._graft is not None:
             return "Let go to merge here; the motions of both are kept."
-        if self._graph is not None:
-            return "Let go anywhere; with Shift over another possessed mesh to make one of the two."
-        if self._puppet is not None:
-            return "Let go anywhere; with Shift over another puppet to make one of the two."
+        if self._dragged is not None:
+            return "Let go anywhere; with Shift over another character to make one of the two."
         if self._held is not None:
             return "Bring the red root onto a node of another shape to merge, or let go anywhere."
         if self.editor.selection.puppet is not None:
@@ -43,9 +39,8 @@ class CarryTool(Tool):
     def press(self, pointer: Pointer) -> bool:
         hit = self.shape_at(pointer)
         if hit is None:
-            self._graph = GraphDrag.of(self.editor, pointer)
-            self._puppet = None if self._graph is not None else PuppetDrag.of(self.editor, pointer)
-            return self._graph is not None or self._puppet is not None
+            self._dragged = CharacterDrag.of(self.editor, pointer)
+            return self._dragged is not None
         self.editor.select(shape=hit.shape)
         self.editor.select(joint=None, chain=())
         self.editor.playing = False
@@ -55,12 +50,9 @@ class CarryTool(Tool):
         return True
 
     def drag(self, pointer: Pointer) -> None:
-        if self._graph is not None:
-            graph = self._graph
-            self.editor.sketch(lambda project: graph.moved(project, pointer))
-        if self._puppet is not None:
-            held = self._puppet
-            self.editor.sketch(lambda project: held.moved(project, pointer))
+        dragged = self._dragged
+        if dragged is not None:
+            self.editor.sketch(lambda project: dragged.moved(project, pointer))
         if self._held is None:
             return
         shape_id = self._held[0]
@@ -73,12 +65,9 @@ class CarryTool(Tool):
         self._graft = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
 
     def release(self, pointer: Pointer) -> None:
-        graph, self._graph = self._graph, None
-        if graph is not None and self.editor.draft is not None:
-            graph.drop(pointer)
-        puppet, self._puppet = self._puppet, None
-        if puppet is not None and self.editor.draft is not None:
-            puppet.drop(pointer)
+        mesh, self._dragged = self._dragged, None
+        if mesh is not None and self.editor.draft is not None:
+            mesh.drop(pointer)
         if self._held is None:
             return
         held, graft, dragged = self._held, self._graft, self.editor.draft is not None
@@ -91,7 +80,7 @@ class CarryTool(Tool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = self._graft = self._graph = self._puppet = None
+        self._held = self._graft = self._dragged = None
 
     def overlay(self) -> Overlay:
         plain = super().overlay()
@@ -118,7 +107,7 @@ class CarryTool(Tool):
         shape_id, root, start = self._held
         lens = self.editor.lens
         way = lens.on_plane(pointer.at, root) - lens.on_plane(start.at, root)
-        return move_shape(project, shape_id, way)
+        return move_character(project, shape_id, way)
 
     def _merge(self, shape_id: str, graft: Hit) -> None:
         """Merge at the playhead's time: nothing turns then, and both go on moving."""
@@ -126,7 +115,7 @@ class CarryTool(Tool):
 
         def change(project: Project) -> Project:
             at = graft.along if graft.joint and graft.along < 1.0 else 1.0
-            return merge(project, graft.shape, graft.joint, shape_id, time, at=at)[0]
+            return merge_characters(project, graft.shape, shape_id, time, node=graft.joint, at=at)
 
         if self.editor.edit(f"merge {shape_id}", change):
             self.editor.select(shape=graft.shape)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enliven_viewer.studio.puppets import puppet_at
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport import possessed_at
+from enliven_viewer.studio.tools.drag import mesh_at
 
 
 class ChooseTool(Tool):
@@ -41,13 +40,8 @@ class ChooseTool(Tool):
 
     def _choose_mesh(self, pointer: Pointer, depth: float) -> bool:
         """Choose a possessed mesh or a puppet that is nearer than ``depth`` metres; whether there is one."""
-        editor = self.editor
-        graph = possessed_at(editor.possessed, editor.lens, pointer.at)
-        puppet = puppet_at(editor.puppets.standing, editor.lens, pointer.at)
-        if puppet is not None and puppet[2] < min(depth, graph[1] if graph is not None else float("inf")):
-            editor.puppets.choose(puppet[0].puppet.id)
-        elif graph is not None and graph[1] < depth:
-            editor.select(graph=graph[0])
-        else:
+        mesh = mesh_at(self.editor, pointer)
+        if mesh is None or mesh[1] >= depth:
             return False
+        self.editor.choose(mesh[0])
         return True

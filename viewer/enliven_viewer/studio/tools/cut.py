@@ -6,10 +6,8 @@ import numpy as np
 
 from enliven.document import Project
 from enliven.errors import EnlivenError
+from enliven.modeling.edits import cut_character
 from enliven.modeling.mesh import StrokeCut
-from enliven.modeling.possessed import cut_graph
-from enliven.modeling.puppet import cut_puppet
-from enliven.modeling.rigged import cut_stroke
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Disc, Hit, Line, Overlay, Point, crossings
@@ -60,55 +58,36 @@ class CutTool(Tool):
         self._stroke, self._crossed = [], []
         if not stroke:
             return
-        if not crossed and self._cut_possessed(stroke):
-            return
-        if not crossed:
+        names = list(dict.fromkeys(hit.shape for hit in crossed)) or self._others(stroke)
+        if not names:
             self.editor.toasts.say("The stroke crosses no bone", "Draw it across a limb, from side to side.")
             return
-        time, surface = self.editor.time, self._surface(stroke)
-        parts: list[str] = []
-        notes: list[str] = []
-
-        def change(project: Project) -> Project:
-            for shape in dict.fromkeys(hit.shape for hit in crossed):
-                project, made = cut_stroke(project, shape, surface, time, notes=notes)
-                parts.extend(made[1:])
-            return project
-
-        if self.editor.edit("cut", change):
-            self.editor.select(shape=parts[-1])
-            named = ", ".join(parts)
-            said = f"Cut off: {named}" + "".join(f". {note}" for note in notes[:1])
-            self.editor.toasts.say(said, "Both sides keep their pose now, and their motion.")
-
-    def _cut_possessed(self, stroke: list[Point]) -> bool:
-        """Cut the possessed meshes and puppets that a stroke passes through; whether there is any."""
-        project, chosen = self.editor.project, self.editor.selection
-        graphs = [name for name in project.graphs if chosen.graph in (None, name) and chosen.puppet is None]
-        puppets = [name for name in project.puppets if chosen.puppet in (None, name) and chosen.graph is None]
-        if not (graphs or puppets) or len(stroke) < 2:
-            return False
         time, surface, notes, parts = self.editor.time, self._surface(stroke), list[str](), list[str]()
 
         def change(project: Project) -> Project:
             refused: EnlivenError | None = None
-            for cut, names in ((cut_graph, graphs), (cut_puppet, puppets)):
-                for name in names:
-                    try:
-                        project, made = cut(project, name, surface, time, notes=notes)
-                        parts.append(made[1])
-                    except EnlivenError as error:  # it does not pass through this one
-                        refused = error
-            if not parts and refused is not None:
+            for name in names:
+                try:
+                    project, made = cut_character(project, name, surface, time, notes=notes)
+                    parts.extend(made[1:])
+                except EnlivenError as error:  # a surface that it does not pass through stays whole
+                    refused = error
+            if refused is not None and (crossed or not parts):
                 raise refused
             return project
 
         if self.editor.edit("cut", change):
-            is_puppet = parts[-1] in self.editor.project.puppets
-            self.editor.select(**{"puppet" if is_puppet else "graph": parts[-1]})
+            self.editor.choose(parts[-1])
             said = f"Cut off: {', '.join(parts)}" + "".join(f". {note}" for note in notes[:1])
-            self.editor.toasts.say(said, "Both parts go on moving. Drag one with G.")
-        return True
+            self.editor.toasts.say(said, "All parts keep their pose now, and their motion. Drag one with G.")
+
+    def _others(self, stroke: list[Point]) -> list[str]:
+        """The characters without bones that a stroke may pass through: the chosen one, or all."""
+        project, chosen = self.editor.project, self.editor.selection
+        if len(stroke) < 2:
+            return []
+        wanted = chosen.graph or chosen.puppet
+        return [name for name in (*project.graphs, *project.puppets) if wanted in (None, name)]
 
     def _surface(self, stroke: list[Point]) -> StrokeCut:
         """The stroke swept along the view; pixels, y up."""

@@ -11,7 +11,7 @@ from enliven.document import Project
 from enliven.modeling.rigged import drag_joint, turn_bone
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.handle_puppet import PuppetDrag
+from enliven_viewer.studio.tools.drag import CharacterDrag
 from enliven_viewer.studio.viewport import PosedShape
 
 _TURN = 0.01
@@ -27,7 +27,7 @@ class PoseTool(Tool):
     def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
         super().__init__(editor)
         self._held: tuple[PosedShape, int, Pointer] | None = None
-        self._puppet: PuppetDrag | None = None
+        self._puppet: CharacterDrag | None = None
 
     @property
     def hint(self) -> str:
@@ -42,7 +42,7 @@ class PoseTool(Tool):
     def press(self, pointer: Pointer) -> bool:
         hit = self.shape_at(pointer)
         if hit is None:
-            self._puppet = PuppetDrag.of(self.editor, pointer)
+            self._puppet = CharacterDrag.of(self.editor, pointer)
             return self._puppet is not None
         on_handle = self.handle_at(pointer) is not None
         joint = hit.joint if on_handle else 0
@@ -62,7 +62,7 @@ class PoseTool(Tool):
     def release(self, pointer: Pointer) -> None:
         puppet, self._puppet = self._puppet, None
         if puppet is not None and self.editor.draft is not None:
-            self.editor.edit(f"turn {puppet.puppet}", lambda project: puppet.turned(project, pointer))
+            self.editor.edit(f"turn {puppet.character}", lambda project: puppet.turned(project, pointer))
         if self._held is None:
             return
         if self.editor.draft is not None:

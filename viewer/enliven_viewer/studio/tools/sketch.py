@@ -61,9 +61,9 @@ class SketchTool(Tool):
         made: list[str] = []
 
         def change(project: Project) -> Project:
-            name = unused("part", project.shapes)
+            name = unused("part", project.characters)
             made.append(name)
-            return project.with_shapes(shape_from_stroke(points, plane, id=name))
+            return project.with_characters(shape_from_stroke(points, plane, id=name))
 
         if self.editor.edit("sketch part", change):
             self.editor.select(shape=made[-1])

@@ -16,18 +16,11 @@ from .picking import (
     joint_at as joint_at,
     surface_at as surface_at,
 )
-from .playback import (
-    Players as Players,
-    end_of as end_of,
-    layers_of as layers_of,
-    length_of as length_of,
-    used_layers as used_layers,
-)
+from .playback import Players as Players, length_of as length_of
 from .pose_at_time import PosedShape as PosedShape, joints_of as joints_of
 from .possessed import (
     Characters as Characters,
     Possessed as Possessed,
-    end_of_streams as end_of_streams,
     possessed_at as possessed_at,
     possessed_of as possessed_of,
     with_performance as with_performance,

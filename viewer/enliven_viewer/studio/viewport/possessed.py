@@ -10,7 +10,8 @@ from pathlib import Path
 from enliven.arrays import Float
 from enliven.document import Character, GraphShape, Pose, Project, character_of_graph, unused
 from enliven.errors import InputError
-from enliven.modeling.possessed import graph_vertices, paste_graph, pose_of_graph
+from enliven.modeling.edits import paste_character
+from enliven.modeling.possessed import graph_vertices, pose_of_graph
 from enliven.takes import clips_of_recording, read_possessed
 from enliven_viewer.studio.viewport.colours import coloured
 from enliven_viewer.studio.viewport.picking import Lens, first_face
@@ -62,16 +63,6 @@ def possessed_at(
     return min(found, key=lambda hit: hit[1], default=None)
 
 
-def end_of_streams(project: Project) -> float:
-    """The second at which the last stream in use has been played once."""
-    ends = [
-        part.end(project.streams[part.stream].duration)
-        for shape in project.graphs.values()
-        for part in shape.parts
-    ]
-    return max(ends, default=0.0)
-
-
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:
     """The project with the possessed meshes of a recorded take, and its performers as takes to map.
 
@@ -85,7 +76,7 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
     try:
         source = read_possessed(path)
         for name in source.graphs:
-            project, made = paste_graph(project, source, name)
+            project, made = paste_character(project, source, name)
             added.append(made)
     except InputError as error:
         refused.append(error)

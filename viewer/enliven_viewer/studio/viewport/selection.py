@@ -15,7 +15,7 @@ class Selection:
         shape: its id, or None.
         joint: a joint of it, or None.
         chain: joints of it from one end to the other; empty without a chain.
-        layer: the id of a layer, or None.
+        layer: the character and the number of a layer of it, or None.
         graph: the id of a possessed mesh, or None; then no shape is chosen.
         puppet: the id of a puppet, or None; then neither a shape nor a possessed mesh is chosen.
         point: the number of a control point of it, or None.
@@ -25,17 +25,24 @@ class Selection:
     shape: str | None = None
     joint: int | None = None
     chain: tuple[int, ...] = ()
-    layer: str | None = None
+    layer: tuple[str, int] | None = None
     graph: str | None = None
     puppet: str | None = None
     point: int | None = None
     puppet_layer: int | None = None
 
+    @property
+    def character(self) -> str | None:
+        """The id of what is chosen, whatever rig it has."""
+        return self.shape or self.graph or self.puppet
+
 
 def valid_selection(chosen: Selection, project: Project) -> Selection:
     """The selection without the objects that the project no longer has."""
-    if chosen.layer is not None and chosen.layer not in project.layers:
-        chosen = replace(chosen, layer=None)
+    if chosen.layer is not None:
+        owner = project.characters.get(chosen.layer[0])
+        if owner is None or chosen.layer[1] >= len(owner.playing):
+            chosen = replace(chosen, layer=None)
     if chosen.graph is not None and chosen.graph not in project.graphs:
         chosen = replace(chosen, graph=None)
     if chosen.puppet is not None:

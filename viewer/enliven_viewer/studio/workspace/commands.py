@@ -6,24 +6,25 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from enliven.arrays import Float
 from enliven.document import Project
 from enliven.matching import best_view, equal_limbs
-from enliven.modeling.possessed import copy_graph, move_graph
-from enliven.modeling.rigged import (
-    copy_shape,
-    mirror_shape,
-    paste_shape,
-    scale_shape,
-    spread_motion,
-    turn_bone,
+from enliven.modeling.edits import (
+    copy_character,
+    delete_character,
+    mirror_character,
+    paste_character,
+    scale_character,
+    turn_character,
 )
+from enliven.modeling.rigged import spread_motion
 from enliven.motion.contact import pin_feet, unpin
 from enliven.motion.layers import clear_chain, copy_motion
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove_joint
-from enliven_viewer.studio.workspace.puppet_commands import ASIDE, PuppetCommands
+from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, aside
 
 
 class Commands:
@@ -36,10 +37,10 @@ class Commands:
 
     def __init__(self, editor: Editor, ask: Callable[[str], None] = lambda dialogue: None) -> None:
         self.editor, self.ask = editor, ask
-        self._shape: tuple[Project, str] | None = None
+        self._copied: tuple[Project, str] | None = None
         self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None
-        self.puppets = PuppetCommands(editor)
+        self.puppets = PuppetCommands(editor, self.add)
 
     def play(self) -> None:
         """Start or stop playing."""
@@ -54,111 +55,74 @@ class Commands:
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
-        """Remove the chosen joint, or else the chosen shape."""
-        chosen = self.editor.selection
-        if self.puppets.delete():
+        """Remove the chosen joint, or else the chosen character."""
+        chosen, name = self.editor.selection, self._chosen()
+        if name is None:
             return
-        if chosen.graph is not None:
-            graph = chosen.graph
-            self.editor.edit(f"delete {graph}", lambda project: project.without_graph(graph))
-        elif chosen.shape is None:
-            self.editor.toasts.say("Nothing is chosen", "Click a node or a shape first.")
-        elif chosen.joint:
+        if chosen.shape is not None and chosen.joint:
             remove_joint(self.editor, chosen.shape, chosen.joint)
         else:
-            self.editor.edit(
-                f"delete {chosen.shape}", lambda project: project.without_shape(str(chosen.shape))
-            )
+            self.editor.edit(f"delete {name}", lambda project: delete_character(project, name))
 
     def copy(self) -> None:
-        """Remember the chosen shape with its motion."""
-        if self.puppets.copy():
-            return
-        shape = self._chosen()
-        if shape is not None:
-            self._shape, self._pasted = (self.editor.project, shape), 0
-            self.puppets.forget()
-            self.editor.toasts.say(f"Copied {shape} with its motion", "Ctrl+V puts a copy beside it.")
+        """Remember the chosen character with its motion."""
+        name = self._chosen()
+        if name is not None:
+            self._copied, self._pasted = (self.editor.project, name), 0
+            self.editor.toasts.say(f"Copied {name} with its motion", "Ctrl+V puts a copy beside it.")
 
     def cut_out(self) -> None:
-        """Remember the chosen shape and take it away."""
-        if self.puppets.copy(cut=True):
-            return
-        shape = self._chosen()
-        if shape is not None:
-            self._shape, self._pasted = (self.editor.project, shape), -1
-            self.puppets.forget()
-            self.editor.edit(f"cut out {shape}", lambda project: project.without_shape(shape))
+        """Remember the chosen character and take it away."""
+        name = self._chosen()
+        if name is not None:
+            self._copied, self._pasted = (self.editor.project, name), -1
+            self.editor.edit(f"cut out {name}", lambda project: delete_character(project, name))
 
     def paste(self) -> None:
-        """Paste a copy of the remembered shape beside the others."""
-        if self.puppets.paste():
+        """Paste a copy of the remembered character beside the others."""
+        if self._copied is None:
+            self.editor.toasts.say("Nothing was copied", "Choose something and press Ctrl+C first.")
             return
-        if self._shape is None:
-            self.editor.toasts.say("No shape was copied", "Choose one and press Ctrl+C first.")
-            return
-        source, name = self._shape
+        source, name = self._copied
         self._pasted += 1
-        offset, made = self._aside(source, name) * self._pasted, []
-
-        def change(project: Project) -> Project:
-            project, copy = paste_shape(project, source, name, offset=offset)
-            made.append(copy)
-            return project
-
-        if self.editor.edit(f"paste {name}", change):
-            self.editor.select(shape=made[-1])
+        offset = self._aside(source, name) * self._pasted
+        self.add(f"paste {name}", lambda project: paste_character(project, source, name, offset=offset))
 
     def duplicate(self) -> None:
-        """Put a copy of the chosen shape beside it; the clipboard stays."""
-        if self.puppets.duplicate():
-            return
-        graph = self.editor.selection.graph
-        if graph is not None:
-            self.editor.edit(f"duplicate {graph}", lambda project: self._copied_graph(project, graph))
-            return
-        shape = self._chosen()
-        if shape is None:
-            return
-        offset, made = self._aside(self.editor.project, shape), []
-
-        def change(project: Project) -> Project:
-            project, copy = copy_shape(project, shape, offset=offset)
-            made.append(copy)
-            return project
-
-        if self.editor.edit(f"duplicate {shape}", change):
-            self.editor.select(shape=made[-1])
+        """Put a copy of the chosen character beside it; the clipboard stays."""
+        name = self._chosen()
+        if name is not None:
+            offset = self._aside(self.editor.project, name)
+            self.add(f"duplicate {name}", lambda project: copy_character(project, name, offset=offset))
 
     def mirror(self) -> None:
-        """Mirror the chosen shape left to right, as it is seen."""
-        if self.puppets.mirror():
-            return
-        shape = self._chosen()
-        if shape is not None:
-            right = self.editor.lens.view.camera_from_world[0, :3]
-            self.editor.edit(
-                f"mirror {shape}", lambda project: mirror_shape(project, shape, _nearest_axis(right))
-            )
+        """Mirror the chosen character left to right, as it is seen."""
+        right = self.editor.lens.view.camera_from_world[0, :3]
+        normal = np.eye(3)[int(np.abs(right).argmax())]
+        self._change("mirror", lambda project, name: mirror_character(project, name, normal))
 
     def scale(self, factor: float) -> None:
-        """Make the chosen shape larger or smaller about its root."""
-        if self.puppets.scale(factor):
-            return
-        shape = self._chosen()
-        if shape is not None:
-            self.editor.edit(f"scale {shape}", lambda project: scale_shape(project, shape, factor))
+        """Make the chosen character larger or smaller where it stands."""
+        self._change("scale", lambda project, name: scale_character(project, name, factor))
 
     def turn(self, degrees: float) -> None:
-        """Turn the chosen shape about its root, in the picture's plane; above 0 counter-clockwise."""
-        if self.puppets.turn(degrees):
-            return
-        shape = self._chosen()
-        if shape is None:
-            return
+        """Turn the chosen character where it stands, in the picture's plane; above 0 counter-clockwise."""
         turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
-        time = self.editor.time
-        self.editor.edit(f"turn {shape}", lambda project: turn_bone(project, shape, 0, turn, time))
+        self._change("turn", lambda project, name: turn_character(project, name, turn))
+
+    def add(self, name: str, change: Callable[[Project], tuple[Project, str]]) -> bool:
+        """Do an edit that adds a character, and choose that."""
+        made: list[str] = []
+
+        def alone(project: Project) -> Project:
+            project, character = change(project)
+            made.append(character)
+            return project
+
+        if not self.editor.edit(name, alone):
+            return False
+        self.editor.choose(made[-1])
+        return True
 
     def copy_motion(self) -> None:
         """Remember the motion of the chosen chain."""
@@ -217,7 +181,7 @@ class Commands:
 
     def best_view(self) -> None:
         """Turn the camera to the direction from which most of the chosen shape's bones are seen."""
-        shape = self._chosen()
+        shape = self._chosen_shape()
         if shape is None:
             return
         starts, ends = self.editor.posed(shape).bones()
@@ -231,7 +195,7 @@ class Commands:
         """Take all motion off the chosen chain, or off the whole chosen shape."""
         chosen = self.editor.selection
         if chosen.shape is None:
-            self._chosen()
+            self._chosen_shape()
             return
         shape = chosen.shape
         chains: Sequence[Sequence[int]] = [self._outwards(shape, chosen.chain)]
@@ -246,13 +210,18 @@ class Commands:
 
         self.editor.edit("clear motion", change)
 
-    def _copied_graph(self, project: Project, graph: str) -> Project:
-        project, copy = copy_graph(project, graph)
-        right = self.editor.lens.view.camera_from_world[0, :3]
-        wide = float(np.ptp(project.graphs[graph].mesh.vertices @ right))
-        return move_graph(project, copy, right * (wide + ASIDE))
+    def _change(self, word: str, change: Callable[[Project, str], Project]) -> None:
+        name = self._chosen()
+        if name is not None:
+            self.editor.edit(f"{word} {name}", lambda project: change(project, name))
 
     def _chosen(self) -> str | None:
+        name = self.editor.selection.character
+        if name is None:
+            self.editor.toasts.say("Nothing is chosen", "Click a shape first.")
+        return name
+
+    def _chosen_shape(self) -> str | None:
         if self.editor.selection.shape is None:
             self.editor.toasts.say("No shape is chosen", "Click one first.")
         return self.editor.selection.shape
@@ -265,18 +234,6 @@ class Commands:
         parents = self.editor.project.shapes[shape].skeleton.parents
         return chain[::-1] if len(chain) > 1 and parents[chain[0]] == chain[1] else chain
 
-    def _aside(self, source: Project, name: str) -> np.ndarray:
-        """(3,) metres, an offset to the right of the view by about the shape's width."""
-        lens, points = self.editor.lens, source.shapes[name].skeleton.positions
-        right = lens.view.camera_from_world[0, :3]
-        wide = float(np.ptp(points @ right))
-        way = np.asarray(right * (wide + ASIDE))
-        way[1] = 0.0
-        return way
-
-
-def _nearest_axis(way: np.ndarray) -> np.ndarray:
-    """(3,) the world's axis that is most along a direction."""
-    axis = np.zeros(3)
-    axis[int(np.abs(way).argmax())] = 1.0
-    return axis
+    def _aside(self, source: Project, name: str) -> Float:
+        """(3,) metres, an offset to the right of the view by about the character's width."""
+        return aside(self.editor, source.characters[name])

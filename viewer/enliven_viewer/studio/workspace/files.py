@@ -109,12 +109,12 @@ def _add_model(editor: Editor, path: Path) -> None:
     box = editor.box()
 
     def add(project: Project) -> Project:
-        shape = rig.shape.with_changes(id=unused(rig.shape.id, project.shapes))
+        shape = rig.shape.with_changes(id=unused(rig.shape.id, project.characters))
         if box is not None and shape.mesh is not None:
             aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _BESIDE
             shape = shape.with_changes(place=[aside, 0.0, 0.0])
         fresh = [clip for clip in rig.clips if clip.id not in project.takes]
-        return project.with_shapes(shape).with_takes(*fresh)
+        return project.with_characters(shape).with_takes(*fresh)
 
     if editor.edit(f"open {path.name}", add):
         _tell(editor, path, rig.notes, f"{len(rig.clips)} takes came with it." if rig.clips else "")
@@ -136,14 +136,14 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
         notes = (*notes, f"it was {tall:.3g} m tall, and was made {height} m tall")
 
     def add(project: Project) -> Project:
-        everything = {**project.shapes, **project.graphs, **project.puppets}
+        everything = project.characters
         name = unused(path.stem, everything)
         project = make_puppet(project, fitted, name)
         made.append(name)
         if box is None:
             return project
         aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _BESIDE
-        return project.with_puppets(project.puppets[name].with_changes(place=[aside, 0.0, 0.0]))
+        return project.with_characters(project.puppets[name].with_changes(place=[aside, 0.0, 0.0]))
 
     if editor.edit(f"open {path.name}", add):
         editor.puppets.choose(made[-1])
@@ -161,11 +161,11 @@ def _add_session(editor: Editor, path: Path) -> None:
             known = project.takes.get(take.id)
             names[take.id] = take.id if known is None or same(known, take) else unused(take.id, project.takes)
             project = project.with_takes(replace(take, id=names[take.id]))
-        everything = {**project.shapes, **project.graphs, **project.puppets}
+        everything = project.characters
         made.append(unused(puppet.id, everything))
         poses = tuple(replace(pose, take=names[pose.take]) for pose in puppet.poses)
         layers = tuple(replace(layer, take=names[layer.take]) for layer in puppet.layers)
-        return project.with_puppets(puppet.with_changes(id=made[-1], poses=poses, layers=layers))
+        return project.with_characters(puppet.with_changes(id=made[-1], poses=poses, layers=layers))
 
     if editor.edit(f"open {path.name}", add):
         editor.puppets.choose(made[-1])

@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven.examples import missing
-from enliven_viewer.studio.examples import renamed_puppet
+from enliven.modeling.edits import rename_character
 from enliven_viewer.studio.panels.examples.motion import draw_held, draw_layer
 from enliven_viewer.studio.panels.examples.points import draw_points
 from enliven_viewer.studio.panels.examples.settings import draw_settings
@@ -53,7 +53,7 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
     wanted = wanted.strip()
     if typed and wanted and wanted != puppet.id:
         point, layer = workspace.editor.selection.point, workspace.editor.selection.puppet_layer
-        if workspace.editor.edit("rename", lambda project: renamed_puppet(project, puppet.id, wanted)):
+        if workspace.editor.edit("rename", lambda project: rename_character(project, puppet.id, wanted)):
             workspace.editor.select(puppet=wanted)
             workspace.editor.select(point=point, puppet_layer=layer)
 

@@ -1,0 +1,39 @@
+"""The steps that turn what an older version wrote into what the next one would have written."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from enliven.document import GraphShape, Puppet, RigBase, Shape, unused
+
+_MAPS: dict[str, type[RigBase]] = {"shapes": Shape, "graphs": GraphShape, "puppets": Puppet}
+"""The maps of version 1, which became one, in this order, with the rig of each."""
+
+
+def characters_of_kinds(project: dict[str, Any]) -> dict[str, Any]:
+    """Version 1 to 2: three maps of characters become one, and a shape holds its own layers.
+
+    Ids were unique within a map only; a later one that is taken gets a number.
+    """
+    layers = project.get("layers", {})
+    characters: dict[str, Any] = {}
+    for name, rig in _MAPS.items():
+        for key, table in project.get(name, {}).items():
+            made = {"kind": rig.kind, **table}
+            if rig is Shape:
+                made["layers"] = [layers[layer] for layer in _layers_of(table) if layer in layers]
+            if rig is GraphShape:
+                made["parts"] = [_renamed(part, "stream", "take") for part in table["parts"]]
+            new = unused(key, characters)
+            characters[new] = {**made, "id": new}
+    return {"characters": characters, **{name: project.get(name, {}) for name in ("takes", "streams")}}
+
+
+def _layers_of(shape: dict[str, Any]) -> list[str]:
+    """The layers that the spans of a shape name, each once, and that of its travel."""
+    named = [ref["layer"] for spans in shape["spans"] for span in spans for ref in span.get("refs", [])]
+    return list(dict.fromkeys([*named, *([shape["travel"]] if shape.get("travel") else [])]))
+
+
+def _renamed(table: dict[str, Any], old: str, new: str) -> dict[str, Any]:
+    return {new if key == old else key: value for key, value in table.items()}

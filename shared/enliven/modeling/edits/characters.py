@@ -1,0 +1,229 @@
+"""The edits of one character: Project -> Project, each written once for all rigs.
+
+    project, copied = copy_character(project, "chair", offset=(1, 0, 0), delay=0.5)
+    project = mirror_character(project, copied, (1, 0, 0))
+    project, parts = cut_character(project, "cactus", PlaneCut(point, normal), time)
+
+An edit that is refused raises InputError and changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document import AnyRig, Project, same, unused
+from enliven.errors import InputError
+from enliven.modeling.edits.rigs import rig_of
+from enliven.modeling.mesh import CutSurface
+from enliven.modeling.rigged import Axes
+from enliven.rotation import IDENTITY
+
+_ORIGIN = (0.0, 0.0, 0.0)
+"""Metres: nowhere else, or the middle of the world, where nothing else is asked for."""
+
+
+def copy_character(
+    project: Project,
+    character_id: str,
+    *,
+    offset: AnyArray | Sequence[float] = _ORIGIN,
+    delay: float = 0.0,
+) -> tuple[Project, str]:
+    """A project with a copy of a character, and the copy's id; it plays the same takes.
+
+    Args:
+        offset: (3,) metres from the character to its copy.
+        delay: seconds that the copy moves later.
+    """
+    return paste_character(project, project, character_id, offset=offset, delay=delay)
+
+
+def paste_character(
+    project: Project,
+    source: Project,
+    character_id: str,
+    *,
+    offset: AnyArray | Sequence[float] = _ORIGIN,
+    delay: float = 0.0,
+) -> tuple[Project, str]:
+    """A project with a copy of a character of another project, with its motion, and the copy's id.
+
+    Takes and streams that the project has already, bit for bit, are used; others come along.
+
+    Raises:
+        InputError: where there is no such character, or the offset or delay is no number.
+    """
+    character = _named(source, character_id)
+    shift = np.asarray(offset, np.float64)
+    if shift.shape != (3,) or not np.isfinite(shift).all() or not np.isfinite(delay):
+        what = f"a copy cannot be {offset} m away and {delay} s late"
+        raise InputError(what, where=character.where, mend="Give three metres and seconds.")
+    project, names = _with_takes_of(project, source, character)
+    copy = character.with_takes_named(names).with_changes(id=unused(character_id, project.characters))
+    copy = rig_of(copy).moved(copy if delay == 0.0 else copy.later(delay), shift, IDENTITY, np.zeros(3))
+    return project.with_characters(copy), copy.id
+
+
+def delete_character(project: Project, character_id: str) -> Project:
+    """A project without a character; the takes that it played stay.
+
+    Raises:
+        InputError: where there is no such character.
+    """
+    return project.without(character_id)
+
+
+def rename_character(project: Project, character_id: str, wanted: str) -> Project:
+    """A project with a character under another name, at its place among the others.
+
+    Raises:
+        InputError: where there is no such character, or another is called so.
+    """
+    character = _named(project, character_id)
+    if wanted == character_id:
+        return project
+    if not wanted or wanted in project.characters:
+        what = f"{wanted!r} is there already" if wanted else "it needs a name"
+        raise InputError(what, where=character.where, mend="Choose another name.")
+    named = {
+        (wanted if key == character_id else key): (one.with_changes(id=wanted) if one is character else one)
+        for key, one in project.characters.items()
+    }
+    return replace(project, characters=named)
+
+
+def move_character(
+    project: Project,
+    character_id: str,
+    offset: AnyArray | Sequence[float],
+    turn: AnyArray = IDENTITY,
+    about: AnyArray | Sequence[float] = _ORIGIN,
+) -> Project:
+    """A project with a character moved at every time: x becomes turn (x - about) + about + offset.
+
+    Args:
+        offset: (3,) metres.
+        turn: (4,) rotation.
+        about: (3,) metres that the turn leaves.
+
+    Raises:
+        InputError: where there is no such character, or a number is not finite.
+    """
+    character = _named(project, character_id)
+    way, centre = np.asarray(offset, np.float64), np.asarray(about, np.float64)
+    turn = np.asarray(turn, np.float64)
+    good = way.shape == centre.shape == (3,) and turn.shape == (4,)
+    if not (good and np.isfinite([*way, *centre]).all() and abs(np.linalg.norm(turn) - 1.0) < 1e-6):
+        raise InputError(
+            f"it cannot be moved by {offset}, {turn}", where=character.where, mend="Give numbers."
+        )
+    return project.with_characters(rig_of(character).moved(character, way, turn, centre))
+
+
+def turn_character(project: Project, character_id: str, turn: AnyArray) -> Project:
+    """A project with a character turned by a rotation (4,) about where it stands, at every time.
+
+    Raises:
+        InputError: where there is no such character, or the turn is no unit quaternion.
+    """
+    character = _named(project, character_id)
+    return move_character(project, character_id, _ORIGIN, turn, rig_of(character).centre(character))
+
+
+def scale_character(project: Project, character_id: str, factor: float) -> Project:
+    """A project with a character ``factor`` times as large where it stands; strides grow along.
+
+    Raises:
+        InputError: where there is no such character, or the factor is not above zero.
+    """
+    character = _named(project, character_id)
+    if not (np.isfinite(factor) and factor > 0.0):
+        mend = "Give a number above 0; mirror_character turns it over."
+        raise InputError(f"it cannot be {factor} times as large", where=character.where, mend=mend)
+    return project.with_characters(rig_of(character).scaled(character, float(factor)))
+
+
+def mirror_character(project: Project, character_id: str, normal: AnyArray | Sequence[float]) -> Project:
+    """A project with a character mirrored, at every time, where it stands, across ``normal`` (3,).
+
+    To keep both, copy it first.
+
+    Raises:
+        InputError: where there is no such character, or no direction.
+    """
+    character = _named(project, character_id)
+    axes = Axes.mirror(np.asarray(normal, np.float64))
+    return project.with_characters(rig_of(character).mirrored(project, character, axes))
+
+
+def shift_character(project: Project, character_id: str, delay: float) -> Project:
+    """A project in which a character does everything ``delay`` seconds later.
+
+    Raises:
+        InputError: where there is no such character, or the delay is no number.
+    """
+    return project.with_characters(_named(project, character_id).later(delay))
+
+
+def change_layers(project: Project, character_id: str, numbers: Iterable[int], **changes: Any) -> Project:
+    """A project with layers of a character changed: offset, speed, loop, muted, or what else they all have.
+
+    Raises:
+        InputError: where there is no such character or layer, or it cannot be played like that.
+    """
+    character, wanted = _named(project, character_id), set(numbers)
+    count = len(character.playing)
+    if not wanted <= set(range(count)):
+        what = f"there is no layer {max(wanted, key=abs)}"
+        raise InputError(what, where=character.where, mend=f"It has {count}.")
+    layers = (replace(one, **changes) if k in wanted else one for k, one in enumerate(character.playing))
+    return project.with_characters(character.with_playing(*layers))
+
+
+def cut_character(
+    project: Project, character_id: str, stroke: CutSurface, time: float, *, notes: list[str] | None = None
+) -> tuple[Project, tuple[str, ...]]:
+    """A character cut along a stroke, as it is seen at ``time``; all parts go on moving.
+
+    Args:
+        stroke: a ``StrokeCut`` (drawn on a picture) or a ``PlaneCut``, in world metres.
+        time: seconds of the project's time.
+        notes: takes sentences about how the mesh was closed, and what was approximated.
+
+    Returns:
+        The project and the ids: the first part keeps ``character_id``, the others get new ones.
+
+    Raises:
+        InputError: where there is no such character, or the stroke cuts nothing off.
+    """
+    rig, told = rig_of(_named(project, character_id)), [] if notes is None else notes
+    return rig.cut(project, character_id, stroke, time, told)
+
+
+def _named(project: Project, character_id: str) -> AnyRig:
+    project.character(character_id)
+    return project.characters[character_id]
+
+
+def _with_takes_of(project: Project, source: Project, character: AnyRig) -> tuple[Project, dict[str, str]]:
+    """The project with what a character plays in another, and the id of each take here."""
+    ids: dict[str, str] = {}
+    for held, names in character.needed().items():
+        for name in sorted(names):
+            here, take = getattr(project, held), getattr(source, held)[name]
+            if name not in here or not same(here[name], take):
+                take = replace(take, id=unused(name, here))
+                project = replace(project, **{held: {**here, take.id: take}})
+            ids[name] = take.id
+    return project, ids
+
+
+def centre_of(project: Project, character_id: str) -> Float:
+    """(3,) metres in the world: what a character is turned, scaled and mirrored about."""
+    character = _named(project, character_id)
+    return rig_of(character).centre(character)

@@ -1,0 +1,111 @@
+"""The part of the edits of whole characters that deformation graphs do their own way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Character, GraphShape, Pose, Project, Ride, character_of_graph
+from enliven.errors import InputError
+from enliven.modeling.mesh import CutSurface, SeamSettings
+from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
+from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
+from enliven.modeling.rigged import Axes, moved_mesh
+from enliven.rotation import IDENTITY, multiply, normalized, rotate
+
+
+class GraphRig:
+    """A deformation graph that plays what was recorded of it."""
+
+    def centre(self, shape: GraphShape) -> Float:
+        """Its node 0 at rest."""
+        return np.asarray(shape.positions[0])
+
+    def rest(self, shape: GraphShape) -> Float:
+        return shape.mesh.vertices
+
+    def seen(self, project: Project, shape: GraphShape, time: float) -> Float:
+        return graph_vertices(shape, *graph_pose(project, shape, time))
+
+    def drawn(self, shape: GraphShape) -> Character:
+        return character_of_graph(shape)
+
+    def pose(self, project: Project, shape: GraphShape, time: float) -> Pose:
+        return pose_of_graph(project, shape, time)
+
+    def moved(self, shape: GraphShape, offset: Float, turn: Float, about: Float) -> GraphShape:
+        """The rest stays, and what rides is carried along."""
+        parts = tuple(
+            part
+            if part.ride is not None
+            else replace(
+                part,
+                turn=normalized(multiply(turn, part.turn)),
+                place=rotate(turn, part.place - about) + about + offset,
+            )
+            for part in shape.parts
+        )
+        return shape.with_changes(parts=parts)
+
+    def scaled(self, shape: GraphShape, factor: float) -> GraphShape:
+        """Rest and motion alike."""
+        centre = self.centre(shape)
+
+        def larger(points: Float) -> Float:
+            return centre + factor * (points - centre)
+
+        parts = tuple(
+            replace(
+                part,
+                size=part.size * factor,
+                place=larger(part.place),
+                ride=None if part.ride is None else replace(part.ride, place=larger(part.ride.place)),
+            )
+            for part in shape.parts
+        )
+        mesh = replace(shape.mesh, vertices=larger(shape.mesh.vertices))
+        return shape.with_changes(positions=larger(shape.positions), mesh=mesh, parts=parts)
+
+    def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
+        """Rest and motion alike."""
+        centre, flip = self.centre(shape), Axes(IDENTITY, True)
+        parts = []
+        for part in shape.parts:
+            # M (turn S^k x + place) = (M turn S) S^(k+1) x + M place, and M turn S is a rotation again.
+            turn = normalized(multiply(axes.turn, flip.rotations(part.turn)))
+            rest = normalized(multiply(axes.turn, flip.rotations(part.axes)))
+            place, ride = centre + axes.vectors(part.place - centre), part.ride
+            if ride is not None:
+                held = centre + axes.vectors(ride.place - centre)
+                ride = Ride(ride.node, normalized(axes.rotations(ride.turn)), held)
+            flipped = not part.mirrored
+            parts.append(replace(part, turn=turn, axes=rest, place=place, mirrored=flipped, ride=ride))
+        mesh = moved_mesh(shape.mesh, centre, axes, centre)
+        positions = centre + axes.vectors(shape.positions - centre)
+        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts))
+
+    def cut(
+        self, project: Project, shape_id: str, stroke: CutSurface, time: float, notes: list[str]
+    ) -> tuple[Project, tuple[str, ...]]:
+        """The nodes go with the vertices that follow them."""
+        return cut_graph(project, shape_id, stroke, time, notes=notes)
+
+    def merged(
+        self,
+        project: Project,
+        host_id: str,
+        graft_id: str,
+        time: float,
+        node: int | str | None,
+        at: float,
+        loose: bool,
+        seam: SeamSettings,
+        notes: list[str],
+    ) -> Project:
+        """The graft rides on a node of the host."""
+        if isinstance(node, str):
+            where = project.graph(host_id).where
+            raise InputError(f"there is no node {node!r}", where=where, mend="Nodes have numbers.")
+        return merge_graphs(project, host_id, graft_id, time, node=node, loose=loose, seam=seam, notes=notes)

@@ -1,0 +1,112 @@
+"""The part of the edits of whole characters that skeletons do their own way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Character, Layer, Pose, Project, Shape, character_of, unused
+from enliven.modeling.mesh import CutSurface, SeamSettings, posed_vertices
+from enliven.modeling.rigged.axes import Axes, moved_mesh
+from enliven.modeling.rigged.bones import bones_of, rebuilt
+from enliven.modeling.rigged.merging import merge
+from enliven.modeling.rigged.posed import posed, with_travel_kept
+from enliven.modeling.rigged.stroke_cut import cut_stroke
+from enliven.motion.layers import Player
+from enliven.rotation import IDENTITY, multiply, normalized, rotate
+
+
+class ShapeRig:
+    """A skeleton with skin."""
+
+    def centre(self, shape: Shape) -> Float:
+        """Where its root is, as modeled."""
+        return np.asarray(shape.skeleton.positions[0] + shape.place)
+
+    def rest(self, shape: Shape) -> Float:
+        return shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
+
+    def seen(self, project: Project, shape: Shape, time: float) -> Float:
+        """The vertices; of a shape without a mesh, the joints."""
+        turns, joints = posed(project, shape, time)
+        return joints if shape.mesh is None else posed_vertices(shape, turns, joints)
+
+    def drawn(self, shape: Shape) -> Character:
+        return character_of(shape)
+
+    def pose(self, project: Project, shape: Shape, time: float) -> Pose:
+        return Player(project, shape.id).pose(time)
+
+    def moved(self, shape: Shape, offset: Float, turn: Float, about: Float) -> Shape:
+        """The root's modeling rotation and place change, and the basis of its travel."""
+        place = rotate(turn, self.centre(shape) - about) + about + offset - shape.skeleton.positions[0]
+        if np.array_equal(turn, IDENTITY):
+            return shape.with_changes(place=shape.place + offset)
+        modeling = np.array(shape.modeling)
+        modeling[0] = normalized(multiply(turn, modeling[0]))
+        layers, travel = _turned_travel(shape, turn)
+        return shape.with_changes(place=place, modeling=modeling, layers=layers, travel=travel)
+
+    def scaled(self, shape: Shape, factor: float) -> Shape:
+        """Turns stay; strides grow along."""
+        centre = shape.skeleton.positions[0]
+        bones = [bone._replace(rest=centre + factor * (bone.rest - centre)) for bone in bones_of(shape)]
+        mesh = shape.mesh
+        if mesh is not None:
+            mesh = replace(mesh, vertices=centre + factor * (mesh.vertices - centre))
+        stride = None if shape.travel_scale is None else shape.travel_scale * factor
+        return rebuilt(shape, bones, mesh=mesh, travel_scale=stride)
+
+    def mirrored(self, project: Project, shape: Shape, axes: Axes) -> Shape:
+        """Rest pose and mesh are reflected; modeling rotations and layers are conjugated by it (M D M)."""
+        centre = shape.skeleton.positions[0]
+        bones = [
+            bone._replace(
+                rest=centre + axes.vectors(bone.rest - centre) if bone.parent else bone.rest,
+                modeling=normalized(axes.rotations(bone.modeling)),
+                spans=axes.spans(bone.spans),
+            )
+            for bone in bones_of(shape)
+        ]
+        mesh = None if shape.mesh is None else moved_mesh(shape.mesh, centre, axes, centre)
+        layers = tuple(axes.layer(layer) for layer in shape.layers)
+        return with_travel_kept(project, shape, rebuilt(shape, bones, mesh=mesh, layers=layers))
+
+    def cut(
+        self, project: Project, shape_id: str, stroke: CutSurface, time: float, notes: list[str]
+    ) -> tuple[Project, tuple[str, ...]]:
+        """Bones are cut where the stroke crosses them."""
+        return cut_stroke(project, shape_id, stroke, time, notes=notes)
+
+    def merged(
+        self,
+        project: Project,
+        host_id: str,
+        graft_id: str,
+        time: float,
+        node: int | str | None,
+        at: float,
+        loose: bool,
+        seam: SeamSettings,
+        notes: list[str],
+    ) -> Project:
+        """The graft's root comes to the node; by default to the joint that is nearest to it."""
+        if node is None:
+            joints = posed(project, project.shape(host_id), time)[1]
+            root = posed(project, project.shape(graft_id), time)[1][0]
+            node = int(np.linalg.norm(joints - root, axis=1).argmin())
+        return merge(project, host_id, node, graft_id, time, at=at, loose=loose, seam=seam, notes=notes)[0]
+
+
+def _turned_travel(shape: Shape, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
+    """The layers with the way of the root turned, and the one that travels: one more where it turns bones."""
+    if shape.travel is None:
+        return shape.layers, None
+    way = shape.layer(shape.travel)
+    turned = replace(way, basis=normalized(multiply(turn, way.basis)))
+    if any(ref.layer == way.id for spans in shape.spans for span in spans for ref in span.refs):
+        turned = replace(turned, id=unused(f"{way.id} way", dict.fromkeys(one.id for one in shape.layers)))
+        return (*shape.layers, turned), turned.id
+    return tuple(turned if one is way else one for one in shape.layers), way.id
