@@ -31,6 +31,7 @@ from .matches import board_to_message as board_to_message, message_to_board as m
 from .ports import free_ports as free_ports
 from .posecode import PoseCodec as PoseCodec, warm_up as warm_up
 from .requests import (
+    REQUESTS as REQUESTS,
     SUPERSEDED as SUPERSEDED,
     Answer as Answer,
     Ask as Ask,
@@ -71,11 +72,18 @@ from .streams import (
 from .topics import (
     BODIES as BODIES,
     BY_TYPE as BY_TYPE,
+    CHARACTER as CHARACTER,
+    CUES as CUES,
+    MATCHES as MATCHES,
     MAX_STREAM_BYTES as MAX_STREAM_BYTES,
     POSE as POSE,
+    PROPS as PROPS,
     REPLY as REPLY,
     REQUEST as REQUEST,
     STATUS as STATUS,
     STREAMS as STREAMS,
+    TOPICS as TOPICS,
+    Topic as Topic,
+    register as register,
 )
 from .zmtp import ZmtpError as ZmtpError, ZmtpSession as ZmtpSession, framed as framed, head as head
