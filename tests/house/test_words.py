@@ -39,9 +39,11 @@ def test_what_has_no_docstring_is_found(tmp_path):
         'class A:\n    """A."""\n    def f(self):\n        """Says f."""\n    def g(self): ...\n'
         'class B(A):\n    """B."""\n    def f(self): ...\n    def _h(self): ...\n'
         "def k(): ...\ndef _m(): ...\n"
+        'class P(Protocol):\n    """P."""\n    def f(self):\n        """Says f."""\n'
+        'class Q:\n    """Q."""\n    def f(self): ...\n    def g(self): ...\n'
     )
     said = [one.split(": ")[1].partition(" has")[0] for one in undescribed([path])]
-    assert said == ["A.g", "k"]
+    assert said == ["A.g", "k", "Q.g"]
 
 
 @pytest.mark.parametrize("rule", [riddles, mute_constants])

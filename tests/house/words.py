@@ -70,10 +70,12 @@ def shared_names(paths: list[Path]) -> Iterator[str]:
 def undescribed(paths: list[Path]) -> Iterator[str]:
     """A sentence for each public class, function or method without a docstring.
 
-    A method may be described by a class that it comes from, and a setter by its property.
+    A method may be described by a class that it comes from, or by a protocol that its class fulfils, and a
+    setter by its property.
     """
     bodies = {path: ast.parse(path.read_text(encoding="utf-8")).body for path in paths}
     kinds = {one.name: one for body in bodies.values() for one in body if isinstance(one, ast.ClassDef)}
+    protocols = [one for one in kinds.values() if any(ast.unparse(base) == "Protocol" for base in one.bases)]
     for path, body in bodies.items():
         for one in body:
             if not isinstance(one, ast.ClassDef | ast.FunctionDef) or one.name.startswith("_"):
@@ -81,13 +83,20 @@ def undescribed(paths: list[Path]) -> Iterator[str]:
             if not ast.get_docstring(one):
                 yield f"{path}:{one.lineno}: {one.name} has no docstring: say what it is, in one sentence."
             for method in _methods(one) if isinstance(one, ast.ClassDef) else ():
-                if not method.name.startswith("_") and not _described(one, method.name, kinds):
+                sources = [one, *(protocol for protocol in protocols if _fulfils(one, protocol))]
+                told = any(_described(source, method.name, kinds) for source in sources)
+                if not method.name.startswith("_") and not told:
                     name = f"{one.name}.{method.name}"
                     yield f"{path}:{method.lineno}: {name} has no docstring: say what it does."
 
 
 def _methods(kind: ast.ClassDef) -> Iterator[ast.FunctionDef]:
     return (one for one in kind.body if isinstance(one, ast.FunctionDef))
+
+
+def _fulfils(kind: ast.ClassDef, protocol: ast.ClassDef) -> bool:
+    """Whether a class has every method of a protocol."""
+    return {one.name for one in _methods(protocol)} <= {one.name for one in _methods(kind)}
 
 
 def _described(kind: ast.ClassDef, name: str, kinds: dict[str, ast.ClassDef]) -> bool:
