@@ -65,6 +65,7 @@ def new_detection(
 
 
 def observation_of(view: FrameView, pixels: Bool, settings: TrackerSettings) -> Observation:
+    """Returns what the frame shows of the person on some pixels."""
     return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
 
 
