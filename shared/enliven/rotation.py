@@ -127,6 +127,13 @@ def swing(a: AnyArray, b: AnyArray) -> Float:
     return normalized(np.concatenate([cosine, axis * sine], -1))
 
 
+def unit(vectors: AnyArray) -> Float:
+    """(..., N) the directions of ``vectors`` (..., N); zero stays zero."""
+    vectors = np.asarray(vectors, np.float64)
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+
+
 def _perpendicular(a: Float) -> Float:
     """(..., 3) a unit vector at right angles to each unit vector of ``a`` (..., 3)."""
     smallest = np.abs(a).argmin(-1)

@@ -1,5 +1,6 @@
 """The house keeps its rules, and each rule refuses what breaks it."""
 
+import ast
 import sys
 from pathlib import Path
 
@@ -150,3 +151,14 @@ def test_a_walk_that_the_code_no_longer_goes_is_refused(at, said):
     start = {"at": "enliven_edge.service:Edge.step", "by": ""}
     with pytest.raises(ValueError, match=said):
         walks.table(House(ROOT, RULES), walks.Walk("somewhere", 9, [start, {"at": at}]))
+
+
+def test_a_door_names_each_thing_once_as_itself():
+    doors = [path for package in RULES.packages.values() for path in (ROOT / package).rglob("__init__.pyi")]
+    assert len(doors) > 80
+    for path in doors:
+        if path.parent == ROOT / "shared" / "enliven":
+            continue  # the public face is also read by people, as a list
+        for line in ast.parse(path.read_text(encoding="utf-8")).body:
+            named = isinstance(line, ast.ImportFrom) and all(a.asname == a.name for a in line.names)
+            assert named, f"{path.relative_to(ROOT)}:{line.lineno}: write `from .module import name as name`"

@@ -1,5 +1,3 @@
-from .control_set import Controls, open_controls
-from .lamps import Lamps, lamps_of
-from .settings import ControlSettings
-
-__all__ = ["ControlSettings", "Controls", "Lamps", "lamps_of", "open_controls"]
+from .control_set import Controls as Controls, open_controls as open_controls
+from .lamps import Lamps as Lamps, lamps_of as lamps_of
+from .settings import ControlSettings as ControlSettings

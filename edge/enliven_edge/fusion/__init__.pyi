@@ -1,3 +1,1 @@
-from .settings import CalibrationSettings, FusionSettings
-
-__all__ = ["CalibrationSettings", "FusionSettings"]
+from .settings import CalibrationSettings as CalibrationSettings, FusionSettings as FusionSettings

@@ -1,5 +1,3 @@
-from .base import ImportOptions, Reader
-from .mirror import mirrored
-from .registry import find_files, find_reader, readers
-
-__all__ = ["ImportOptions", "Reader", "find_files", "find_reader", "mirrored", "readers"]
+from .base import ImportOptions as ImportOptions, Reader as Reader
+from .mirror import mirrored as mirrored
+from .registry import find_files as find_files, find_reader as find_reader, readers as readers

@@ -1,5 +1,8 @@
-from .inspector import Inspector
-from .log import SensorLog
-from .picture import captioned, contact_sheet, depth_picture, depth_span
-
-__all__ = ["Inspector", "SensorLog", "captioned", "contact_sheet", "depth_picture", "depth_span"]
+from .inspector import Inspector as Inspector
+from .log import SensorLog as SensorLog
+from .picture import (
+    captioned as captioned,
+    contact_sheet as contact_sheet,
+    depth_picture as depth_picture,
+    depth_span as depth_span,
+)

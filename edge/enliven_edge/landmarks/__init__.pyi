@@ -1,13 +1,8 @@
-from .eye import ColourPoseEstimator, MonocularPoseEstimator, check_view
-from .mediapipe_source import MediaPipeSource
-from .settings import ColourSettings
-from .source import LandmarkSource
-
-__all__ = [
-    "ColourPoseEstimator",
-    "ColourSettings",
-    "LandmarkSource",
-    "MediaPipeSource",
-    "MonocularPoseEstimator",
-    "check_view",
-]
+from .eye import (
+    ColourPoseEstimator as ColourPoseEstimator,
+    MonocularPoseEstimator as MonocularPoseEstimator,
+    check_view as check_view,
+)
+from .mediapipe_source import MediaPipeSource as MediaPipeSource
+from .settings import ColourSettings as ColourSettings
+from .source import LandmarkSource as LandmarkSource

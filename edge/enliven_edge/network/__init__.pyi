@@ -1,7 +1,5 @@
-from .descriptors import raise_descriptor_limit
-from .frame_rate import FrameRate
-from .handlers import Handler, Handlers
-from .listening import check_open
-from .outlet import Outlet, need_free
-
-__all__ = ["FrameRate", "Handler", "Handlers", "Outlet", "check_open", "need_free", "raise_descriptor_limit"]
+from .descriptors import raise_descriptor_limit as raise_descriptor_limit
+from .frame_rate import FrameRate as FrameRate
+from .handlers import Handler as Handler, Handlers as Handlers
+from .listening import check_open as check_open
+from .outlet import Outlet as Outlet, need_free as need_free

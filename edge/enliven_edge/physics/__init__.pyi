@@ -1,5 +1,3 @@
-from .engine import need_engine
-from .playground import Playground
-from .settings import PhysicsSettings
-
-__all__ = ["PhysicsSettings", "Playground", "need_engine"]
+from .engine import need_engine as need_engine
+from .playground import Playground as Playground
+from .settings import PhysicsSettings as PhysicsSettings

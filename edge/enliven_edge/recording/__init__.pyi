@@ -1,4 +1,2 @@
-from .disk_sync import DiskSync
-from .take import Take
-
-__all__ = ["DiskSync", "Take"]
+from .disk_sync import DiskSync as DiskSync
+from .take import Take as Take

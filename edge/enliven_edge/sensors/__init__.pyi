@@ -1,31 +1,24 @@
-from . import crash_reports
-from .attached_cameras import attached
-from .base import CHECK_IT, Condition, Sensor, SensorFault, condition_of, health_of
-from .diary import Diary, DiaryEntries, DiaryEntry
-from .options import sensor_options
-from .profile import SensorProfile, load_profile, profile_names
-from .registry import open_sensor, sensor_advice, sensor_names, sensor_opener
-from .reopening import kept_open
-
-__all__ = [
-    "CHECK_IT",
-    "Condition",
-    "Diary",
-    "DiaryEntries",
-    "DiaryEntry",
-    "Sensor",
-    "SensorFault",
-    "SensorProfile",
-    "attached",
-    "condition_of",
-    "crash_reports",
-    "health_of",
-    "kept_open",
-    "load_profile",
-    "open_sensor",
-    "profile_names",
-    "sensor_advice",
-    "sensor_names",
-    "sensor_opener",
-    "sensor_options",
-]
+from . import crash_reports as crash_reports
+from .attached_cameras import attached as attached
+from .base import (
+    CHECK_IT as CHECK_IT,
+    Condition as Condition,
+    Sensor as Sensor,
+    SensorFault as SensorFault,
+    condition_of as condition_of,
+    health_of as health_of,
+)
+from .diary import Diary as Diary, DiaryEntries as DiaryEntries, DiaryEntry as DiaryEntry
+from .options import sensor_options as sensor_options
+from .profile import (
+    SensorProfile as SensorProfile,
+    load_profile as load_profile,
+    profile_names as profile_names,
+)
+from .registry import (
+    open_sensor as open_sensor,
+    sensor_advice as sensor_advice,
+    sensor_names as sensor_names,
+    sensor_opener as sensor_opener,
+)
+from .reopening import kept_open as kept_open

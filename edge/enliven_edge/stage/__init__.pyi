@@ -1,21 +1,8 @@
-from .actor import Actor
-from .actor_settings import ActorSettings
-from .casting import cast, name_of, parts_for
-from .highlights import Cues
-from .opening import Opening
-from .placement import facing
-from .stage import Stage
-from .tick import Tick
-
-__all__ = [
-    "Actor",
-    "ActorSettings",
-    "Cues",
-    "Opening",
-    "Stage",
-    "Tick",
-    "cast",
-    "facing",
-    "name_of",
-    "parts_for",
-]
+from .actor import Actor as Actor
+from .actor_settings import ActorSettings as ActorSettings
+from .casting import cast as cast, name_of as name_of, parts_for as parts_for
+from .highlights import Cues as Cues
+from .opening import Opening as Opening
+from .placement import facing as facing
+from .stage import Stage as Stage
+from .tick import Tick as Tick

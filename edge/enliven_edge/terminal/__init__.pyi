@@ -1,4 +1,2 @@
-from .probing import image_protocol
-from .showing import WAYS, Way, encoded_picture
-
-__all__ = ["WAYS", "Way", "encoded_picture", "image_protocol"]
+from .probing import image_protocol as image_protocol
+from .showing import WAYS as WAYS, Way as Way, encoded_picture as encoded_picture

@@ -1,4 +1,2 @@
-from .settings import SceneSettings, TrackerSettings
-from .tracker import Tracker
-
-__all__ = ["SceneSettings", "Tracker", "TrackerSettings"]
+from .settings import SceneSettings as SceneSettings, TrackerSettings as TrackerSettings
+from .tracker import Tracker as Tracker

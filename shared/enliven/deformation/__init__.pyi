@@ -1,4 +1,6 @@
-from .skinning import skin_vertices
-from .spheres import SphereProxies, SphereSettings, pack_spheres
-
-__all__ = ["SphereProxies", "SphereSettings", "pack_spheres", "skin_vertices"]
+from .skinning import skin_vertices as skin_vertices
+from .spheres import (
+    SphereProxies as SphereProxies,
+    SphereSettings as SphereSettings,
+    pack_spheres as pack_spheres,
+)

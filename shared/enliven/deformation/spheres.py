@@ -17,6 +17,7 @@ from enliven.document import Character, Pose
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import corner_sums, edge_lengths, face_vectors
+from enliven.rotation import unit
 from enliven.settings import setting
 
 _GROWTH = 1.12
@@ -95,7 +96,7 @@ def pack_spheres(
     rows, shares = surface_samples(vertices, faces, 0.5 * radius)
     points, normals = (
         _blended(vertices, rows, shares),
-        _unit(_blended(_normals(vertices, faces), rows, shares)),
+        unit(_blended(_normals(vertices, faces), rows, shares)),
     )
     order = np.random.default_rng(seed).permutation(len(points))
     while True:
@@ -162,13 +163,7 @@ def _blended(values: Float, rows: Int, shares: Float) -> Float:
 
 def _normals(vertices: Float, faces: Int32) -> Float:
     """(V, 3) unit normals."""
-    return _unit(corner_sums(faces, face_vectors(vertices, faces), len(vertices)))
-
-
-def _unit(vectors: Float) -> Float:
-    """(N, 3) directions; zero stays zero."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+    return unit(corner_sums(faces, face_vectors(vertices, faces), len(vertices)))
 
 
 def _four_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[UInt16, Float]:

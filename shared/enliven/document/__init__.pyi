@@ -1,71 +1,38 @@
-from .body_take import BodyTake, HoldChange
-from .character import Character, Pose, SkinWeights
-from .clip import Clip
-from .constraints import Constraint, Coupling, Position, Velocity, names_in
-from .example_settings import ExampleSettings
-from .history import History
-from .layers import STILL, Layer, Ref, Span
-from .locomotion import Kind, LocomotionSettings, Switch
-from .pin import ContactSettings, Pin
-from .possessed import GraphPart, GraphShape, PoseStream, Ride, character_of_graph, graph_shape_of
-from .project import AnyRig, Project, same, unused
-from .props import BALL, BOX, Props
-from .puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_of_puppet
-from .rig import RigBase
-from .rigged import Shape, character_of, still_shape
-from .skeleton import Skeleton, skeleton_of
-from .surface_settings import ArapSettings
-from .time_map import Playing, TimeMap
-
-__all__ = [
-    "BALL",
-    "BOX",
-    "STILL",
-    "AnyRig",
-    "ArapSettings",
-    "BodyTake",
-    "Character",
-    "Clip",
-    "Constraint",
-    "ContactSettings",
-    "ControlPoint",
-    "Coupling",
-    "ExampleSettings",
-    "GraphPart",
-    "GraphShape",
-    "History",
-    "HoldChange",
-    "KeyPose",
-    "Kind",
-    "Layer",
-    "LocomotionSettings",
-    "Pin",
-    "Plane",
-    "Playing",
-    "Pose",
-    "PoseStream",
-    "Position",
-    "Project",
-    "Props",
-    "Puppet",
-    "PuppetLayer",
-    "Ref",
-    "Ride",
-    "RigBase",
-    "Shape",
-    "Skeleton",
-    "SkinWeights",
-    "Span",
-    "Switch",
-    "TimeMap",
-    "Velocity",
-    "character_of",
-    "character_of_graph",
-    "character_of_puppet",
-    "graph_shape_of",
-    "names_in",
-    "same",
-    "skeleton_of",
-    "still_shape",
-    "unused",
-]
+from .body_take import BodyTake as BodyTake, HoldChange as HoldChange
+from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
+from .clip import Clip as Clip
+from .constraints import (
+    Constraint as Constraint,
+    Coupling as Coupling,
+    Position as Position,
+    Velocity as Velocity,
+    names_in as names_in,
+)
+from .example_settings import ExampleSettings as ExampleSettings
+from .history import History as History
+from .layers import STILL as STILL, Layer as Layer, Ref as Ref, Span as Span
+from .locomotion import Kind as Kind, LocomotionSettings as LocomotionSettings, Switch as Switch
+from .pin import ContactSettings as ContactSettings, Pin as Pin
+from .possessed import (
+    GraphPart as GraphPart,
+    GraphShape as GraphShape,
+    PoseStream as PoseStream,
+    Ride as Ride,
+    character_of_graph as character_of_graph,
+    graph_shape_of as graph_shape_of,
+)
+from .project import AnyRig as AnyRig, Project as Project, same as same, unused as unused
+from .props import BALL as BALL, BOX as BOX, Props as Props
+from .puppet import (
+    ControlPoint as ControlPoint,
+    KeyPose as KeyPose,
+    Plane as Plane,
+    Puppet as Puppet,
+    PuppetLayer as PuppetLayer,
+    character_of_puppet as character_of_puppet,
+)
+from .rig import RigBase as RigBase
+from .rigged import Shape as Shape, character_of as character_of, still_shape as still_shape
+from .skeleton import Skeleton as Skeleton, skeleton_of as skeleton_of
+from .surface_settings import ArapSettings as ArapSettings
+from .time_map import Playing as Playing, TimeMap as TimeMap

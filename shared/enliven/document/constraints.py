@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from enliven.settings import setting
+
 
 @dataclass(frozen=True)
 class Position:
     """A control point is at ``place`` (3,) metres, in the mesh's frame, at a frame."""
 
-    point: str
-    frame: int
-    place: tuple[float, float, float]
-    axes: str = "xyz"
+    point: str = setting(doc="The control point's name.")
+    frame: int = setting(doc="Of the layer's take.", low=0)
+    place: tuple[float, float, float] = setting(doc="Where it is, in the mesh's frame.", unit="m")
+    axes: str = setting("xyz", "Which of its coordinates are held.")
 
     def __str__(self) -> str:
         return f"the position of {self.point!r} at frame {self.frame} ({self.axes})"
@@ -22,10 +24,10 @@ class Position:
 class Velocity:
     """A control point moves with ``velocity`` (3,) metres a second from the frame before to this one."""
 
-    point: str
-    frame: int
-    velocity: tuple[float, float, float]
-    axes: str = "xyz"
+    point: str = setting(doc="The control point's name.")
+    frame: int = setting(doc="Of the layer's take.", low=0)
+    velocity: tuple[float, float, float] = setting(doc="How fast it is, in the mesh's frame.", unit="m/s")
+    axes: str = setting("xyz", "Which of its coordinates are held.")
 
     def __str__(self) -> str:
         return f"the velocity of {self.point!r} at frame {self.frame} ({self.axes})"
@@ -35,11 +37,11 @@ class Velocity:
 class Coupling:
     """``point`` is ``apart`` (3,) metres from ``other`` at a frame; by default at the same height."""
 
-    point: str
-    other: str
-    frame: int
-    axes: str = "y"
-    apart: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    point: str = setting(doc="The control point's name.")
+    other: str = setting(doc="The other control point's name.")
+    frame: int = setting(doc="Of the layer's take.", low=0)
+    axes: str = setting("y", "Which of their coordinates are coupled.")
+    apart: tuple[float, float, float] = setting((0.0, 0.0, 0.0), "From the other to the point.", unit="m")
 
     def __str__(self) -> str:
         return f"the coupling of {self.point!r} and {self.other!r} at frame {self.frame} ({self.axes})"

@@ -49,5 +49,5 @@ class LocomotionSettings:
 class Switch:
     """From this frame on the performer touches the floor, or does not."""
 
-    frame: int
-    kind: Kind
+    frame: int = setting(doc="Of the layer's take.", low=0)
+    kind: Kind = setting(doc='"contact" or "flight" from there on.')

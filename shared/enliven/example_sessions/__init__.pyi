@@ -1,7 +1,5 @@
-from .mesh import fitted
-from .session import read_session
-from .tables import MeshTable, TakeTable
-from .take import write_puppet_take
-from .text import write_session
-
-__all__ = ["MeshTable", "TakeTable", "fitted", "read_session", "write_puppet_take", "write_session"]
+from .mesh import fitted as fitted
+from .session import read_session as read_session
+from .tables import MeshTable as MeshTable, TakeTable as TakeTable
+from .take import write_puppet_take as write_puppet_take
+from .text import write_session as write_session

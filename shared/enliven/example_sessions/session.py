@@ -38,18 +38,14 @@ from enliven.errors import InputError
 from enliven.example_sessions.file import SessionFile
 from enliven.example_sessions.mesh import fitted, mesh_of, nearest_vertex
 from enliven.example_sessions.tables import (
-    CouplingTable,
     LayerTable,
     MeshTable,
     PointTable,
     PoseTable,
-    PositionTable,
     PuppetTable,
     SettingsTable,
-    SwitchTable,
     SymmetryTable,
     TakeTable,
-    VelocityTable,
 )
 from enliven.modeling.mesh import plane_of_symmetry
 from enliven.modeling.puppet import (
@@ -190,12 +186,12 @@ class _Reader:
         """Returns the constraints and switches of a layer's table."""
         inner = self._file.inner
         asked: dict[str, Any] = {
-            "positions": tuple(Position(**vars(t)) for t in inner(where, layer, "position", PositionTable)),
-            "velocities": tuple(Velocity(**vars(t)) for t in inner(where, layer, "velocity", VelocityTable)),
-            "couplings": tuple(Coupling(**vars(t)) for t in inner(where, layer, "coupling", CouplingTable)),
+            "positions": tuple(inner(where, layer, "position", Position)),
+            "velocities": tuple(inner(where, layer, "velocity", Velocity)),
+            "couplings": tuple(inner(where, layer, "coupling", Coupling)),
         }
         if "switch" in layer:
-            asked["switches"] = tuple(Switch(**vars(t)) for t in inner(where, layer, "switch", SwitchTable))
+            asked["switches"] = tuple(inner(where, layer, "switch", Switch))
         return asked
 
     def _take(self, name: str) -> str:

@@ -96,45 +96,6 @@ class LayerTable:
 
 
 @dataclass(frozen=True)
-class PositionTable:
-    """[[layer.position]]"""
-
-    point: str = setting(doc="The control point's name.")
-    frame: int = setting(doc="Of the layer's take.", low=0)
-    place: Three = setting(doc="Where it is, in the mesh's frame.", unit="m")
-    axes: str = setting("xyz", "Which of its coordinates are held.")
-
-
-@dataclass(frozen=True)
-class VelocityTable:
-    """[[layer.velocity]]"""
-
-    point: str = setting(doc="The control point's name.")
-    frame: int = setting(doc="Of the layer's take.", low=0)
-    velocity: Three = setting(doc="How fast it is, in the mesh's frame.", unit="m/s")
-    axes: str = setting("xyz", "Which of its coordinates are held.")
-
-
-@dataclass(frozen=True)
-class CouplingTable:
-    """[[layer.coupling]]"""
-
-    point: str = setting(doc="The control point's name.")
-    other: str = setting(doc="The other control point's name.")
-    frame: int = setting(doc="Of the layer's take.", low=0)
-    axes: str = setting("y", "Which of their coordinates are coupled.")
-    apart: Three = setting((0.0, 0.0, 0.0), "From the other to the point.", unit="m")
-
-
-@dataclass(frozen=True)
-class SwitchTable:
-    """[[layer.switch]]"""
-
-    frame: int = setting(doc="Of the layer's take.", low=0)
-    kind: Literal["contact", "flight"] = setting(doc='"contact" or "flight" from there on.')
-
-
-@dataclass(frozen=True)
 class SettingsTable:
     """[settings]"""
 

@@ -1,41 +1,28 @@
-from .coverage import coverage_of, unposed
-from .live import LiveExamples
-from .mapping import ExampleMap
-from .pairing import guess_joints
-from .performer import performed, turned_about_y, yaw_of
-from .puppet_examples import examples_of, frame_at, material_of, missing, reference_of
-from .puppet_motion import State, clock, in_world, motion_of, pose_of_state, state_of
-from .puppet_solve import check_layer, seen_by
-from .suggest import Suggested, distance_to, further_poses, suggest_poses
-from .symmetric import mirrored_places, partners_of, reflected
-
-__all__ = [
-    "ExampleMap",
-    "LiveExamples",
-    "State",
-    "Suggested",
-    "check_layer",
-    "clock",
-    "coverage_of",
-    "distance_to",
-    "examples_of",
-    "frame_at",
-    "further_poses",
-    "guess_joints",
-    "in_world",
-    "material_of",
-    "mirrored_places",
-    "missing",
-    "motion_of",
-    "partners_of",
-    "performed",
-    "pose_of_state",
-    "reference_of",
-    "reflected",
-    "seen_by",
-    "state_of",
-    "suggest_poses",
-    "turned_about_y",
-    "unposed",
-    "yaw_of",
-]
+from .coverage import coverage_of as coverage_of, unposed as unposed
+from .live import LiveExamples as LiveExamples
+from .mapping import ExampleMap as ExampleMap
+from .pairing import guess_joints as guess_joints
+from .performer import performed as performed, turned_about_y as turned_about_y, yaw_of as yaw_of
+from .puppet_examples import (
+    examples_of as examples_of,
+    frame_at as frame_at,
+    material_of as material_of,
+    missing as missing,
+    reference_of as reference_of,
+)
+from .puppet_motion import (
+    State as State,
+    clock as clock,
+    in_world as in_world,
+    motion_of as motion_of,
+    pose_of_state as pose_of_state,
+    state_of as state_of,
+)
+from .puppet_solve import check_layer as check_layer, seen_by as seen_by
+from .suggest import (
+    Suggested as Suggested,
+    distance_to as distance_to,
+    further_poses as further_poses,
+    suggest_poses as suggest_poses,
+)
+from .symmetric import mirrored_places as mirrored_places, partners_of as partners_of, reflected as reflected

@@ -1,12 +1,3 @@
-from .performance import Performance
-from .registry import Exporter, exporter_of, suffixes
-from .sampling import performance_of, performance_of_clip
-
-__all__ = [
-    "Exporter",
-    "Performance",
-    "exporter_of",
-    "performance_of",
-    "performance_of_clip",
-    "suffixes",
-]
+from .performance import Performance as Performance
+from .registry import Exporter as Exporter, exporter_of as exporter_of, suffixes as suffixes
+from .sampling import performance_of as performance_of, performance_of_clip as performance_of_clip

@@ -1,22 +1,6 @@
-from .anatomy import Anatomy, SkeletonLimb, anatomy_of
-from .applying import apply_plan
-from .automatic_mapping import Retargeted, automatic, retarget
-from .facing import facing_of, turned_level
-from .plan import Mode, Plan
-from .plan_file import read_plan, write_plan
-
-__all__ = [
-    "Anatomy",
-    "Mode",
-    "Plan",
-    "Retargeted",
-    "SkeletonLimb",
-    "anatomy_of",
-    "apply_plan",
-    "automatic",
-    "facing_of",
-    "read_plan",
-    "retarget",
-    "turned_level",
-    "write_plan",
-]
+from .anatomy import Anatomy as Anatomy, SkeletonLimb as SkeletonLimb, anatomy_of as anatomy_of
+from .applying import apply_plan as apply_plan
+from .automatic_mapping import Retargeted as Retargeted, automatic as automatic, retarget as retarget
+from .facing import facing_of as facing_of, turned_level as turned_level
+from .plan import Mode as Mode, Plan as Plan
+from .plan_file import read_plan as read_plan, write_plan as write_plan

@@ -1,33 +1,14 @@
-from . import views
-from .assignment import least_cost
-from .board import Board, MatchRow
-from .body_limbs import BodySource, body_source
-from .matches import Match, Ranking
-from .picking import Pick, Picker, PickingSettings
-from .ranking import Matcher, RankingSettings
-from .source import MatchSource, source_of, source_of_skeleton
-from .symmetry import EqualLimbs, equal_limbs
-from .views import ScreenView, best_view
-
-__all__ = [
-    "Board",
-    "BodySource",
-    "EqualLimbs",
-    "Match",
-    "MatchRow",
-    "MatchSource",
-    "Matcher",
-    "Pick",
-    "Picker",
-    "PickingSettings",
-    "Ranking",
-    "RankingSettings",
-    "ScreenView",
-    "best_view",
-    "body_source",
-    "equal_limbs",
-    "least_cost",
-    "source_of",
-    "source_of_skeleton",
-    "views",
-]
+from . import views as views
+from .assignment import least_cost as least_cost
+from .board import Board as Board, MatchRow as MatchRow
+from .body_limbs import BodySource as BodySource, body_source as body_source
+from .matches import Match as Match, Ranking as Ranking
+from .picking import Pick as Pick, Picker as Picker, PickingSettings as PickingSettings
+from .ranking import Matcher as Matcher, RankingSettings as RankingSettings
+from .source import (
+    MatchSource as MatchSource,
+    source_of as source_of,
+    source_of_skeleton as source_of_skeleton,
+)
+from .symmetry import EqualLimbs as EqualLimbs, equal_limbs as equal_limbs
+from .views import ScreenView as ScreenView, best_view as best_view

@@ -12,6 +12,7 @@ from enliven.arrays import Bool, Float, Int, Int32, UInt8
 from enliven.errors import InputError
 from enliven.meshes.kernels import corner_sums, face_areas, face_vectors, first_of_position, split_long_edges
 from enliven.meshes.materials import MeshMaterials, materials_within
+from enliven.rotation import unit
 
 Axis = Literal["x", "y", "z"]
 _UP_ROTATIONS: dict[Axis, Float] = {
@@ -85,17 +86,11 @@ class Mesh:
 
     def face_normals(self) -> Float:
         """(F, 3) unit normals; zero where a face has no area."""
-        return _unit(self.face_vectors())
+        return unit(self.face_vectors())
 
     def vertex_normals(self) -> Float:
         """(V, 3) area-weighted unit normals; zero where no face of any area touches the vertex."""
-        return _unit(corner_sums(self.faces, self.face_vectors(), len(self.vertices)))
-
-
-def _unit(vectors: Float) -> Float:
-    """(N, 3) the directions of ``vectors``; zero stays zero."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+        return unit(corner_sums(self.faces, self.face_vectors(), len(self.vertices)))
 
 
 def weld(mesh: Mesh) -> tuple[Mesh, Int]:

@@ -1,7 +1,5 @@
-from .edits import copy, cut, merge, mesh_at
-from .examples import fit_examples
-from .exporting import export
-from .matching import match
-from .possession import possess
-
-__all__ = ["copy", "cut", "export", "fit_examples", "match", "merge", "mesh_at", "possess"]
+from .edits import copy as copy, cut as cut, merge as merge, mesh_at as mesh_at
+from .examples import fit_examples as fit_examples
+from .exporting import export as export
+from .matching import match as match
+from .possession import possess as possess

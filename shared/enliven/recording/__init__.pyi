@@ -1,16 +1,9 @@
-from .reader import Recording, RecordingInfo, RecordingWarning, frame_of
-from .recorder import Recorder
-from .recovery import Recovery, recover
-from .schemas import BODIES_TOPIC, DEPTH_TOPIC
-
-__all__ = [
-    "BODIES_TOPIC",
-    "DEPTH_TOPIC",
-    "Recorder",
-    "Recording",
-    "RecordingInfo",
-    "RecordingWarning",
-    "Recovery",
-    "frame_of",
-    "recover",
-]
+from .reader import (
+    Recording as Recording,
+    RecordingInfo as RecordingInfo,
+    RecordingWarning as RecordingWarning,
+    frame_of as frame_of,
+)
+from .recorder import Recorder as Recorder
+from .recovery import Recovery as Recovery, recover as recover
+from .schemas import BODIES_TOPIC as BODIES_TOPIC, DEPTH_TOPIC as DEPTH_TOPIC

@@ -1,3 +1,1 @@
-from .shipped import cactus_project, load_sample
-
-__all__ = ["cactus_project", "load_sample"]
+from .shipped import cactus_project as cactus_project, load_sample as load_sample

@@ -1,28 +1,14 @@
-from .body_takes import body_take_of, body_take_of_frames
-from .capture_clip import BODY_NAMES, clip_of_bodies
-from .capture_limbs import half_way, level_direction, limb_rotations, smoothstep
-from .capture_roles import Roles, find_roles
-from .exportable import Exportable, exportables_of
-from .files import read_take
-from .positions import turns_of
-from .possessed import read_possessed
-from .recorded import clips_of_recording
-
-__all__ = [
-    "BODY_NAMES",
-    "Exportable",
-    "Roles",
-    "body_take_of",
-    "body_take_of_frames",
-    "clip_of_bodies",
-    "clips_of_recording",
-    "exportables_of",
-    "find_roles",
-    "half_way",
-    "level_direction",
-    "limb_rotations",
-    "read_possessed",
-    "read_take",
-    "smoothstep",
-    "turns_of",
-]
+from .body_takes import body_take_of as body_take_of, body_take_of_frames as body_take_of_frames
+from .capture_clip import BODY_NAMES as BODY_NAMES, clip_of_bodies as clip_of_bodies
+from .capture_limbs import (
+    half_way as half_way,
+    level_direction as level_direction,
+    limb_rotations as limb_rotations,
+    smoothstep as smoothstep,
+)
+from .capture_roles import Roles as Roles, find_roles as find_roles
+from .exportable import Exportable as Exportable, exportables_of as exportables_of
+from .files import read_take as read_take
+from .positions import turns_of as turns_of
+from .possessed import read_possessed as read_possessed
+from .recorded import clips_of_recording as clips_of_recording

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.formats.motion import Capture
 from enliven.person import Limb
-from enliven.rotation import nearest_rotation, rotate, swing
+from enliven.rotation import nearest_rotation, rotate, swing, unit
 from enliven.takes.capture_roles import Roles
 
 _UP, _DOWN, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -27,7 +27,7 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
     across_hips, across_shoulders = hips[:, 0] - hips[:, 1], shoulders[:, 0] - shoulders[:, 1]
     out[:, Limb.PELVIS] = _axes(middle - low, across_hips)
     out[:, Limb.CHEST] = _axes(top - middle, across_shoulders)
-    out[:, Limb.ABDOMEN] = _axes(top - low, _unit(across_hips) + _unit(across_shoulders))
+    out[:, Limb.ABDOMEN] = _axes(top - low, unit(across_hips) + unit(across_shoulders))
     out[:, Limb.SKULL] = _skull(out[:, Limb.CHEST], capture.rotations[:, roles.head])
     beyond = np.where(np.linalg.norm(tips - wrists, axis=-1, keepdims=True) > 1e-6, tips, 2 * wrists - elbows)
     standing = _standing(toes, ankles, capture.seconds, knees, hips)
@@ -66,8 +66,8 @@ def half_way(path: Float) -> Float:
 
 def _axes(up: Float, left: Float) -> Float:
     """(F, 3, 3) frames with +Y along ``up`` and +X as near to ``left`` as that allows."""
-    y = _unit(up)
-    x = _unit(left - (left * y).sum(-1, keepdims=True) * y)
+    y = unit(up)
+    x = unit(left - (left * y).sum(-1, keepdims=True) * y)
     return np.stack([x, y, np.cross(x, y)], -1)
 
 
@@ -79,7 +79,7 @@ def _hinge(first: Float, middle: Float, last: Float, trunk: Float, sense: float)
         trunk: (F, 3, 3) the frame that the limb hangs on.
         sense: 1 where the lower half bends forward (elbows), -1 backward (knees).
     """
-    upper, lower = _unit(middle - first), _unit(last - middle)
+    upper, lower = unit(middle - first), unit(last - middle)
     bent = sense * np.cross(lower, upper)
     carried = rotate(swing(trunk @ _DOWN, upper), trunk[:, :, 0])
     weight = smoothstep(np.linalg.norm(bent, axis=-1), 0.1, 0.35)[:, None]
@@ -96,11 +96,11 @@ def _foot(along: Float, shank_left: Float, standing: Bool) -> Float:
         along: (F, 3) from the ankle to the toes.
         shank_left: (F, 3) the shank's +X: which way is left where the foot points up or down.
     """
-    z = _unit(along)
+    z = unit(along)
     flat = np.hypot(z[:, 0], z[:, 2])
     weight = smoothstep(flat, 0.4, 0.8)[:, None]
     left = weight * np.cross(_UP, z) / np.maximum(flat, 1e-9)[:, None] + (1.0 - weight) * shank_left
-    x = _unit(left - (left * z).sum(-1, keepdims=True) * z)
+    x = unit(left - (left * z).sum(-1, keepdims=True) * z)
     slope = float(np.median(np.arcsin(-z[standing, 1])))
     c, s = np.cos(slope), np.sin(slope)
     level = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
@@ -115,11 +115,7 @@ def _skull(chest: Float, head: Float) -> Float:
 
 def level_direction(direction: Float) -> Float:
     """The unit vectors (..., 3) of directions (..., 3) laid onto the floor."""
-    return _unit(direction * [1.0, 0.0, 1.0])
-
-
-def _unit(v: Float) -> Float:
-    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12))
+    return unit(direction * [1.0, 0.0, 1.0])
 
 
 def smoothstep(value: Float, low: float, high: float) -> Float:

@@ -21,6 +21,7 @@ import math
 
 from enliven.arrays import Float
 from enliven.kernels import njit
+from enliven.rotation import nearest_quaternion
 
 POSITION_STEP = 2.0**-12
 """Metres, 0.24 mm: half of it, the error, is far below what a viewer shows."""
@@ -87,7 +88,9 @@ def nearest_rotation(a: Float, room: Float, out: Float) -> None:
     if _polar_by_newton(a, room[0]):
         _quaternion_of_matrix(room[0], out)
     else:
-        _horn(a, room[0], room[1], out)
+        w, x, y, z = nearest_quaternion(a)
+        sign = 1.0 if w >= 0 else -1.0
+        out[0], out[1], out[2], out[3] = sign * w, sign * x, sign * y, sign * z
 
 
 @njit(cache=True, nogil=True)
@@ -142,65 +145,6 @@ def _quaternion_of_matrix(m: Float, out: Float) -> None:
         w, x, y, z = (m[1, 0] - m[0, 1]) / s, (m[0, 2] + m[2, 0]) / s, (m[1, 2] + m[2, 1]) / s, 0.25 * s
     scale = (1.0 if w >= 0 else -1.0) / math.sqrt(w * w + x * x + y * y + z * z)
     out[0], out[1], out[2], out[3] = scale * w, scale * x, scale * y, scale * z
-
-
-@njit(cache=True, nogil=True)
-def _horn(a: Float, k: Float, vectors: Float, out: Float) -> None:
-    """out (4,) = :func:`nearest_rotation` of any A; slower than the polar iteration.
-
-    It is the eigenvector of the largest eigenvalue of a symmetric 4x4 matrix of A's entries (Horn,
-    "Closed-form solution of absolute orientation using unit quaternions", 1987, section 4A), found by cyclic
-    Jacobi rotations.
-    """
-    k[0, 0], k[1, 1] = a[0, 0] + a[1, 1] + a[2, 2], a[0, 0] - a[1, 1] - a[2, 2]
-    k[2, 2], k[3, 3] = a[1, 1] - a[0, 0] - a[2, 2], a[2, 2] - a[0, 0] - a[1, 1]
-    k[0, 1] = k[1, 0] = a[2, 1] - a[1, 2]
-    k[0, 2] = k[2, 0] = a[0, 2] - a[2, 0]
-    k[0, 3] = k[3, 0] = a[1, 0] - a[0, 1]
-    k[1, 2] = k[2, 1] = a[0, 1] + a[1, 0]
-    k[1, 3] = k[3, 1] = a[0, 2] + a[2, 0]
-    k[2, 3] = k[3, 2] = a[1, 2] + a[2, 1]
-    for i in range(4):
-        for j in range(4):
-            vectors[i, j] = 1.0 if i == j else 0.0
-    for _ in range(12):
-        size = abs(k[0, 0]) + abs(k[1, 1]) + abs(k[2, 2]) + abs(k[3, 3])
-        off = abs(k[0, 1]) + abs(k[0, 2]) + abs(k[0, 3]) + abs(k[1, 2]) + abs(k[1, 3]) + abs(k[2, 3])
-        if off <= 1e-12 * size:
-            break
-        for p in range(3):
-            for q in range(p + 1, 4):
-                _jacobi_rotation(k, vectors, p, q)
-    best = 0
-    for i in range(1, 4):
-        if k[i, i] > k[best, best]:
-            best = i
-    sign = 1.0 if vectors[0, best] >= 0 else -1.0
-    length = 0.0
-    for i in range(4):
-        length += vectors[i, best] * vectors[i, best]
-    for i in range(4):
-        out[i] = sign * vectors[i, best] / math.sqrt(length)
-
-
-@njit(cache=True, nogil=True)
-def _jacobi_rotation(k: Float, vectors: Float, p: int, q: int) -> None:
-    """Turn the (p, q) plane of the symmetric 4x4 ``k`` so that k[p, q] becomes 0, in place."""
-    if abs(k[p, q]) < 1e-300:
-        return
-    theta = (k[q, q] - k[p, p]) / (2.0 * k[p, q])
-    t = (1.0 if theta >= 0 else -1.0) / (abs(theta) + math.sqrt(theta * theta + 1.0))
-    c = 1.0 / math.sqrt(t * t + 1.0)
-    s = t * c
-    for i in range(4):
-        kip, kiq = k[i, p], k[i, q]
-        k[i, p], k[i, q] = c * kip - s * kiq, s * kip + c * kiq
-    for i in range(4):
-        kpi, kqi = k[p, i], k[q, i]
-        k[p, i], k[q, i] = c * kpi - s * kqi, s * kpi + c * kqi
-    for i in range(4):
-        vip, viq = vectors[i, p], vectors[i, q]
-        vectors[i, p], vectors[i, q] = c * vip - s * viq, s * vip + c * viq
 
 
 @njit(cache=True, nogil=True)

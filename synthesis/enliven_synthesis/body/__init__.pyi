@@ -1,35 +1,23 @@
-from .body_sdf import BETWEEN, BLEND, PIECES, BodyAnatomy, BodySdf
-from .performer import Figure, Performer, Proportions
-from .posture import ArmPose, FootPose, PerformerPosture
-from .rotations import about_x, about_y, about_z, on_grid
-from .sphere_tracing import DEPTH, END, LANES, LANES_SIZE, LENGTH, MET, SIDE, X, Y, sphere_trace
-from .visibility import seen_joints
-
-__all__ = [
-    "BETWEEN",
-    "BLEND",
-    "DEPTH",
-    "END",
-    "LANES",
-    "LANES_SIZE",
-    "LENGTH",
-    "MET",
-    "PIECES",
-    "SIDE",
-    "ArmPose",
-    "BodyAnatomy",
-    "BodySdf",
-    "Figure",
-    "FootPose",
-    "Performer",
-    "PerformerPosture",
-    "Proportions",
-    "X",
-    "Y",
-    "about_x",
-    "about_y",
-    "about_z",
-    "on_grid",
-    "seen_joints",
-    "sphere_trace",
-]
+from .body_sdf import (
+    BETWEEN as BETWEEN,
+    BLEND as BLEND,
+    PIECES as PIECES,
+    BodyAnatomy as BodyAnatomy,
+    BodySdf as BodySdf,
+)
+from .performer import Figure as Figure, Performer as Performer, Proportions as Proportions
+from .posture import ArmPose as ArmPose, FootPose as FootPose, PerformerPosture as PerformerPosture
+from .rotations import about_x as about_x, about_y as about_y, about_z as about_z, on_grid as on_grid
+from .sphere_tracing import (
+    DEPTH as DEPTH,
+    END as END,
+    LANES as LANES,
+    LANES_SIZE as LANES_SIZE,
+    LENGTH as LENGTH,
+    MET as MET,
+    SIDE as SIDE,
+    X as X,
+    Y as Y,
+    sphere_trace as sphere_trace,
+)
+from .visibility import seen_joints as seen_joints

@@ -1,4 +1,2 @@
-from .choreographies import choreography
-from .motion import Motion, placed
-
-__all__ = ["Motion", "choreography", "placed"]
+from .choreographies import choreography as choreography
+from .motion import Motion as Motion, placed as placed

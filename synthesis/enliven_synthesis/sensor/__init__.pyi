@@ -1,5 +1,3 @@
-from .noise import DepthNoise
-from .render import DepthRenderer
-from .studio import SyntheticSettings, SyntheticStudio
-
-__all__ = ["DepthNoise", "DepthRenderer", "SyntheticSettings", "SyntheticStudio"]
+from .noise import DepthNoise as DepthNoise
+from .render import DepthRenderer as DepthRenderer
+from .studio import SyntheticSettings as SyntheticSettings, SyntheticStudio as SyntheticStudio

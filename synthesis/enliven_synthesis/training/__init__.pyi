@@ -1,3 +1,1 @@
-from .dataset import Dataset, render_dataset
-
-__all__ = ["Dataset", "render_dataset"]
+from .dataset import Dataset as Dataset, render_dataset as render_dataset

@@ -7,11 +7,22 @@ from hypothesis import strategies as st
 
 from enliven.deformation.embedded.block_cholesky import (
     analyse,
-    dense_of,
     elimination_order,
     factorise,
     substitute,
 )
+
+
+def dense_of(pattern, lower):
+    """(6N, 6N) the symmetric matrix with the lower blocks (48 B,)."""
+    count = len(pattern.start) - 1
+    blocks = lower.reshape(-1, 6, 8)[:, :, :6]
+    out = np.zeros((count, 6, count, 6))
+    for column in range(count):
+        for b in range(pattern.start[column], pattern.start[column + 1]):
+            out[pattern.row[b], :, column] = blocks[b]
+            out[column, :, pattern.row[b]] = blocks[b].T
+    return out.reshape(6 * count, 6 * count)
 
 
 def random_system(count, density, seed):

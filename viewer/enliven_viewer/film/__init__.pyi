@@ -1,5 +1,3 @@
-from .film import make_film
-from .graph_picture import write_graph_picture
-from .sheet import Tiles, write_sheet
-
-__all__ = ["Tiles", "make_film", "write_graph_picture", "write_sheet"]
+from .film import make_film as make_film
+from .graph_picture import write_graph_picture as write_graph_picture
+from .sheet import Tiles as Tiles, write_sheet as write_sheet

@@ -1,6 +1,4 @@
-from .edge_feed import EdgeFeed
-from .edges import EdgeClient
-from .feed import Feed
-from .take_feed import TakeFeed
-
-__all__ = ["EdgeClient", "EdgeFeed", "Feed", "TakeFeed"]
+from .edge_feed import EdgeFeed as EdgeFeed
+from .edges import EdgeClient as EdgeClient
+from .feed import Feed as Feed
+from .take_feed import TakeFeed as TakeFeed

@@ -1,12 +1,4 @@
-from .app import App
-from .hud import time_text
-from .keys import KeyBindings
-from .match_cards import cards_of, draw_cards
-
-__all__ = [
-    "App",
-    "KeyBindings",
-    "cards_of",
-    "draw_cards",
-    "time_text",
-]
+from .app import App as App
+from .hud import time_text as time_text
+from .keys import KeyBindings as KeyBindings
+from .match_cards import cards_of as cards_of, draw_cards as draw_cards

@@ -1,16 +1,4 @@
-from .document import Document, EdgeState, bounds_of
-from .playhead import Playhead
-from .solved_surfaces import SolvedSurfaces
-from .timeline import NS, CueFrame, Timeline, TimelineMoment
-
-__all__ = [
-    "NS",
-    "CueFrame",
-    "Document",
-    "EdgeState",
-    "Playhead",
-    "SolvedSurfaces",
-    "Timeline",
-    "TimelineMoment",
-    "bounds_of",
-]
+from .document import Document as Document, EdgeState as EdgeState, bounds_of as bounds_of
+from .playhead import Playhead as Playhead
+from .solved_surfaces import SolvedSurfaces as SolvedSurfaces
+from .timeline import NS as NS, CueFrame as CueFrame, Timeline as Timeline, TimelineMoment as TimelineMoment

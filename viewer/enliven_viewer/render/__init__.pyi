@@ -1,20 +1,16 @@
-from .camera import DRAG_TURN, Box, CameraView, FilmCamera, OrbitCamera
-from .renderer import EMPTY_BOX, Renderer
-from .scene import PLAIN, Scene, SceneCharacter, SceneStyle, scene_of
-from .skinned import linear_from_srgb
-
-__all__ = [
-    "DRAG_TURN",
-    "EMPTY_BOX",
-    "PLAIN",
-    "Box",
-    "CameraView",
-    "FilmCamera",
-    "OrbitCamera",
-    "Renderer",
-    "Scene",
-    "SceneCharacter",
-    "SceneStyle",
-    "linear_from_srgb",
-    "scene_of",
-]
+from .camera import (
+    DRAG_TURN as DRAG_TURN,
+    Box as Box,
+    CameraView as CameraView,
+    FilmCamera as FilmCamera,
+    OrbitCamera as OrbitCamera,
+)
+from .renderer import EMPTY_BOX as EMPTY_BOX, Renderer as Renderer
+from .scene import (
+    PLAIN as PLAIN,
+    Scene as Scene,
+    SceneCharacter as SceneCharacter,
+    SceneStyle as SceneStyle,
+    scene_of as scene_of,
+)
+from .skinned import linear_from_srgb as linear_from_srgb

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
+from enliven.union_find import root_of
 
 _EMPTY = np.int64(-1)
 _MANY = 64
@@ -89,14 +90,6 @@ def corners_of(vertices, faces):  # type: ignore[no-untyped-def]
     return normals, angles
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _top(parents, k):  # type: ignore[no-untyped-def]
-    while parents[k] != k:
-        parents[k] = parents[parents[k]]
-        k = parents[k]
-    return k
-
-
 @njit(cache=True, nogil=True)
 def groups_of(place, normals, cosine):  # type: ignore[no-untyped-def]
     """(3 F,) the smoothing group of every corner of every face (F, 3), and how many there are.
@@ -160,8 +153,8 @@ def _link(place, normals, cosine, parents, one, other):  # type: ignore[no-untyp
     c, d = other, 3 * g + (other % 3 + 1) % 3
     if place[f, a % 3] != place[g, c % 3]:
         c, d = d, c
-    parents[_top(parents, a)] = _top(parents, c)
-    parents[_top(parents, b)] = _top(parents, d)
+    parents[root_of(parents, a)] = root_of(parents, c)
+    parents[root_of(parents, b)] = root_of(parents, d)
 
 
 @njit(cache=True, nogil=True)
@@ -169,7 +162,7 @@ def _numbered(parents):  # type: ignore[no-untyped-def]
     """(K,) numbers of the groups of a union of (K,), from 0, and how many there are."""
     numbers, found = np.full(len(parents), -1), 0
     for k in range(len(parents)):
-        top = _top(parents, k)
+        top = root_of(parents, k)
         if numbers[top] < 0:
             numbers[top] = found
             found += 1

@@ -1,4 +1,2 @@
-from .settings import StudioSettings
-from .window import StudioWindow
-
-__all__ = ["StudioSettings", "StudioWindow"]
+from .settings import StudioSettings as StudioSettings
+from .window import StudioWindow as StudioWindow

@@ -1,4 +1,2 @@
-from .calibration import Calibration, SensorPair, calibrate
-from .collecting import Collector
-
-__all__ = ["Calibration", "Collector", "SensorPair", "calibrate"]
+from .calibration import Calibration as Calibration, SensorPair as SensorPair, calibrate as calibrate
+from .collecting import Collector as Collector

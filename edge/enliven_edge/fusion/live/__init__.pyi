@@ -1,17 +1,5 @@
-from .fused_sensor import FusedSensors
-from .merge import in_world, settings_before_fusion
-from .reading import PATIENCE, SensorThread
-from .sides import OTHER_SIDE, middle_weights, middles
-from .warmup import warm_up_fusion
-
-__all__ = [
-    "OTHER_SIDE",
-    "PATIENCE",
-    "FusedSensors",
-    "SensorThread",
-    "in_world",
-    "middle_weights",
-    "middles",
-    "settings_before_fusion",
-    "warm_up_fusion",
-]
+from .fused_sensor import FusedSensors as FusedSensors
+from .merge import in_world as in_world, settings_before_fusion as settings_before_fusion
+from .reading import PATIENCE as PATIENCE, SensorThread as SensorThread
+from .sides import OTHER_SIDE as OTHER_SIDE, middle_weights as middle_weights, middles as middles
+from .warmup import warm_up_fusion as warm_up_fusion

@@ -5,6 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.rotation import (
+    from_matrix,
+    from_rotation_vector,
+    nearest_rotation,
+    to_matrix,
+    to_rotation_vector,
+)
 
 UP = np.array([0.0, 1.0, 0.0])
 """(3,) the vertical of the world, +Y."""
@@ -37,12 +44,8 @@ def rigid(rotation: Float, translation: Float) -> Float:
 
 
 def turn(vector: Float) -> Float:
-    """(3, 3) the rotation by a rotation vector (3,), radians (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3) + cross_matrix(vector)
-    k = cross_matrix(vector / angle)
-    return np.asarray(np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * (k @ k))
+    """(3, 3) the rotation by a rotation vector (3,), radians."""
+    return to_matrix(from_rotation_vector(vector))
 
 
 def cross_matrix(v: Float) -> Float:
@@ -52,29 +55,12 @@ def cross_matrix(v: Float) -> Float:
 
 def angle_between(a: Float, b: Float) -> float:
     """Radians between the rotations of two transforms (or rotation matrices)."""
-    relative = a[:3, :3].T @ b[:3, :3]
-    sine = 0.5 * np.linalg.norm(
-        [
-            relative[2, 1] - relative[1, 2],
-            relative[0, 2] - relative[2, 0],
-            relative[1, 0] - relative[0, 1],
-        ]
-    )
-    return float(np.arctan2(sine, 0.5 * (np.trace(relative) - 1.0)))
+    return float(np.linalg.norm(rotation_vector(a[:3, :3].T @ b[:3, :3])))
 
 
 def rotation_vector(rotation: Float) -> Float:
     """(3,) the rotation vector of a (3, 3) rotation, angle in [0, pi]."""
-    antisymmetric = 0.5 * np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
-    angle, sine = angle_between(np.eye(3), rotation), float(np.linalg.norm(antisymmetric))
-    if sine > 1e-9:
-        return np.asarray(antisymmetric * (angle / sine))
-    if angle < 1.0:
-        return antisymmetric
-    axis = np.linalg.eigh(0.5 * (rotation + rotation.T))[1][:, 2]
-    return np.asarray(axis * angle)
+    return to_rotation_vector(from_matrix(rotation))
 
 
 def best_rigid(source: Float, target: Float, weights: Float, *, upright: bool) -> Float:
@@ -88,15 +74,8 @@ def best_rigid(source: Float, target: Float, weights: Float, *, upright: bool) -
     share = weights / weights.sum()
     from_centre, to_centre = share @ source, share @ target
     covariance = (source - from_centre).T @ (share[:, None] * (target - to_centre))
-    rotation = _about_up(covariance) if upright else _kabsch(covariance)
+    rotation = _about_up(covariance) if upright else nearest_rotation(covariance.T)
     return rigid(rotation, to_centre - rotation @ from_centre)
-
-
-def _kabsch(covariance: Float) -> Float:
-    """(3, 3) the proper rotation nearest to a cross-covariance source x target."""
-    u, _, vt = np.linalg.svd(covariance)
-    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt)) or 1.0])
-    return np.asarray(vt.T @ flip @ u.T)
 
 
 def _about_up(covariance: Float) -> Float:

@@ -1,3 +1,1 @@
-from .orbbec import check_playback
-
-__all__ = ["check_playback"]
+from .orbbec import check_playback as check_playback

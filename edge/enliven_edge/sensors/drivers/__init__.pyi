@@ -1,4 +1,2 @@
-from .libcamera_images import LibcameraImages
-from .libcamera_library import listed_cameras
-
-__all__ = ["LibcameraImages", "listed_cameras"]
+from .libcamera_images import LibcameraImages as LibcameraImages
+from .libcamera_library import listed_cameras as listed_cameras

@@ -1,3 +1,1 @@
-from .isolated import IsolatedOpener
-
-__all__ = ["IsolatedOpener"]
+from .isolated import IsolatedOpener as IsolatedOpener

@@ -1,29 +1,10 @@
-from .board import CalibrationBoard
-from .calibration import load_calibration, save_calibration
-from .collecting import Keeper
-from .judging import Judgement, judge
-from .matching import StereoMatcher
-from .opencv_library import opencv
-from .pair_folder import RecordedPairs, image_pairs, read_grey
-from .pairing import CameraImage, Pairing
-from .rectifying import Rectification
-from .solving import BoardSighting, solve
-
-__all__ = [
-    "BoardSighting",
-    "CalibrationBoard",
-    "CameraImage",
-    "Judgement",
-    "Keeper",
-    "Pairing",
-    "RecordedPairs",
-    "Rectification",
-    "StereoMatcher",
-    "image_pairs",
-    "judge",
-    "load_calibration",
-    "opencv",
-    "read_grey",
-    "save_calibration",
-    "solve",
-]
+from .board import CalibrationBoard as CalibrationBoard
+from .calibration import load_calibration as load_calibration, save_calibration as save_calibration
+from .collecting import Keeper as Keeper
+from .judging import Judgement as Judgement, judge as judge
+from .matching import StereoMatcher as StereoMatcher
+from .opencv_library import opencv as opencv
+from .pair_folder import RecordedPairs as RecordedPairs, image_pairs as image_pairs, read_grey as read_grey
+from .pairing import CameraImage as CameraImage, Pairing as Pairing
+from .rectifying import Rectification as Rectification
+from .solving import BoardSighting as BoardSighting, solve as solve

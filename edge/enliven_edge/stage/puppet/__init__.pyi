@@ -1,6 +1,4 @@
-from .casting import cast_puppet
-from .settings import PuppetSettings
-from .skin import roughly_skinned
-from .spec import is_puppet
-
-__all__ = ["PuppetSettings", "cast_puppet", "is_puppet", "roughly_skinned"]
+from .casting import cast_puppet as cast_puppet
+from .settings import PuppetSettings as PuppetSettings
+from .skin import roughly_skinned as roughly_skinned
+from .spec import is_puppet as is_puppet

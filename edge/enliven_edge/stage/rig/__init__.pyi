@@ -1,4 +1,2 @@
-from .casting import cast_rig
-from .settings import MatchingSettings
-
-__all__ = ["MatchingSettings", "cast_rig"]
+from .casting import cast_rig as cast_rig
+from .settings import MatchingSettings as MatchingSettings

@@ -1,34 +1,24 @@
-from . import joint_limits, model
-from .capsules import FAST, misfits, nearest_capsules
-from .chest import ahead_in_plan, chest_axes, chest_axes_about, leaning_back
-from .joint_limits import RELAXED, mirrored, standing
-from .kinematics import capsules_into, deviation_into, forward_into, pivots_by_length, turn
-from .model import height_of, lengths_for_height
-from .posture import Posture, continued, frames_of, joints_into, rotation
-
-__all__ = [
-    "FAST",
-    "RELAXED",
-    "Posture",
-    "ahead_in_plan",
-    "capsules_into",
-    "chest_axes",
-    "chest_axes_about",
-    "continued",
-    "deviation_into",
-    "forward_into",
-    "frames_of",
-    "height_of",
-    "joint_limits",
-    "joints_into",
-    "leaning_back",
-    "lengths_for_height",
-    "mirrored",
-    "misfits",
-    "model",
-    "nearest_capsules",
-    "pivots_by_length",
-    "rotation",
-    "standing",
-    "turn",
-]
+from . import joint_limits as joint_limits, model as model
+from .capsules import FAST as FAST, misfits as misfits, nearest_capsules as nearest_capsules
+from .chest import (
+    ahead_in_plan as ahead_in_plan,
+    chest_axes as chest_axes,
+    chest_axes_about as chest_axes_about,
+    leaning_back as leaning_back,
+)
+from .joint_limits import RELAXED as RELAXED, mirrored as mirrored, standing as standing
+from .kinematics import (
+    capsules_into as capsules_into,
+    deviation_into as deviation_into,
+    forward_into as forward_into,
+    pivots_by_length as pivots_by_length,
+    turn as turn,
+)
+from .model import height_of as height_of, lengths_for_height as lengths_for_height
+from .posture import (
+    Posture as Posture,
+    continued as continued,
+    frames_of as frames_of,
+    joints_into as joints_into,
+    rotation as rotation,
+)

@@ -1,20 +1,15 @@
-from .appearance import EstimateAtPoints, estimate_at_points, facing, turned_about
-from .detection import cost, detect, detect_another, estimates_by_facing, quality
-from .facing_side import Facing
-from .posing import aligned_to
-from .recovery import PoseRecovery
-
-__all__ = [
-    "EstimateAtPoints",
-    "Facing",
-    "PoseRecovery",
-    "aligned_to",
-    "cost",
-    "detect",
-    "detect_another",
-    "estimate_at_points",
-    "estimates_by_facing",
-    "facing",
-    "quality",
-    "turned_about",
-]
+from .appearance import (
+    EstimateAtPoints as EstimateAtPoints,
+    estimate_at_points as estimate_at_points,
+    facing as facing,
+    turned_about as turned_about,
+)
+from .detection import (
+    detect as detect,
+    detect_another as detect_another,
+    estimates_by_facing as estimates_by_facing,
+)
+from .facing_side import Facing as Facing
+from .fit_quality import cost as cost, quality as quality
+from .posing import aligned_to as aligned_to
+from .recovery import PoseRecovery as PoseRecovery

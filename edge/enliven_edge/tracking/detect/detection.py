@@ -14,14 +14,11 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_edge.tracking.body_model import Posture, model
 from enliven_edge.tracking.detect.appearance import (
-    DISAGREEMENT,
     EstimateAtPoints,
-    agreement,
-    facing_score,
     turned_about,
 )
 from enliven_edge.tracking.detect.extremities import extremities
-from enliven_edge.tracking.detect.facing_side import backward
+from enliven_edge.tracking.detect.fit_quality import likely_builds, oddness
 from enliven_edge.tracking.detect.hypotheses import banked_starts, standing_starts
 from enliven_edge.tracking.detect.posing import posed
 from enliven_edge.tracking.estimator import FACINGS, Estimate, PoseEstimator
@@ -60,20 +57,6 @@ _PROMISING = 1.0
 """Share of the present cost below which a hypothesis is refined: one no better hardly ever wins."""
 _AFFINITY = 0.15
 """Metres: how far the part that a point looks like outweighs its place in coarse fits."""
-_FACING = 0.6
-"""Square centimetres a point: cost of a less likely facing, for each unit of log probability."""
-_BACKWARD = 12.0
-"""Square centimetres a point: cost of leaning backward, times the sine: people bend forward."""
-_STATURE = 2.0
-"""Square centimetres a point: cost of the unlikeliest stature; less than of a posture that explains badly."""
-_SPREAD = 0.15
-"""Metres from the likeliest stature at which a third of that is paid: about two deviations of adults."""
-_SHORTEST = 0.9
-"""Metres: the least height of what is seen for it to be taken for a standing person's, a child's."""
-_TALLEST = 2.1
-"""Metres: the greatest height of what is seen for it to be a person's, and not raised arms."""
-_ALIKE = 0.08
-"""Share by which two statures may differ to be searched as one: 14 cm of 1.72 m, which a fit makes up for."""
 _BANKED = 8
 """Hypotheses taken from the bank where there is no network, the most alike first: each costs a coarse fit."""
 _BANKED_BESIDES = 3
@@ -191,7 +174,7 @@ class _Coarse:
         """What a hypothesis costs after so many steps, and its posture."""
         fit = self._fitter.fit
         posture, report = fit(self._observation, start, iterations=steps, width=_WIDE)
-        return report.energy + _oddness(self._seen, posture, self._eye, self._height), posture
+        return report.energy + oddness(self._seen, posture, self._eye, self._height), posture
 
 
 def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Posture]:
@@ -225,7 +208,7 @@ def _starts(
         lengths: (12,) metres, of this person; None: of an average person, and of one as tall as what is seen.
     """
     z, mask, _, camera, pose = observation.view
-    builds = [lengths] if lengths is not None else _builds(observation, height)
+    builds = [lengths] if lengths is not None else likely_builds(observation, height)
     by_estimate = [posed(estimate, build) for build in builds for estimate in by_facing]
     yield _POSED * len(builds)
     ends = extremities(z, mask, camera, pose)
@@ -266,7 +249,7 @@ def _refined(
     for energy, posture in halfway:
         if energy <= most:
             posture, report = fitter.fit(observation, posture, iterations=_HALF_STEPS, proportions=_LOOSE)
-            odd = _oddness(seen, posture, observation.view.world_from_camera[:3, 3], height)
+            odd = oddness(seen, posture, observation.view.world_from_camera[:3, 3], height)
             ready.append((report.energy + odd, posture, report))
             yield _REFINEMENT
     return min(ready, key=lambda found: found[0])
@@ -275,42 +258,3 @@ def _refined(
 def _guided(observation: Observation, seen: EstimateAtPoints | None, metres: float) -> Observation:
     """Returns the observation with affinities: points prefer the limbs that they look like, left or right."""
     return observation if seen is None else replace(observation, affinity=seen.sideless_affinity(metres))
-
-
-def cost(
-    report: FitReport, posture: Posture, seen: EstimateAtPoints | None, eye: Float, height: float
-) -> float:
-    """Returns the whole cost of a fitted posture, square centimetres a point; comparable within one frame."""
-    return report.energy + _oddness(seen, posture, eye, height)
-
-
-def _oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height: float) -> float:
-    """Returns the cost of a posture without depth, square centimetres a point.
-
-    It adds up points that the network takes for other parts, a facing that it does not see, leaning backward,
-    and a stature far from the likeliest.
-    """
-    unlike = ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2
-    stature = _STATURE * unlike / (unlike + 2.0) + _BACKWARD * backward(posture)
-    if seen is None:
-        return stature
-    facing = facing_score(seen, posture, eye)
-    return stature + DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING * facing
-
-
-def quality(report: FitReport) -> float:
-    """Returns the share of points explained less the share of the model seen through, up to 1."""
-    return report.explained - float(report.violated.mean())
-
-
-def _builds(observation: Observation, height: float) -> list[Float]:
-    """Returns (12,) lengths of one or two builds: of the likeliest height, and of the height that is seen.
-
-    A lower height may be a child's, or an adult's who crouches; a higher one a tall person's, or raised arms.
-    """
-    seen = float(observation.crown[1]) + 0.01
-    if observation.cut or not _SHORTEST < seen < _TALLEST:
-        return [model.lengths_for_height(height)]
-    if abs(seen / height - 1.0) < _ALIKE:
-        return [model.lengths_for_height(seen)]
-    return [model.lengths_for_height(height), model.lengths_for_height(seen)]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
+from enliven.heap import pop, push
 from enliven.kernels import njit
 from enliven_edge.tracking.frame import world_points
 
@@ -113,10 +114,10 @@ def spread(points, z, mask, step, source, distance):  # type: ignore[no-untyped-
     height, width = mask.shape
     heap_key, heap_cell = np.empty(9 * height * width), np.empty(9 * height * width, np.int64)
     distance.flat[source] = 0.0
-    size = _push(heap_key, heap_cell, 0, 0.0, source)
+    size = push(heap_key, heap_cell, 0, 0.0, source)
     while size > 0:
         key, cell = heap_key[0], heap_cell[0]
-        size = _pop(heap_key, heap_cell, size)
+        size = pop(heap_key, heap_cell, size)
         v, u = cell // width, cell % width
         if key > distance[v, u]:
             continue
@@ -132,33 +133,4 @@ def spread(points, z, mask, step, source, distance):  # type: ignore[no-untyped-
                     cost += _PENALTY
                 if key + cost < distance[q, p] - 1e-9:
                     distance[q, p] = key + cost
-                    size = _push(heap_key, heap_cell, size, key + cost, q * width + p)
-
-
-@njit(cache=True, nogil=True)
-def _push(key, cell, size, value, item):  # type: ignore[no-untyped-def]
-    """Adds to a binary heap; its new size."""
-    i = size
-    while i > 0 and key[(i - 1) // 2] > value:
-        key[i], cell[i] = key[(i - 1) // 2], cell[(i - 1) // 2]
-        i = (i - 1) // 2
-    key[i], cell[i] = value, item
-    return size + 1
-
-
-@njit(cache=True, nogil=True)
-def _pop(key, cell, size):  # type: ignore[no-untyped-def]
-    """Takes the least from a binary heap; its new size."""
-    size -= 1
-    value, item = key[size], cell[size]
-    i = 0
-    while 2 * i + 1 < size:
-        child = 2 * i + 1
-        if child + 1 < size and key[child + 1] < key[child]:
-            child += 1
-        if key[child] >= value:
-            break
-        key[i], cell[i] = key[child], cell[child]
-        i = child
-    key[i], cell[i] = value, item
-    return size
+                    size = push(heap_key, heap_cell, size, key + cost, q * width + p)

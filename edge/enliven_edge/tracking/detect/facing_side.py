@@ -68,12 +68,6 @@ class Facing:
         return wrong
 
 
-def forward_in_plan(posture: Posture) -> Float:
-    """(2,) see :func:`chest.ahead_in_plan`."""
-    left, _ = chest_axes(posture.rotations)
-    return np.array(ahead_in_plan(left))
-
-
 def backward(posture: Posture) -> float:
     """See :func:`chest.leaning_back`."""
     return float(_backward(posture.rotations))

@@ -1,21 +1,21 @@
-from .crop import CHANNELS, COLUMNS, ROWS, Crop, crop_person
-from .estimator import Estimate, PoseEstimator, shipped_estimator
-from .labels import FACINGS, MIRRORED, NOBODY, PARTS, BodyPart, facing_in_plan, facing_of
-
-__all__ = [
-    "CHANNELS",
-    "COLUMNS",
-    "FACINGS",
-    "MIRRORED",
-    "NOBODY",
-    "PARTS",
-    "ROWS",
-    "BodyPart",
-    "Crop",
-    "Estimate",
-    "PoseEstimator",
-    "crop_person",
-    "facing_in_plan",
-    "facing_of",
-    "shipped_estimator",
-]
+from .crop import (
+    CHANNELS as CHANNELS,
+    COLUMNS as COLUMNS,
+    ROWS as ROWS,
+    Crop as Crop,
+    crop_person as crop_person,
+)
+from .estimator import (
+    Estimate as Estimate,
+    PoseEstimator as PoseEstimator,
+    shipped_estimator as shipped_estimator,
+)
+from .labels import (
+    FACINGS as FACINGS,
+    MIRRORED as MIRRORED,
+    NOBODY as NOBODY,
+    PARTS as PARTS,
+    BodyPart as BodyPart,
+    facing_in_plan as facing_in_plan,
+    facing_of as facing_of,
+)

@@ -1,33 +1,15 @@
-from .depth_survey import DepthSurvey, survey
-from .frame_check import FrameCheck, flaw_of
-from .frame_timing import FrameTiming
+from .depth_survey import DepthSurvey as DepthSurvey, survey as survey
+from .frame_check import FrameCheck as FrameCheck, flaw_of as flaw_of
+from .frame_timing import FrameTiming as FrameTiming
 from .observation import (
-    ImageView,
-    Observation,
-    SeenPerson,
-    WorkingCamera,
-    nearest_pixel,
-    observe,
-    sampled,
-    surface_samples,
-    world_points,
+    ImageView as ImageView,
+    Observation as Observation,
+    SeenPerson as SeenPerson,
+    WorkingCamera as WorkingCamera,
+    nearest_pixel as nearest_pixel,
+    observe as observe,
+    sampled as sampled,
+    surface_samples as surface_samples,
+    world_points as world_points,
 )
-from .view import FrameView
-
-__all__ = [
-    "DepthSurvey",
-    "FrameCheck",
-    "FrameTiming",
-    "FrameView",
-    "ImageView",
-    "Observation",
-    "SeenPerson",
-    "WorkingCamera",
-    "flaw_of",
-    "nearest_pixel",
-    "observe",
-    "sampled",
-    "surface_samples",
-    "survey",
-    "world_points",
-]
+from .view import FrameView as FrameView

@@ -1,4 +1,6 @@
-from .health import HealthMonitor, HealthSettings, TrackerState
-from .messages import HEALTH_MESSAGES
-
-__all__ = ["HEALTH_MESSAGES", "HealthMonitor", "HealthSettings", "TrackerState"]
+from .health import (
+    HealthMonitor as HealthMonitor,
+    HealthSettings as HealthSettings,
+    TrackerState as TrackerState,
+)
+from .messages import HEALTH_MESSAGES as HEALTH_MESSAGES

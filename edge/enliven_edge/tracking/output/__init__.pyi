@@ -1,4 +1,2 @@
-from .output import Output, mirror_of
-from .surfaces import mirrored_surfaces, seen_surfaces
-
-__all__ = ["Output", "mirror_of", "mirrored_surfaces", "seen_surfaces"]
+from .output import Output as Output, mirror_of as mirror_of
+from .surfaces import mirrored_surfaces as mirrored_surfaces, seen_surfaces as seen_surfaces

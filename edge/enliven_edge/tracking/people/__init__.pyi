@@ -1,4 +1,2 @@
-from .people import MultiPersonTracker
-from .person import Person
-
-__all__ = ["MultiPersonTracker", "Person"]
+from .people import MultiPersonTracker as MultiPersonTracker
+from .person import Person as Person

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,21 +12,27 @@ from enliven_edge.tracking.detect import (
     EstimateAtPoints,
     Facing,
     PoseRecovery,
-    aligned_to,
     cost,
     detect,
-    detect_another,
-    estimate_at_points,
     estimates_by_facing,
     facing,
     quality,
-    turned_about,
 )
 from enliven_edge.tracking.estimator import shipped_estimator
 from enliven_edge.tracking.fit import FitReport, Fitter
-from enliven_edge.tracking.frame import FrameView, Observation, observe
+from enliven_edge.tracking.frame import FrameView, Observation
 from enliven_edge.tracking.people.confidence import confidence
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
+from enliven_edge.tracking.people.redetection import (
+    SUPPOSING,
+    Redetection,
+    conditioned_on_facing,
+    guided_by,
+    new_detection,
+    observation_of,
+    run_network,
+    turned_around,
+)
 from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Budget, BudgetedTask, Steps, whole
@@ -69,9 +75,6 @@ _MOSTLY = 0.5
 """Share of a group of pixels that must lie on the model for a search without the rest to be worth it."""
 FEWEST_PIXELS = 60
 """Pixels of the working image below which a group cannot show a posture."""
-_SUPPOSING = 5
-"""Coarse fits: the cost of running the network once for each likely facing, see
-:func:`detection.estimates_by_facing`."""
 
 
 class Follower:
@@ -105,7 +108,7 @@ class Follower:
         self._velocity, self._time_ns = np.zeros(3), 0
         self.budget = Budget(np.inf)
         self._since_detected, self._since_found = 0, 0
-        self._redetection: _Redetection | None = None
+        self._redetection: Redetection | None = None
         self._wait, self._cost_in_vain = _AGAIN_AFTER, np.inf
 
     @classmethod
@@ -122,15 +125,15 @@ class Follower:
         """Does what :meth:`found` does, in parts."""
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return None
-        observation = _observed(view, pixels, settings)
+        observation = observation_of(view, pixels, settings)
         seen, by_facing = None, None
         if settings.estimator:
-            seen = _run_network(view, pixels, observation, None)
+            seen = run_network(view, pixels, observation, None)
             yield LOOK
             if seen.estimate.person_probability < _HARDLY:
                 return None
             by_facing = estimates_by_facing(shipped_estimator(), seen.estimate, view.world_from_camera)
-            yield _SUPPOSING
+            yield SUPPOSING
         height = settings.body_height
         posture, report = yield from detect(fitter, observation, view.eye, height, seen, by_facing)
         if quality(report) < _GOOD:
@@ -169,25 +172,25 @@ class Follower:
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return self._missed()
         predicted = self.predicted()
-        observation = _observed(view, pixels, self.settings)
+        observation = observation_of(view, pixels, self.settings)
         seen = None
         if self.settings.estimator:
-            seen = _run_network(view, pixels, observation, facing(predicted, view.eye))
+            seen = run_network(view, pixels, observation, facing(predicted, view.eye))
             self.person_probability = seen.estimate.person_probability
-            observation = _guided(observation, seen, self.settings.fit.affinity)
+            observation = guided_by(observation, seen, self.settings.fit.affinity)
         posture, report = self._fitted_to(observation, predicted, self._proportions())
         certain = capsule_confidence(report, observation, posture)
         posture, report = self._recovery.reconsider(observation, posture, report, certain, seen)
         velocity = self._moving(posture.position, view.time_ns)
         flipped = seen is not None and self._facing.is_wrong(seen, posture, view.eye, velocity)
         if flipped and seen is not None:
-            posture, seen = _turned_around(posture, seen, view)
-            observation = _guided(observation, seen, self.settings.fit.affinity)
+            posture, seen = turned_around(posture, seen, view)
+            observation = guided_by(observation, seen, self.settings.fit.affinity)
             posture, report = self._fitter.fit(observation, posture)
         redetected = self._redetected(observation, posture, report, seen, view.eye)
         if redetected is not None:
             posture, report = redetected
-            seen = None if seen is None else _conditioned_on_facing(posture, seen, view)
+            seen = None if seen is None else conditioned_on_facing(posture, seen, view)
         bad = quality(report) <= _ACCEPTABLE
         if bad and not self._missed() and self.lost:
             return False
@@ -237,9 +240,9 @@ class Follower:
                 return None
             self._since_detected = 0
             known = posture.lengths if self._fitted > _KNOWN_AFTER else None
-            steps = _detection(self._fitter, plain, seen, eye, height, posture, known)
+            steps = new_detection(self._fitter, plain, seen, eye, height, posture, known)
             begun = (observation, seen, posture, now, early, known is not None)
-            self._redetection = _Redetection(BudgetedTask(steps), *begun)
+            self._redetection = Redetection(BudgetedTask(steps), *begun)
         under_way = self._redetection
         if not under_way.task.go_on(self.budget):
             return None
@@ -302,75 +305,3 @@ class Follower:
             return None
         firmness = settings.proportions * (1.0 + 30.0 * self._fitted / settings.settle_frames)
         return np.full(len(model.LENGTHS), firmness)
-
-
-@dataclass(frozen=True)
-class _Redetection:
-    """A detection from scratch, under way, of a person who is followed already.
-
-    Attributes:
-        observation, seen: the frame that the detection began in, and the network's estimate of it.
-        posture, cost: of the ordinary fit to that frame.
-        early: whether it is one of the two soon after the person was found.
-        known: whether the person's build was known.
-    """
-
-    task: BudgetedTask[tuple[Posture, FitReport] | None]
-    observation: Observation
-    seen: EstimateAtPoints | None
-    posture: Posture
-    cost: float
-    early: bool
-    known: bool
-
-
-def _detection(
-    fitter: Fitter,
-    observation: Observation,
-    seen: EstimateAtPoints | None,
-    eye: Float,
-    height: float,
-    posture: Posture,
-    lengths: Float | None,
-) -> Steps[tuple[Posture, FitReport] | None]:
-    """Runs the network for each likely facing, then :func:`detect_another`, in parts; arguments as there."""
-    by_facing = None
-    if seen is not None:
-        place = observation.view.world_from_camera
-        by_facing = estimates_by_facing(shipped_estimator(), seen.estimate, place)
-        yield _SUPPOSING
-    steps = detect_another(fitter, observation, seen, eye, height, posture, by_facing, lengths)
-    return (yield from steps)
-
-
-def _observed(view: FrameView, pixels: Bool, settings: TrackerSettings) -> Observation:
-    return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
-
-
-def _run_network(
-    view: FrameView, pixels: Bool, observation: Observation, facing: float | None
-) -> EstimateAtPoints:
-    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians; None: not known."""
-    camera, pose = view.camera.camera, view.world_from_camera
-    estimate = shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
-    return estimate_at_points(observation, estimate)
-
-
-def _guided(observation: Observation, seen: EstimateAtPoints, affinity: float) -> Observation:
-    """Returns the observation with the network's affinities of its points and landmarks of the joints."""
-    return replace(observation, affinity=seen.affinity(affinity), landmarks=seen.estimate.guides)
-
-
-def _turned_around(
-    posture: Posture, seen: EstimateAtPoints, view: FrameView
-) -> tuple[Posture, EstimateAtPoints]:
-    """Rotates a posture by 180 degrees; returns it with the network's estimate conditioned on that facing."""
-    turned = turned_about(posture)
-    now = _conditioned_on_facing(turned, seen, view)
-    return aligned_to(turned, now.estimate), now
-
-
-def _conditioned_on_facing(posture: Posture, seen: EstimateAtPoints, view: FrameView) -> EstimateAtPoints:
-    """Runs the network on the same crop again, conditioned on the facing of a posture."""
-    known: list[float | None] = [facing(posture, view.eye)]
-    return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, known)[0])

@@ -1,20 +1,12 @@
-from .floor import corrected, world_from_floor
-from .mounting import Mounting
-from .room import BEFORE, ROOM, UNLIKELY, UNSEEN, RoomModel, widened
-from .walls import without_walls
-from .zone import Zone, ZoneLock
-
-__all__ = [
-    "BEFORE",
-    "ROOM",
-    "UNLIKELY",
-    "UNSEEN",
-    "Mounting",
-    "RoomModel",
-    "Zone",
-    "ZoneLock",
-    "corrected",
-    "widened",
-    "without_walls",
-    "world_from_floor",
-]
+from .floor import corrected as corrected, world_from_floor as world_from_floor
+from .mounting import Mounting as Mounting
+from .room import (
+    BEFORE as BEFORE,
+    ROOM as ROOM,
+    UNLIKELY as UNLIKELY,
+    UNSEEN as UNSEEN,
+    RoomModel as RoomModel,
+    widened as widened,
+)
+from .walls import without_walls as without_walls
+from .zone import Zone as Zone, ZoneLock as ZoneLock

@@ -1,4 +1,3 @@
-from .candidates import YOUNG, Candidate, Candidates
-from .segmentation import Segments, lying_on, segmented
-
-__all__ = ["YOUNG", "Candidate", "Candidates", "Segments", "lying_on", "segmented"]
+from .candidate import YOUNG as YOUNG, Candidate as Candidate
+from .candidates import Candidates as Candidates
+from .segmentation import Segments as Segments, lying_on as lying_on, segmented as segmented

@@ -6,10 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Bool, Float
+from enliven.arrays import Bool
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.segment.shape_kernels import (
+    BIN,
+    GRID,
+    filled_cells,
+    least_eigenvalue,
+    outline_of_pixels,
+    widths_at,
+)
 
 SMALLEST_AREA = 0.06
 """Square metres seen of a person at the least: a head and a shoulder; smaller groups are noise or things."""
@@ -31,10 +39,6 @@ _FLAT = 0.022
 """Metres of standard deviation from its best plane below which a group is flat: a trunk is rounder."""
 _BROAD = 0.35
 """Metres across from which a flat group is a panel: a limb is flat too, but narrow."""
-_BIN = 0.04
-"""Metres of a step in which widths are counted: several to a head."""
-_GRID = 0.06
-"""Metres of a cell in which the filled part of the upright box is counted: a few samples fall into each."""
 _HEAD = 0.14
 """Metres below the crown in which nothing but a head is: above the chin."""
 _BANDS = np.array([(-1.0, _HEAD), (0.25, 0.35), (0.35, 0.45), (0.45, 0.55)])
@@ -62,12 +66,6 @@ _BORDER = 0.03
 """Share of the outline at the image's border up to which a crown counts as seen."""
 _CUT = 0.08
 """Share of the outline at the image's border from which a group is cut by it."""
-_TELLING = 0.1
-"""Share of an outline beyond which depth must be measured to tell what stands free."""
-_TELLING_IN_THE_OPEN = 0.3
-"""The same share in the open, where few pixels have a depth to compare with."""
-_OPEN = 0.4
-"""Share of the image with depth up to which it shows the open: a hall too deep for the sensor."""
 _SAMPLES = 1500
 """Points of a group on which its shape is measured, about: the cost grows with them."""
 _WALL_BEHIND = 1.0
@@ -155,7 +153,7 @@ def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None
     """
     z = view.z if walls is None else view.z + _WALL_BEHIND * walls
     pixels = pixels_of(mask)
-    free, behind, border, cut = _outline(z, mask, pixels)
+    free, behind, border, cut = outline_of_pixels(z, mask, pixels)
     points = samples(view.points, pixels, _SAMPLES)
     thickness, along = _flattened(points)
     ordered = np.sort(points, axis=1)
@@ -188,7 +186,7 @@ def _flattened(points):  # type: ignore[no-untyped-def]
     along = np.empty(count)
     for i in range(count):
         along[i] = x * (points[0, i] - middle[0]) + z * (points[2, i] - middle[2])
-    return np.sqrt(max(0.0, _least_eigenvalue(xx, yy, zz, xy, xz, yz))), along
+    return np.sqrt(max(0.0, least_eigenvalue(xx, yy, zz, xy, xz, yz))), along
 
 
 @njit(cache=True, nogil=True)
@@ -202,34 +200,21 @@ def _longest(xx, zz, xz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _least_eigenvalue(xx, yy, zz, xy, xz, yz):  # type: ignore[no-untyped-def]
-    """The smallest eigenvalue of a symmetric 3 by 3 matrix, by the cosines that solve its cubic equation."""
-    mean = (xx + yy + zz) / 3.0
-    x, y, z = xx - mean, yy - mean, zz - mean
-    size = np.sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
-    if size == 0.0:
-        return mean
-    determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz)
-    angle = np.arccos(min(1.0, max(-1.0, determinant / (2.0 * size * size * size)))) / 3.0
-    return mean + 2.0 * size * np.cos(angle + 2.0 * np.pi / 3.0)
-
-
-@njit(cache=True, nogil=True)
 def _built(points, along, ordered, ordered_along, bands):  # type: ignore[no-untyped-def]
     """Metres that (3, M) points are wide, tall, deep; crown, head, head_width, fill as of :class:`BlobShape`.
 
     Args:
         along: (M,) metres along the longest horizontal direction.
         ordered, ordered_along: both with each row's values rising.
-        bands: (4, 2) as of ``_widths``: the head's, and three in which the shoulders may be.
+        bands: (4, 2) as of ``widths_at``: the head's, and three in which the shoulders may be.
     """
     wide, tall = _spread(ordered[0], 0.03, 0.97), _spread(ordered[1], 0.03, 0.97)
     deep = _spread(ordered[2], 0.03, 0.97)
     crown = quantile(ordered[1], 0.99)
-    widths = _widths(along, points[1], crown, bands)
+    widths = widths_at(along, points[1], crown, bands)
     box = _spread(ordered_along, 0.01, 0.99) * _spread(ordered[1], 0.01, 0.99)
-    fill = _cells(along, points[1]) * _GRID**2 / max(1e-6, box)
-    return wide, tall, deep, crown, widths[0] / max(widths[1:].max(), _BIN), widths[0], fill
+    fill = filled_cells(along, points[1]) * GRID**2 / max(1e-6, box)
+    return wide, tall, deep, crown, widths[0] / max(widths[1:].max(), BIN), widths[0], fill
 
 
 @njit(cache=True, nogil=True)
@@ -241,89 +226,3 @@ def samples(points, pixels, most):  # type: ignore[no-untyped-def]
         for a in range(3):
             out[a, i] = points[pixels[i * step], a]
     return out
-
-
-@njit(cache=True, nogil=True)
-def _widths(along, height, crown, bands):  # type: ignore[no-untyped-def]
-    """(B,) metres, in steps, that (M,) points fill ``along`` a line within each of (B, 2) bands of height.
-
-    Args:
-        bands: metres below the crown where each begins and ends.
-    """
-    first = np.floor(along.min() / _BIN)
-    met = np.zeros((len(bands), int(np.floor(along.max() / _BIN) - first) + 1), np.bool_)
-    lowest = crown - bands[:, 1].max()
-    for i in range(len(along)):
-        if height[i] <= lowest:
-            continue
-        place = int(np.floor(along[i] / _BIN) - first)
-        for b in range(len(bands)):
-            if crown - bands[b, 1] < height[i] <= crown - bands[b, 0]:
-                met[b, place] = True
-    return met.sum(1) * _BIN
-
-
-@njit(cache=True, nogil=True)
-def _cells(along, height):  # type: ignore[no-untyped-def]
-    """The number of cells of an upright grid that (M,) points fill."""
-    left, low = np.floor(along.min() / _GRID), np.floor(height.min() / _GRID)
-    wide, tall = int(np.floor(along.max() / _GRID) - left), int(np.floor(height.max() / _GRID) - low)
-    met = np.zeros((wide + 1, tall + 1), np.bool_)
-    for i in range(len(along)):
-        met[int(np.floor(along[i] / _GRID) - left), int(np.floor(height[i] / _GRID) - low)] = True
-    return np.count_nonzero(met)
-
-
-def outline(z: Float, mask: Bool) -> tuple[float, float, float, bool]:
-    """Returns of a mask's sides and top the shares next to something farther, nearer and the image's border.
-
-    The fourth value is whether the mask runs out of the image below. Depth is compared beyond two pixels,
-    because the first may lie on the edge itself. Where too little of it is known, all the outline is free.
-    """
-    farther, nearer, border, cut = _outline(z, mask, pixels_of(mask))
-    return farther, nearer, border, cut
-
-
-@njit(cache=True, nogil=True)
-def _outline(z, mask, pixels):  # type: ignore[no-untyped-def]
-    """See :func:`outline`; with the (N,) places of the mask's pixels, in reading order."""
-    height, width = z.shape
-    farther, nearer, other, unknown = 0, 0, 0, 0
-    for i in _edges(mask, pixels):
-        v, u = i // width, i % width
-        for q, p, y, x in ((v, u - 1, v, u - 3), (v, u + 1, v, u + 3), (v - 1, u, v - 3, u)):
-            if q < 0 or p < 0 or p >= width or mask[q, p]:
-                continue
-            if y >= 0 and 0 <= x < width and not mask[y, x]:
-                if z[y, x] == 0.0:
-                    unknown += 1
-                    continue
-                step = 0.05 + 0.012 * z[v, u] * z[v, u]
-                farther += z[y, x] > z[v, u] + step
-                nearer += z[y, x] < z[v, u] - step
-                other += abs(z[y, x] - z[v, u]) <= step
-    border = np.count_nonzero(mask[0]) + np.count_nonzero(mask[:, 0]) + np.count_nonzero(mask[:, width - 1])
-    cut = np.count_nonzero(mask[height - 2 :]) > 0.05 * width
-    total = max(1.0, farther + nearer + other + border)
-    around = total + unknown
-    told = total >= _TELLING * around
-    if not told or (total < _TELLING_IN_THE_OPEN * around and np.count_nonzero(z) <= _OPEN * z.size):
-        return 1.0, 0.0, border / total, cut
-    return farther / total, nearer / total, border / total, cut
-
-
-@njit(cache=True, nogil=True)
-def _edges(mask, pixels):  # type: ignore[no-untyped-def]
-    """(M,) the (N,) masked places with a neighbour beside or above them that is not masked.
-
-    Other places at the image's border may be among them.
-    """
-    flat, width = mask.ravel(), mask.shape[1]
-    out, count = np.empty(len(pixels) + 1, np.int32), 0
-    for n in range(len(pixels)):
-        i = np.int64(pixels[n])
-        left, right = np.uintp(max(0, i - 1)), np.uintp(min(len(flat) - 1, i + 1))
-        above = np.uintp(max(0, i - width))
-        out[np.uintp(count)] = i
-        count += not (flat[left] and flat[right] and flat[above])
-    return out[:count]

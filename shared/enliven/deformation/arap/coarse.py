@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
+from enliven.deformation.arap.riders import coarse_faces, followed, riding_on, spread, with_riders
 from enliven.deformation.graph import dijkstra_workspace, settle_within, ways
 from enliven.errors import InputError
 from enliven.kernels import njit
@@ -31,8 +32,6 @@ _REACH = 1.5
 """Spacings within which a vertex follows a sample; one is always nearer than 1."""
 _DETOUR = 1.25
 """A way along edges that is this much longer than the straight one is still a straight one."""
-_DUST = 2.0
-"""Spacings; a shell that is smaller rides."""
 _MOST_ROUNDS = 6
 """Corrections of the spacing at most; the last count of samples is taken where it is still 15 % off."""
 _FINEST = 1.5
@@ -112,11 +111,11 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
         return before._replace(held=numbers)
     start, near, way = _with_more(base, added)
     points, reach = base.whole.vertices, _REACH * base.spacing
-    faces, links = _coarse_faces(base.whole.faces, _nearest(start, near, way))
+    faces, links = coarse_faces(base.whole.faces, _nearest(start, near, way))
     start, near, weights = followed(points, points[samples], start, near, way, reach, _DETOUR)
     if base.riding.any():
-        start, near, weights = _with_riders(base.whole, base.riding, start, near, weights)
-    start, near, weights = _spread(base.welded, start, near, weights)
+        start, near, weights = with_riders(base.whole, base.riding, start, near, weights)
+    start, near, weights = spread(base.welded, start, near, weights)
     coarse = Mesh(points[samples], faces, mesh.name)
     notes = _notes(base, len(samples))
     return Coarse(coarse, links, numbers, start, near, weights, notes, base, added)
@@ -133,7 +132,7 @@ def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSamplin
     spacing = float(np.sqrt(whole.area / (_DENSITY * count)))
     finest = _FINEST * float(net[2].mean()) if len(net[2]) else 0.0
     for _ in range(_MOST_ROUNDS):
-        riding = _riding(whole.vertices, label, held, spacing)
+        riding = riding_on(whole.vertices, label, held, spacing)
         order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
         samples = poisson_disk_samples(*net, order, spacing)
         if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= finest:
@@ -263,92 +262,3 @@ def _nearest(start, near, way):  # type: ignore[no-untyped-def]
             if way[k] < best:
                 best, out[v] = way[k], near[k]
     return out
-
-
-@njit(cache=True, nogil=True)
-def followed(points, samples, start, near, way, reach, detour):  # type: ignore[no-untyped-def]
-    """The CSR of samples that each vertex follows, with weights, from those near along the surface."""
-    count = points.shape[0]
-    offsets, kept, weights = (
-        np.zeros(count + 1, np.int64),
-        np.empty_like(near),
-        np.empty(len(near), np.float32),
-    )
-    room = np.empty(len(near))
-    size = 0
-    for v in range(count):
-        begin, total, same = size, 0.0, -1
-        for k in range(start[v], start[v + 1]):
-            d = 0.0
-            for c in range(3):
-                d += (points[v, c] - samples[near[k], c]) ** 2
-            d = max(np.sqrt(d), way[k] / detour)
-            if d < 1e-9 * reach:
-                same = near[k]
-                break
-            if d < reach:
-                w = ((reach - d) / (reach * d)) ** 2
-                kept[size], room[size] = near[k], w
-                total += w
-                size += 1
-        if same >= 0:
-            kept[begin], room[begin], total, size = same, 1.0, 1.0, begin + 1
-        for k in range(begin, size):
-            weights[k] = room[k] / total
-        offsets[v + 1] = size
-    return offsets, kept[:size].copy(), weights[:size].copy()
-
-
-def _riding(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
-    """(W,) the vertices of shells, numbered by ``label``, that are small and not ``awake``."""
-    count = int(label.max()) + 1
-    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    for c in range(3):
-        np.minimum.at(low[:, c], label, points[:, c])
-        np.maximum.at(high[:, c], label, points[:, c])
-    size = np.linalg.norm(high - low, axis=1)
-    small = size < _DUST * spacing
-    small[size.argmax()] = False
-    small[awake] = False
-    return np.asarray(small[label])
-
-
-def _coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
-    """(G, 3) the coarse faces, and (L, 2) neighbours that share none."""
-    corners = nearest[faces]
-    corners = corners[((corners != corners[:, [1, 2, 0]]).any(1)) & (corners >= 0).all(1)]
-    count = int(nearest.max()) + 1
-    three = corners[(corners != corners[:, [1, 2, 0]]).all(1)]
-    low, middle, high = np.sort(three, 1).T
-    made = three[np.unique((low * count + middle) * count + high, return_index=True)[1]]
-    pairs = np.setdiff1d(_sides(corners, count), _sides(made, count))
-    pairs = np.stack([pairs // count, pairs % count], 1)
-    return made.astype(np.int32), pairs[pairs[:, 0] != pairs[:, 1]]
-
-
-def _sides(corners: Int, count: int) -> Int:
-    """(S,) the sides of faces, each once, as lower * count + higher."""
-    turned = corners[:, [1, 2, 0]]
-    return np.unique(np.minimum(corners, turned) * count + np.maximum(corners, turned))
-
-
-def _with_riders(
-    whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
-) -> tuple[Int, Int32, Float32]:
-    """The same CSR; each tiny shell follows, as a whole, the samples of the surface vertex nearest to it."""
-    rest = np.flatnonzero(~riding)
-    label = shells(whole.faces, len(whole.vertices))[riding]
-    number = np.unique(label, return_inverse=True)[1].reshape(-1)
-    share = np.bincount(number).astype(float)
-    middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / share for c in range(3)], 1)
-    host = np.arange(len(riding))
-    host[riding] = rest[cKDTree(whole.vertices[rest]).query(middle)[1]][number]
-    return _spread(host, start, near, weights)
-
-
-def _spread(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
-    """A CSR with row ``of[v]`` of the given one as row v."""
-    sizes = np.diff(start)[of]
-    offsets = np.concatenate([[0], np.cumsum(sizes)])
-    rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])
-    return offsets, near[rows], weights[rows]

@@ -42,19 +42,6 @@ class SelfIntersection:
         return newly_crossing(self._rest, self.crossing(vertices))
 
 
-def crossing_faces(vertices: Float, faces: Int32) -> Int:
-    """(K,) the faces of a surface that pass through others, ascending.
-
-    Args:
-        vertices: (V, 3); vertices at one position count as one.
-        faces: (F, 3).
-    """
-    moved = np.array(vertices, np.float64, order="C")
-    order = _curve(moved, faces)
-    corners = _welded(moved, faces[order])
-    return np.sort(order[_crossing(moved, corners, *_boxes(moved, corners))])
-
-
 def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
     """(K,) the faces that cross now and did not at rest: a mesh made of parts stuck into each other is."""
     return np.setdiff1d(crossings, rest_crossings)

@@ -1,17 +1,9 @@
-from .floor_contact import FloorContact, FloorSettings
-from .observed import ObservedPoints, ObservedSettings, ObservedSurface
-from .planes import PlaneConstraints
-from .self_contact import SelfContact, SelfContactSettings
-from .soft import joined_planes
-
-__all__ = [
-    "FloorContact",
-    "FloorSettings",
-    "ObservedPoints",
-    "ObservedSettings",
-    "ObservedSurface",
-    "PlaneConstraints",
-    "SelfContact",
-    "SelfContactSettings",
-    "joined_planes",
-]
+from .floor_contact import FloorContact as FloorContact, FloorSettings as FloorSettings
+from .observed import (
+    ObservedPoints as ObservedPoints,
+    ObservedSettings as ObservedSettings,
+    ObservedSurface as ObservedSurface,
+)
+from .planes import PlaneConstraints as PlaneConstraints
+from .self_contact import SelfContact as SelfContact, SelfContactSettings as SelfContactSettings
+from .soft import joined_planes as joined_planes

@@ -1,3 +1,1 @@
-from .solver import EmbeddedSettings, EmbeddedSolver
-
-__all__ = ["EmbeddedSettings", "EmbeddedSolver"]
+from .solver import EmbeddedSettings as EmbeddedSettings, EmbeddedSolver as EmbeddedSolver

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, identity
 from scipy.sparse.linalg import splu
 
-from enliven.arrays import Float, Float32, Int, Int32
+from enliven.arrays import Int, Int32
 from enliven.kernels import njit
 from enliven.lanes import fma8, load8, splat8, store8, transpose6
 
@@ -218,15 +218,3 @@ def _weighted(blocks, block, y, at, even, odd):  # type: ignore[no-untyped-def]
         even = fma8(y[at + m], load8(blocks, block + 8 * m), even)
         odd = fma8(y[at + m + 1], load8(blocks, block + 8 * m + 8), odd)
     return even + odd
-
-
-def dense_of(pattern: BlockPattern, lower: Float32) -> Float:
-    """(6N, 6N) the symmetric matrix with the lower blocks (48 B,); for tests and diagnosis."""
-    count = len(pattern.start) - 1
-    blocks = lower.reshape(-1, 6, 8)[:, :, :6]
-    out = np.zeros((count, 6, count, 6))
-    for column in range(count):
-        for b in range(pattern.start[column], pattern.start[column + 1]):
-            out[pattern.row[b], :, column] = blocks[b]
-            out[column, :, pattern.row[b]] = blocks[b].T
-    return out.reshape(6 * count, 6 * count)

@@ -1,19 +1,10 @@
-from .graph import DeformationGraph, character_from
-from .sampling import scatter
-from .stiffness import stiffness_at
-from .surface import SurfaceNet, net_of
-from .surface_kernels import dijkstra_workspace, settle_within, ways
-from .weights import insert
-
-__all__ = [
-    "DeformationGraph",
-    "SurfaceNet",
-    "character_from",
-    "dijkstra_workspace",
-    "insert",
-    "net_of",
-    "scatter",
-    "settle_within",
-    "stiffness_at",
-    "ways",
-]
+from .geodesic_kernels import (
+    dijkstra_workspace as dijkstra_workspace,
+    settle_within as settle_within,
+    ways as ways,
+)
+from .graph import DeformationGraph as DeformationGraph, character_from as character_from
+from .sampling import scatter as scatter
+from .stiffness import stiffness_at as stiffness_at
+from .surface import SurfaceNet as SurfaceNet, net_of as net_of
+from .weights import insert as insert

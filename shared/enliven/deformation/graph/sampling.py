@@ -10,6 +10,7 @@ from enliven.arrays import Float, Int, Int32
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
+from enliven.rotation import unit
 
 _DARTS_PER_NODE = 80
 """Candidate points for each node: with so many, hardly any place is left where one more would fit."""
@@ -64,14 +65,9 @@ def _corner_normals(mesh: Mesh, faces: Int, welded: tuple[Mesh, Int]) -> Float:
     corners = welded_of[mesh.faces[faces]]
     wanted, number = np.unique(corners, return_inverse=True)
     normals, sharpest = normals_of(whole.vertices, whole.faces, wanted)
-    own = _unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
+    own = unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
     number = number.reshape(corners.shape)
     return np.where((sharpest[number] > _SMOOTH)[..., None], normals[number], own)
-
-
-def _unit(vectors: Float) -> Float:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0, length, 1.0))
 
 
 def poisson_disk(

@@ -17,6 +17,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Float, Float32, Int, Int32
+from enliven.deformation.graph import geodesic_kernels
 from enliven.deformation.graph import surface_kernels as kernels
 from enliven.deformation.graph.connectivity import components
 from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
@@ -183,7 +184,7 @@ def voronoi_cells(net: SurfaceNet, positions: Float, faces: Int32) -> VoronoiCel
     count = len(net.points)
     graph = _tied(net, positions, faces)
     sources = count + np.arange(len(positions))
-    lengths, owner = kernels.spread(*_adjacency(graph, count + len(positions)), sources)
+    lengths, owner = geodesic_kernels.spread(*_adjacency(graph, count + len(positions)), sources)
     owner = np.where(owner < 0, -1, owner - count)
     ends = owner[graph.edges]
     crossing = (ends[:, 0] != ends[:, 1]) & (ends >= 0).all(1)
@@ -254,7 +255,7 @@ def ways_from_nodes(
     )
     offsets, neighbours, lengths = _adjacency(graph, int(graph.edges.max(initial=0)) + 1)
     while True:
-        ends, which, metres = kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
+        ends, which, metres = geodesic_kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
         # Few nodes on a long thing may leave a point alone.
         if (np.diff(ends) > 0).all() or np.isinf(reach):
             return ends, nodes.astype(np.int32)[which], metres
@@ -267,7 +268,7 @@ def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
     Returns:
         CSR: offsets (C + 1,), points (K,) and metres (K,).
     """
-    ends, points, metres = kernels.around(*_adjacency(net.graph, len(net.points)), reach)
+    ends, points, metres = geodesic_kernels.around(*_adjacency(net.graph, len(net.points)), reach)
     return ends, points, metres
 
 

@@ -1,19 +1,6 @@
-from .bake import BakedSurface, bake_surface
-from .frames import SurfaceFrames, states_of
-from .maps import stretch_axes
-from .morphs import BakedMorphs, bake_morphs
-from .nodes import EdgeGraph
-from .settings import BakeError, BakeSettings
-
-__all__ = [
-    "BakeError",
-    "BakeSettings",
-    "BakedMorphs",
-    "BakedSurface",
-    "EdgeGraph",
-    "SurfaceFrames",
-    "bake_morphs",
-    "bake_surface",
-    "states_of",
-    "stretch_axes",
-]
+from .bake import BakedSurface as BakedSurface, bake_surface as bake_surface
+from .frames import SurfaceFrames as SurfaceFrames, states_of as states_of
+from .maps import stretch_axes as stretch_axes
+from .morphs import BakedMorphs as BakedMorphs, bake_morphs as bake_morphs
+from .nodes import EdgeGraph as EdgeGraph
+from .settings import BakeError as BakeError, BakeSettings as BakeSettings

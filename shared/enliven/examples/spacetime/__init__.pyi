@@ -1,23 +1,13 @@
-from .anchoring import stand
-from .bounded import Nodes
-from .constraints import Conditions, conditions_of
-from .locomotion import PlacedMotion, check_switches, find_switches, locate, standing_feet
-from .nearest import Nearest
-from .planting import planted
-from .spacetime import Solution, solve
-
-__all__ = [
-    "Conditions",
-    "Nearest",
-    "Nodes",
-    "PlacedMotion",
-    "Solution",
-    "check_switches",
-    "conditions_of",
-    "find_switches",
-    "locate",
-    "planted",
-    "solve",
-    "stand",
-    "standing_feet",
-]
+from .anchoring import stand as stand
+from .bounded import Nodes as Nodes
+from .constraints import Conditions as Conditions, conditions_of as conditions_of
+from .locomotion import (
+    PlacedMotion as PlacedMotion,
+    check_switches as check_switches,
+    find_switches as find_switches,
+    locate as locate,
+    standing_feet as standing_feet,
+)
+from .nearest import Nearest as Nearest
+from .planting import planted as planted
+from .spacetime import Solution as Solution, solve as solve

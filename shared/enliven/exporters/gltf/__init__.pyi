@@ -1,3 +1,1 @@
-from .write import GLB, glb_of, write_gltf
-
-__all__ = ["GLB", "glb_of", "write_gltf"]
+from .write import GLB as GLB, glb_of as glb_of, write_gltf as write_gltf

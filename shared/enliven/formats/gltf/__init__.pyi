@@ -1,3 +1,1 @@
-from .read import read_gltf, with_materials
-
-__all__ = ["read_gltf", "with_materials"]
+from .read import read_gltf as read_gltf, with_materials as with_materials

@@ -10,6 +10,7 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Float
 from enliven.formats.gltf.file import GltfFile, matrices_of
+from enliven.rotation import unit
 
 _LONGEST_STEP = 1 / 24
 """Seconds between samples at most: over a longer step world turns would bend between frames."""
@@ -143,10 +144,10 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
         return np.asarray(points[np.where(share >= 1.0, before + 1, before)])
     if cubic:
         made = _hermite(values, before, span[:, None], share[:, None])
-        return _unit(made) if path == "rotation" else made
+        return unit(made) if path == "rotation" else made
     if path == "rotation":
         # slerp does not mind which component is w, as long as both quaternions have it at the same place.
-        a, b = _unit(points[before]), _unit(points[before + 1])
+        a, b = unit(points[before]), unit(points[before + 1])
         return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), share), -1, -1)
     return np.asarray(points[before] + share[:, None] * (points[before + 1] - points[before]))
 
@@ -161,7 +162,3 @@ def _hermite(values: Float, before: np.ndarray, span: Float, s: Float) -> Float:
         + (3 * s**2 - 2 * s**3) * p1
         + (s**3 - s**2) * into
     )
-
-
-def _unit(q: Float) -> Float:
-    return np.asarray(q / np.maximum(np.linalg.norm(q, axis=-1, keepdims=True), 1e-12))

@@ -1,5 +1,3 @@
-from .bvh import read_bvh
-from .capture import UNITS, Capture, guess_unit
-from .expmap import COLUMNS, read_expmap
-
-__all__ = ["COLUMNS", "UNITS", "Capture", "guess_unit", "read_bvh", "read_expmap"]
+from .bvh import read_bvh as read_bvh
+from .capture import UNITS as UNITS, Capture as Capture, guess_unit as guess_unit
+from .expmap import COLUMNS as COLUMNS, read_expmap as read_expmap

@@ -1,3 +1,1 @@
-from .file import read_project, write_project
-
-__all__ = ["read_project", "write_project"]
+from .file import read_project as read_project, write_project as write_project

@@ -1,5 +1,3 @@
-from .rig import Rig, on_floor, playing, resized, welded
-from .rig_links import LinkBody
-from .rig_tree import Tree, joint_drift, tree_of
-
-__all__ = ["LinkBody", "Rig", "Tree", "joint_drift", "on_floor", "playing", "resized", "tree_of", "welded"]
+from .rig import Rig as Rig, on_floor as on_floor, playing as playing, resized as resized, welded as welded
+from .rig_links import LinkBody as LinkBody
+from .rig_tree import Tree as Tree, joint_drift as joint_drift, tree_of as tree_of

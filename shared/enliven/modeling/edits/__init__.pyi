@@ -1,35 +1,21 @@
 from .characters import (
-    change_layers,
-    copy_character,
-    cut_character,
-    delete_character,
-    mirror_character,
-    move_character,
-    paste_character,
-    rename_character,
-    scale_character,
-    shift_character,
-    turn_character,
+    change_layers as change_layers,
+    copy_character as copy_character,
+    cut_character as cut_character,
+    delete_character as delete_character,
+    mirror_character as mirror_character,
+    move_character as move_character,
+    paste_character as paste_character,
+    rename_character as rename_character,
+    scale_character as scale_character,
+    shift_character as shift_character,
+    turn_character as turn_character,
 )
-from .merging import merge_characters
-from .rigs import RIGS, RigEdits, pose_of_character, rig_of, vertices_of
-
-__all__ = [
-    "RIGS",
-    "RigEdits",
-    "change_layers",
-    "copy_character",
-    "cut_character",
-    "delete_character",
-    "merge_characters",
-    "mirror_character",
-    "move_character",
-    "paste_character",
-    "pose_of_character",
-    "rename_character",
-    "rig_of",
-    "scale_character",
-    "shift_character",
-    "turn_character",
-    "vertices_of",
-]
+from .merging import merge_characters as merge_characters
+from .rigs import (
+    RIGS as RIGS,
+    RigEdits as RigEdits,
+    pose_of_character as pose_of_character,
+    rig_of as rig_of,
+    vertices_of as vertices_of,
+)

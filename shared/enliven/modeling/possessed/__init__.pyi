@@ -1,5 +1,3 @@
-from .pose import graph_pose, graph_vertices, pose_of_graph
-from .rig import GraphRig
-from .surgery import cut_graph, merge_graphs
-
-__all__ = ["GraphRig", "cut_graph", "graph_pose", "graph_vertices", "merge_graphs", "pose_of_graph"]
+from .pose import graph_pose as graph_pose, graph_vertices as graph_vertices, pose_of_graph as pose_of_graph
+from .rig import GraphRig as GraphRig
+from .surgery import cut_graph as cut_graph, merge_graphs as merge_graphs

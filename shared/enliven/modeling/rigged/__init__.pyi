@@ -1,20 +1,7 @@
-from .axes import Axes, moved_mesh
-from .merging import merge
-from .nodes import insert_node, remove_node
-from .posing import drag_joint, turn_bone
-from .rig import ShapeRig
-from .spread import spread_motion
-from .stroke_cut import cut_stroke
-
-__all__ = [
-    "Axes",
-    "ShapeRig",
-    "cut_stroke",
-    "drag_joint",
-    "insert_node",
-    "merge",
-    "moved_mesh",
-    "remove_node",
-    "spread_motion",
-    "turn_bone",
-]
+from .axes import Axes as Axes, moved_mesh as moved_mesh
+from .merging import merge as merge
+from .nodes import insert_node as insert_node, remove_node as remove_node
+from .posing import drag_joint as drag_joint, turn_bone as turn_bone
+from .rig import ShapeRig as ShapeRig
+from .spread import spread_motion as spread_motion
+from .stroke_cut import cut_stroke as cut_stroke

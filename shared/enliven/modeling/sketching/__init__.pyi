@@ -1,3 +1,1 @@
-from .sketch import SketchPlane, shape_from_stroke
-
-__all__ = ["SketchPlane", "shape_from_stroke"]
+from .sketch import SketchPlane as SketchPlane, shape_from_stroke as shape_from_stroke

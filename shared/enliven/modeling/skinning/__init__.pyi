@@ -1,22 +1,17 @@
-from . import skin_values
-from .heat_diffusion import HeatSettings, bone_heat, cotangents, heat_weights, segments_of
-from .skin_values import bone_count, dense, sparse
-from .skins import InsertSettings, follows, nearest_bone, renumbered, shared_skin, upper_part
-
-__all__ = [
-    "HeatSettings",
-    "InsertSettings",
-    "bone_count",
-    "bone_heat",
-    "cotangents",
-    "dense",
-    "follows",
-    "heat_weights",
-    "nearest_bone",
-    "renumbered",
-    "segments_of",
-    "shared_skin",
-    "skin_values",
-    "sparse",
-    "upper_part",
-]
+from . import skin_values as skin_values
+from .heat_diffusion import (
+    HeatSettings as HeatSettings,
+    bone_heat as bone_heat,
+    cotangents as cotangents,
+    heat_weights as heat_weights,
+    segments_of as segments_of,
+)
+from .skin_values import bone_count as bone_count, dense as dense, sparse as sparse
+from .skins import (
+    InsertSettings as InsertSettings,
+    follows as follows,
+    nearest_bone as nearest_bone,
+    renumbered as renumbered,
+    shared_skin as shared_skin,
+    upper_part as upper_part,
+)

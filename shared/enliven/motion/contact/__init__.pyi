@@ -1,19 +1,10 @@
-from .contacts import Contacts, hold, runs_of, touching
-from .pin import bend_of, held_pins, local_turns, pin_feet, rebuild, unpin
-from .standing import Standing, standing_of, window_of
-
-__all__ = [
-    "Contacts",
-    "Standing",
-    "bend_of",
-    "held_pins",
-    "hold",
-    "local_turns",
-    "pin_feet",
-    "rebuild",
-    "runs_of",
-    "standing_of",
-    "touching",
-    "unpin",
-    "window_of",
-]
+from .contacts import Contacts as Contacts, hold as hold, runs_of as runs_of, touching as touching
+from .pin import (
+    bend_of as bend_of,
+    held_pins as held_pins,
+    local_turns as local_turns,
+    pin_feet as pin_feet,
+    rebuild as rebuild,
+    unpin as unpin,
+)
+from .standing import Standing as Standing, standing_of as standing_of, window_of as window_of

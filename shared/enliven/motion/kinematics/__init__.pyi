@@ -1,26 +1,20 @@
-from .composing import compose, own_turns, upright
-from .ik import two_bone
-from .quaternions import between, conj, load, mul, store, turn
-from .reaching import reach
-from .vectors import about, cross, dot, length, minus, row, swing_to
-
-__all__ = [
-    "about",
-    "between",
-    "compose",
-    "conj",
-    "cross",
-    "dot",
-    "length",
-    "load",
-    "minus",
-    "mul",
-    "own_turns",
-    "reach",
-    "row",
-    "store",
-    "swing_to",
-    "turn",
-    "two_bone",
-    "upright",
-]
+from .composing import compose as compose, own_turns as own_turns, upright as upright
+from .ik import two_bone as two_bone
+from .quaternions import (
+    between as between,
+    conj as conj,
+    load as load,
+    mul as mul,
+    store as store,
+    turn as turn,
+)
+from .reaching import reach as reach
+from .vectors import (
+    about as about,
+    cross as cross,
+    dot as dot,
+    length as length,
+    minus as minus,
+    row as row,
+    swing_to as swing_to,
+)

@@ -1,19 +1,10 @@
-from .copying import copy_motion
-from .evaluate import Player, pose_from, pose_of
-from .polyline import arc_of, goes_down
-from .retarget import bind_chain, branch, clear_chain, set_travel
-from .travel import travel_scale
-
-__all__ = [
-    "Player",
-    "arc_of",
-    "bind_chain",
-    "branch",
-    "clear_chain",
-    "copy_motion",
-    "goes_down",
-    "pose_from",
-    "pose_of",
-    "set_travel",
-    "travel_scale",
-]
+from .copying import copy_motion as copy_motion
+from .evaluate import Player as Player, pose_from as pose_from, pose_of as pose_of
+from .polyline import arc_of as arc_of, goes_down as goes_down
+from .retarget import (
+    bind_chain as bind_chain,
+    branch as branch,
+    clear_chain as clear_chain,
+    set_travel as set_travel,
+)
+from .travel import travel_scale as travel_scale

@@ -1,4 +1,8 @@
-from .quantisation import quantise
-from .training import KEPT_BACK, TrainingSettings, export, measure, train
-
-__all__ = ["KEPT_BACK", "TrainingSettings", "export", "measure", "quantise", "train"]
+from .quantisation import quantise as quantise
+from .training import (
+    KEPT_BACK as KEPT_BACK,
+    TrainingSettings as TrainingSettings,
+    export as export,
+    measure as measure,
+    train as train,
+)

@@ -16,7 +16,8 @@ from enliven.camera import Intrinsics
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.appearance import turned_about
-from enliven_edge.tracking.detect.detection import detect, detect_another, quality
+from enliven_edge.tracking.detect.detection import detect, detect_another
+from enliven_edge.tracking.detect.fit_quality import quality
 from enliven_edge.tracking.detect.posing import posed
 from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_edge.tracking.fit.fit import Fitter

@@ -5,10 +5,16 @@ import pytest
 from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 
 from enliven_edge.tracking.body_model import joint_limits, model
-from enliven_edge.tracking.body_model.chest import chest_axes, chest_axes_about
+from enliven_edge.tracking.body_model.chest import ahead_in_plan, chest_axes, chest_axes_about
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing_score, turned_about
-from enliven_edge.tracking.detect.facing_side import Facing, _advantage, backward, forward_in_plan
+from enliven_edge.tracking.detect.facing_side import Facing, _advantage, backward
+
+
+def forward_in_plan(posture):
+    """(2,) the way that the chest faces, seen from above."""
+    return np.array(ahead_in_plan(chest_axes(posture.rotations)[0]))
+
 
 STILL = (0.0, 0.0, 0.0)
 

@@ -15,7 +15,7 @@ from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
 from enliven_edge.tracking.frame.view import FrameView
-from enliven_edge.tracking.people import follower
+from enliven_edge.tracking.people import follower, redetection
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.settings import FitSettings, TrackerSettings
 
@@ -53,7 +53,7 @@ def looks(scene, monkeypatch):
             made, report = fitter.fit(observation, posture)
             return made, replace(report, energy=-1e6)
 
-        monkeypatch.setattr(follower, "detect_another", detect_another)
+        monkeypatch.setattr(redetection, "detect_another", detect_another)
         for frame in range(frames):
             monkeypatch.setattr(follower, "_DOUBTED", -np.inf if doubtful(frame) else np.inf)
             moment = replace(view, time_ns=frame * 33_333_333)

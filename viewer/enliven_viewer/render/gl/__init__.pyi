@@ -1,19 +1,9 @@
-from .context import offscreen_context, window_context
-from .program import BLOCKS, UNITS, load_program, set_uniform
-from .region import Region, full_region
-from .targets import RenderTarget, Size, SoftMap, reach_of
-
-__all__ = [
-    "BLOCKS",
-    "UNITS",
-    "Region",
-    "RenderTarget",
-    "Size",
-    "SoftMap",
-    "full_region",
-    "load_program",
-    "offscreen_context",
-    "reach_of",
-    "set_uniform",
-    "window_context",
-]
+from .context import offscreen_context as offscreen_context, window_context as window_context
+from .program import (
+    BLOCKS as BLOCKS,
+    UNITS as UNITS,
+    load_program as load_program,
+    set_uniform as set_uniform,
+)
+from .region import Region as Region, full_region as full_region
+from .targets import RenderTarget as RenderTarget, Size as Size, SoftMap as SoftMap, reach_of as reach_of

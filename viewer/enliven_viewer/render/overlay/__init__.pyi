@@ -1,6 +1,4 @@
-from .canvas import Canvas
-from .marks import CUE_RADIUS, Marks
-from .match_lines import TINTS, match_rows
-from .tubes import Tubes, tube_rows
-
-__all__ = ["CUE_RADIUS", "TINTS", "Canvas", "Marks", "Tubes", "match_rows", "tube_rows"]
+from .canvas import Canvas as Canvas
+from .marks import CUE_RADIUS as CUE_RADIUS, Marks as Marks
+from .match_lines import TINTS as TINTS, match_rows as match_rows
+from .tubes import Tubes as Tubes, tube_rows as tube_rows

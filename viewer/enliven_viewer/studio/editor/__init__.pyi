@@ -1,3 +1,1 @@
-from .editor import Edit, Editor
-
-__all__ = ["Edit", "Editor"]
+from .editor import Edit as Edit, Editor as Editor

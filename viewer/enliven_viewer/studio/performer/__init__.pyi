@@ -1,5 +1,3 @@
-from .performer_picture import PerformerPicture
-from .performer_view import PerformerFigure, PerformerView
-from .thumbnails import SIDE, Thumbnails
-
-__all__ = ["SIDE", "PerformerFigure", "PerformerPicture", "PerformerView", "Thumbnails"]
+from .performer_picture import PerformerPicture as PerformerPicture
+from .performer_view import PerformerFigure as PerformerFigure, PerformerView as PerformerView
+from .thumbnails import SIDE as SIDE, Thumbnails as Thumbnails

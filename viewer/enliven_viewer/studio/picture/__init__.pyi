@@ -1,3 +1,1 @@
-from .viewport import Viewport
-
-__all__ = ["Viewport"]
+from .viewport import Viewport as Viewport

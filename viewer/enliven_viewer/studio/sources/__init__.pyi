@@ -1,4 +1,8 @@
-from .matches import Chain, Offer, accepted, matching_view, offers
-from .source_view import SourceView
-
-__all__ = ["Chain", "Offer", "SourceView", "accepted", "matching_view", "offers"]
+from .matches import (
+    Chain as Chain,
+    Offer as Offer,
+    accepted as accepted,
+    matching_view as matching_view,
+    offers as offers,
+)
+from .source_view import SourceView as SourceView

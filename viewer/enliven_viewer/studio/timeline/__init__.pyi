@@ -1,5 +1,9 @@
-from .drag import TimelineInput
-from .layout import LABELS, LANE, RULER, Bar, TimelineLayout
-from .puppet_lanes import LaneRow, PuppetLanes
-
-__all__ = ["LABELS", "LANE", "RULER", "Bar", "LaneRow", "PuppetLanes", "TimelineInput", "TimelineLayout"]
+from .drag import TimelineInput as TimelineInput
+from .layout import (
+    LABELS as LABELS,
+    LANE as LANE,
+    RULER as RULER,
+    Bar as Bar,
+    TimelineLayout as TimelineLayout,
+)
+from .puppet_lanes import LaneRow as LaneRow, PuppetLanes as PuppetLanes

@@ -1,7 +1,5 @@
-from .base import Pointer, Tool
-from .map import MapTool
-from .nodes import remove_joint
-from .puppet_picture import NOTHING, PuppetPicture, picture_of
-from .registry import TOOLS
-
-__all__ = ["NOTHING", "TOOLS", "MapTool", "Pointer", "PuppetPicture", "Tool", "picture_of", "remove_joint"]
+from .base import Pointer as Pointer, Tool as Tool
+from .map import MapTool as MapTool
+from .nodes import remove_joint as remove_joint
+from .puppet_picture import NOTHING as NOTHING, PuppetPicture as PuppetPicture, picture_of as picture_of
+from .registry import TOOLS as TOOLS

@@ -1,6 +1,4 @@
-from .motion import constraint_text
-from .panel import draw_examples
-from .performer import draw_performer
-from .strip import draw_strip
-
-__all__ = ["constraint_text", "draw_examples", "draw_performer", "draw_strip"]
+from .motion import constraint_text as constraint_text
+from .panel import draw_examples as draw_examples
+from .performer import draw_performer as draw_performer
+from .strip import draw_strip as draw_strip

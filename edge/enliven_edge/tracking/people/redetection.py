@@ -1,0 +1,98 @@
+"""A person sought anew, a part of the search in each frame, and the network's words in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from enliven.arrays import Bool, Float
+from enliven_edge.tracking.body_model import Posture
+from enliven_edge.tracking.detect import (
+    EstimateAtPoints,
+    aligned_to,
+    detect_another,
+    estimate_at_points,
+    estimates_by_facing,
+    facing,
+    turned_about,
+)
+from enliven_edge.tracking.estimator import shipped_estimator
+from enliven_edge.tracking.fit import FitReport, Fitter
+from enliven_edge.tracking.frame import FrameView, Observation, observe
+from enliven_edge.tracking.settings import TrackerSettings
+from enliven_edge.tracking.work_budget import BudgetedTask, Steps
+
+SUPPOSING = 5
+"""Coarse fits: the cost of running the network once for each likely facing, see
+:func:`detection.estimates_by_facing`."""
+
+
+@dataclass(frozen=True)
+class Redetection:
+    """A detection from scratch, under way, of a person who is followed already.
+
+    Attributes:
+        observation, seen: the frame that the detection began in, and the network's estimate of it.
+        posture, cost: of the ordinary fit to that frame.
+        early: whether it is one of the two soon after the person was found.
+        known: whether the person's build was known.
+    """
+
+    task: BudgetedTask[tuple[Posture, FitReport] | None]
+    observation: Observation
+    seen: EstimateAtPoints | None
+    posture: Posture
+    cost: float
+    early: bool
+    known: bool
+
+
+def new_detection(
+    fitter: Fitter,
+    observation: Observation,
+    seen: EstimateAtPoints | None,
+    eye: Float,
+    height: float,
+    posture: Posture,
+    lengths: Float | None,
+) -> Steps[tuple[Posture, FitReport] | None]:
+    """Runs the network for each likely facing, then :func:`detect_another`, in parts; arguments as there."""
+    by_facing = None
+    if seen is not None:
+        by_facing = estimates_by_facing(shipped_estimator(), seen.estimate, observation.view.world_from_camera)
+        yield SUPPOSING
+    steps = detect_another(fitter, observation, seen, eye, height, posture, by_facing, lengths)
+    return (yield from steps)
+
+
+def observation_of(view: FrameView, pixels: Bool, settings: TrackerSettings) -> Observation:
+    """Returns what the frame shows of the person on some pixels."""
+    return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
+
+
+def run_network(
+    view: FrameView, pixels: Bool, observation: Observation, facing: float | None
+) -> EstimateAtPoints:
+    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians; None: not known."""
+    camera, pose = view.camera.camera, view.world_from_camera
+    estimate = shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
+    return estimate_at_points(observation, estimate)
+
+
+def guided_by(observation: Observation, seen: EstimateAtPoints, affinity: float) -> Observation:
+    """Returns the observation with the network's affinities of its points and landmarks of the joints."""
+    return replace(observation, affinity=seen.affinity(affinity), landmarks=seen.estimate.guides)
+
+
+def turned_around(
+    posture: Posture, seen: EstimateAtPoints, view: FrameView
+) -> tuple[Posture, EstimateAtPoints]:
+    """Rotates a posture by 180 degrees; returns it with the network's estimate conditioned on that facing."""
+    turned = turned_about(posture)
+    now = conditioned_on_facing(turned, seen, view)
+    return aligned_to(turned, now.estimate), now
+
+
+def conditioned_on_facing(posture: Posture, seen: EstimateAtPoints, view: FrameView) -> EstimateAtPoints:
+    """Runs the network on the same crop again, conditioned on the facing of a posture."""
+    known: list[float | None] = [facing(posture, view.eye)]
+    return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, known)[0])

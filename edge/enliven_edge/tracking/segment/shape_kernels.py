@@ -1,0 +1,127 @@
+"""Compiled measures of a group of pixels: widths of its rows, cells, outline and edges."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.kernels import njit
+from enliven.masks import pixels_of
+
+BIN = 0.04
+"""Metres of a step in which widths are counted: several to a head."""
+
+
+GRID = 0.06
+"""Metres of a cell in which the filled part of the upright box is counted: a few samples fall into each."""
+
+
+_TELLING = 0.1
+"""Share of an outline beyond which depth must be measured to tell what stands free."""
+
+
+_TELLING_IN_THE_OPEN = 0.3
+"""The same share in the open, where few pixels have a depth to compare with."""
+
+
+_OPEN = 0.4
+"""Share of the image with depth up to which it shows the open: a hall too deep for the sensor."""
+
+
+@njit(cache=True, nogil=True)
+def least_eigenvalue(xx, yy, zz, xy, xz, yz):  # type: ignore[no-untyped-def]
+    """The smallest eigenvalue of a symmetric 3 by 3 matrix, by the cosines that solve its cubic equation."""
+    mean = (xx + yy + zz) / 3.0
+    x, y, z = xx - mean, yy - mean, zz - mean
+    size = np.sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
+    if size == 0.0:
+        return mean
+    determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz)
+    angle = np.arccos(min(1.0, max(-1.0, determinant / (2.0 * size * size * size)))) / 3.0
+    return mean + 2.0 * size * np.cos(angle + 2.0 * np.pi / 3.0)
+
+
+@njit(cache=True, nogil=True)
+def widths_at(along, height, crown, bands):  # type: ignore[no-untyped-def]
+    """(B,) metres, in steps, that (M,) points fill ``along`` a line within each of (B, 2) bands of height.
+
+    Args:
+        bands: metres below the crown where each begins and ends.
+    """
+    first = np.floor(along.min() / BIN)
+    met = np.zeros((len(bands), int(np.floor(along.max() / BIN) - first) + 1), np.bool_)
+    lowest = crown - bands[:, 1].max()
+    for i in range(len(along)):
+        if height[i] <= lowest:
+            continue
+        place = int(np.floor(along[i] / BIN) - first)
+        for b in range(len(bands)):
+            if crown - bands[b, 1] < height[i] <= crown - bands[b, 0]:
+                met[b, place] = True
+    return met.sum(1) * BIN
+
+
+@njit(cache=True, nogil=True)
+def filled_cells(along, height):  # type: ignore[no-untyped-def]
+    """The number of cells of an upright grid that (M,) points fill."""
+    left, low = np.floor(along.min() / GRID), np.floor(height.min() / GRID)
+    wide, tall = int(np.floor(along.max() / GRID) - left), int(np.floor(height.max() / GRID) - low)
+    met = np.zeros((wide + 1, tall + 1), np.bool_)
+    for i in range(len(along)):
+        met[int(np.floor(along[i] / GRID) - left), int(np.floor(height[i] / GRID) - low)] = True
+    return np.count_nonzero(met)
+
+
+def outline(z: Float, mask: Bool) -> tuple[float, float, float, bool]:
+    """Returns of a mask's sides and top the shares next to something farther, nearer and the image's border.
+
+    The fourth value is whether the mask runs out of the image below. Depth is compared beyond two pixels,
+    because the first may lie on the edge itself. Where too little of it is known, all the outline is free.
+    """
+    farther, nearer, border, cut = outline_of_pixels(z, mask, pixels_of(mask))
+    return farther, nearer, border, cut
+
+
+@njit(cache=True, nogil=True)
+def outline_of_pixels(z, mask, pixels):  # type: ignore[no-untyped-def]
+    """See :func:`outline`; with the (N,) places of the mask's pixels, in reading order."""
+    height, width = z.shape
+    farther, nearer, other, unknown = 0, 0, 0, 0
+    for i in _edges(mask, pixels):
+        v, u = i // width, i % width
+        for q, p, y, x in ((v, u - 1, v, u - 3), (v, u + 1, v, u + 3), (v - 1, u, v - 3, u)):
+            if q < 0 or p < 0 or p >= width or mask[q, p]:
+                continue
+            if y >= 0 and 0 <= x < width and not mask[y, x]:
+                if z[y, x] == 0.0:
+                    unknown += 1
+                    continue
+                step = 0.05 + 0.012 * z[v, u] * z[v, u]
+                farther += z[y, x] > z[v, u] + step
+                nearer += z[y, x] < z[v, u] - step
+                other += abs(z[y, x] - z[v, u]) <= step
+    border = np.count_nonzero(mask[0]) + np.count_nonzero(mask[:, 0]) + np.count_nonzero(mask[:, width - 1])
+    cut = np.count_nonzero(mask[height - 2 :]) > 0.05 * width
+    total = max(1.0, farther + nearer + other + border)
+    around = total + unknown
+    told = total >= _TELLING * around
+    if not told or (total < _TELLING_IN_THE_OPEN * around and np.count_nonzero(z) <= _OPEN * z.size):
+        return 1.0, 0.0, border / total, cut
+    return farther / total, nearer / total, border / total, cut
+
+
+@njit(cache=True, nogil=True)
+def _edges(mask, pixels):  # type: ignore[no-untyped-def]
+    """(M,) the (N,) masked places with a neighbour beside or above them that is not masked.
+
+    Other places at the image's border may be among them.
+    """
+    flat, width = mask.ravel(), mask.shape[1]
+    out, count = np.empty(len(pixels) + 1, np.int32), 0
+    for n in range(len(pixels)):
+        i = np.int64(pixels[n])
+        left, right = np.uintp(max(0, i - 1)), np.uintp(min(len(flat) - 1, i + 1))
+        above = np.uintp(max(0, i - width))
+        out[np.uintp(count)] = i
+        count += not (flat[left] and flat[right] and flat[above])
+    return out[:count]

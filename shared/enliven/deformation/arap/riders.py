@@ -1,0 +1,102 @@
+"""Vertices that follow those of a coarse surface: which, how much, and the faces that they span."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Bool, Float, Float32, Int, Int32
+from enliven.kernels import njit
+from enliven.meshes import Mesh, shells
+
+_DUST = 2.0
+"""Spacings; a shell that is smaller rides."""
+
+
+@njit(cache=True, nogil=True)
+def followed(points, samples, start, near, way, reach, detour):  # type: ignore[no-untyped-def]
+    """The CSR of samples that each vertex follows, with weights, from those near along the surface."""
+    count = points.shape[0]
+    offsets, kept, weights = (
+        np.zeros(count + 1, np.int64),
+        np.empty_like(near),
+        np.empty(len(near), np.float32),
+    )
+    room = np.empty(len(near))
+    size = 0
+    for v in range(count):
+        begin, total, same = size, 0.0, -1
+        for k in range(start[v], start[v + 1]):
+            d = 0.0
+            for c in range(3):
+                d += (points[v, c] - samples[near[k], c]) ** 2
+            d = max(np.sqrt(d), way[k] / detour)
+            if d < 1e-9 * reach:
+                same = near[k]
+                break
+            if d < reach:
+                w = ((reach - d) / (reach * d)) ** 2
+                kept[size], room[size] = near[k], w
+                total += w
+                size += 1
+        if same >= 0:
+            kept[begin], room[begin], total, size = same, 1.0, 1.0, begin + 1
+        for k in range(begin, size):
+            weights[k] = room[k] / total
+        offsets[v + 1] = size
+    return offsets, kept[:size].copy(), weights[:size].copy()
+
+
+def riding_on(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
+    """(W,) the vertices of shells, numbered by ``label``, that are small and not ``awake``."""
+    count = int(label.max()) + 1
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    for c in range(3):
+        np.minimum.at(low[:, c], label, points[:, c])
+        np.maximum.at(high[:, c], label, points[:, c])
+    size = np.linalg.norm(high - low, axis=1)
+    small = size < _DUST * spacing
+    small[size.argmax()] = False
+    small[awake] = False
+    return np.asarray(small[label])
+
+
+def coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
+    """(G, 3) the coarse faces, and (L, 2) neighbours that share none."""
+    corners = nearest[faces]
+    corners = corners[((corners != corners[:, [1, 2, 0]]).any(1)) & (corners >= 0).all(1)]
+    count = int(nearest.max()) + 1
+    three = corners[(corners != corners[:, [1, 2, 0]]).all(1)]
+    low, middle, high = np.sort(three, 1).T
+    made = three[np.unique((low * count + middle) * count + high, return_index=True)[1]]
+    pairs = np.setdiff1d(sides_of(corners, count), sides_of(made, count))
+    pairs = np.stack([pairs // count, pairs % count], 1)
+    return made.astype(np.int32), pairs[pairs[:, 0] != pairs[:, 1]]
+
+
+def sides_of(corners: Int, count: int) -> Int:
+    """(S,) the sides of faces, each once, as lower * count + higher."""
+    turned = corners[:, [1, 2, 0]]
+    return np.unique(np.minimum(corners, turned) * count + np.maximum(corners, turned))
+
+
+def with_riders(
+    whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
+) -> tuple[Int, Int32, Float32]:
+    """The same CSR; each tiny shell follows, as a whole, the samples of the surface vertex nearest to it."""
+    rest = np.flatnonzero(~riding)
+    label = shells(whole.faces, len(whole.vertices))[riding]
+    number = np.unique(label, return_inverse=True)[1].reshape(-1)
+    share = np.bincount(number).astype(float)
+    middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / share for c in range(3)], 1)
+    host = np.arange(len(riding))
+    host[riding] = rest[cKDTree(whole.vertices[rest]).query(middle)[1]][number]
+    return spread(host, start, near, weights)
+
+
+def spread(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
+    """A CSR with row ``of[v]`` of the given one as row v."""
+    sizes = np.diff(start)[of]
+    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])
+    return offsets, near[rows], weights[rows]

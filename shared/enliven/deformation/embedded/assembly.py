@@ -1,0 +1,242 @@
+"""Assembles the matrix of :mod:`enliven.deformation.embedded.preconditioner`, term by term."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.deformation.embedded.block_cholesky import SIZE
+from enliven.kernels import njit
+from enliven.lanes import fma8, load8, store8
+
+_PRESSED = 0.45
+"""The least eigenvalue of RᵀR (a bound of it) above which E_rot's full second derivative is taken."""
+
+
+@njit(cache=True, nogil=True)
+def turned(frames, node, v, out):  # type: ignore[no-untyped-def]
+    """``out`` (3,) takes v (3,) turned as the node is."""
+    at = 9 * node
+    for a in range(3):
+        out[a] = frames[at + a] * v[0] + frames[at + 3 + a] * v[1] + frames[at + 6 + a] * v[2]
+
+
+@njit(cache=True, nogil=True)
+def _add_cross(lower, at, v, w):  # type: ignore[no-untyped-def]
+    """Add w [v]x to the 3x3 matrix at ``at``."""
+    lower[at + 1] -= w * v[2]
+    lower[at + 2] += w * v[1]
+    lower[at + 8] += w * v[2]
+    lower[at + 10] -= w * v[0]
+    lower[at + 16] -= w * v[1]
+    lower[at + 17] += w * v[0]
+
+
+@njit(cache=True, nogil=True)
+def _add_end(lower, at, v, w, sign):  # type: ignore[no-untyped-def]
+    """The diagonal block's share of one end of an edge: arm ``v``, and the shift for both ways."""
+    square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    for r in range(3):
+        for c in range(r + 1):
+            lower[at + 8 * r + c] -= w * v[r] * v[c]
+        lower[at + 9 * r] += w * square
+        lower[at + 9 * (r + 3)] += 2 * w
+    _add_cross(lower, at + 24, v, sign * w)
+
+
+@njit(cache=True, nogil=True)
+def assemble(t, planes, s, ridge):  # type: ignore[no-untyped-def]
+    """The matrix into ``s.lower``, and what holds the stretches, inverted, into ``s.compliance``."""
+    lower, start, frames = s.lower, s.start, s.linear
+    lower[:] = np.float32(0.0)
+    stiff = s.compliance
+    stiff[:] = 0.0
+    for j in range(start.shape[0] - 1):
+        for r in range(6):
+            lower[SIZE * start[j] + 9 * r] = ridge
+        hold_stretch(stiff, s.linear, 9 * j, t.stretch[j])
+    _add_edges(t, s)
+    for m in range(t.rigid.shape[0]):
+        _add_rigid(lower, start, frames, t, s.edge_block, m)
+    _add_points(t.nodes, t.rows, t.pulls, s)
+    if planes.nodes.shape[0] > 0:
+        _add_planes(planes, s)
+    for j in range(start.shape[0] - 1):
+        invert3(stiff, 9 * j)
+
+
+@njit(cache=True, nogil=True)
+def hold_stretch(stiff, linear, at, w):  # type: ignore[no-untyped-def]
+    """What E_rot has against a stretch S: w (6 G^2 - 2 G), G = RᵀR, as where S and G commute.
+
+    That is the full second derivative; a node that is pressed flat has nearly none, and where it would be
+    negative the Gauss-Newton part, 4 G^2, stands in.
+    """
+    gram = np.empty((3, 3))
+    for c in range(3):
+        for d in range(3):
+            dot = 0.0
+            for a in range(3):
+                dot += linear[at + 3 * c + a] * linear[at + 3 * d + a]
+            gram[c, d] = dot
+    least = np.inf
+    for c in range(3):
+        least = min(least, gram[c, c] - abs(gram[c, (c + 1) % 3]) - abs(gram[c, (c + 2) % 3]))
+    full = least > _PRESSED
+    for c in range(3):
+        for d in range(3):
+            square = gram[c, 0] * gram[0, d] + gram[c, 1] * gram[1, d] + gram[c, 2] * gram[2, d]
+            stiff[at + 3 * c + d] = w * (6.0 * square - 2.0 * gram[c, d] if full else 4.0 * square)
+        stiff[at + 4 * c] += 0.1 * w + 1e-9
+
+
+@njit(cache=True, nogil=True)
+def _add_edges(t, s):  # type: ignore[no-untyped-def]
+    """E_reg: the shifts and turns of an edge's two ends."""
+    lower, start, frames, stiff = s.lower, s.start, s.linear, s.compliance
+    a, b = np.empty(3), np.empty(3)
+    for e in range(t.edges.shape[0]):
+        i, j, w, d = t.edges[e, 0], t.edges[e, 1], t.smooth[e], t.offsets[e]
+        turned(frames, i, d, a)
+        turned(frames, j, d, b)
+        _add_end(lower, SIZE * start[i], a, w, -1.0)
+        _add_end(lower, SIZE * start[j], b, w, 1.0)
+        at = SIZE * s.edge_block[e]
+        # Rows of the node that is eliminated later: of i, [[0, -a x], [-b x, -2]]; of j, its transpose.
+        up, down = (a, b) if i > j else (b, a)
+        sign = -w if i > j else w
+        _add_cross(lower, at + 3, up, sign)
+        _add_cross(lower, at + 24, down, sign)
+        for r in range(3):
+            lower[at + 27 + 9 * r] -= 2 * w
+            for c in range(3):
+                stiff[9 * i + 3 * r + c] += w * d[r] * d[c]
+                stiff[9 * j + 3 * r + c] += w * d[r] * d[c]
+
+
+@njit(cache=True, nogil=True)
+def _add_rigid(lower, start, frames, t, edge_block, m):  # type: ignore[no-untyped-def]
+    """E_rig: the turns of both ends, 2 |w_j - w_k|^2, and their shifts."""
+    e, w = t.rigid[m], t.hanging[m]
+    j, k = t.edges[e, 0], t.edges[e, 1]
+    at = SIZE * edge_block[e]
+    for r in range(3):
+        lower[SIZE * start[j] + 9 * r] += 2 * w
+        lower[SIZE * start[k] + 9 * r] += 2 * w
+        lower[at + 9 * r] -= 2 * w
+        lower[SIZE * start[j] + 9 * (r + 3)] += w
+        lower[SIZE * start[k] + 9 * (r + 3)] += w
+        lower[at + 9 * (r + 3)] -= w
+
+
+@njit(cache=True, nogil=True)
+def _jacobian(frames, nodes, rows, m, arms, out):  # type: ignore[no-untyped-def]
+    """(4, 3, 8) how point ``m`` moves with the turn and shift of each of its nodes: [-u]x and its weight."""
+    for k in range(4):
+        share = rows[m, k, 3]
+        if share == 0.0:
+            continue
+        turned(frames, nodes[m, k], rows[m, k], arms)
+        x, y, z = np.float32(arms[0]), np.float32(arms[1]), np.float32(arms[2])
+        out[k, 0, 1], out[k, 0, 2] = z, -y
+        out[k, 1, 0], out[k, 1, 2] = -z, x
+        out[k, 2, 0], out[k, 2, 1] = y, -x
+        out[k, 0, 3] = out[k, 1, 4] = out[k, 2, 5] = share
+
+
+@njit(cache=True, nogil=True)
+def _add_points(nodes, rows, pulls, s):  # type: ignore[no-untyped-def]
+    """E_con: the nodes of each point, among each other."""
+    arms, jacobian = np.empty(3), np.zeros((4, 3, 8), np.float32)
+    flat = jacobian.reshape(-1)
+    for m in range(nodes.shape[0]):
+        if not pulls[m] > 0.0:
+            continue
+        _jacobian(s.linear, nodes, rows, m, arms, jacobian)
+        pull = np.float32(pulls[m])
+        pair = 0
+        for a in range(4):
+            for b in range(a + 1):
+                if rows[m, a, 3] != 0.0 and rows[m, b, 3] != 0.0:
+                    _add_outer(s.lower, SIZE * s.pair_block[m, pair], flat, 24 * a, 24 * b, pull)
+                pair += 1
+        _add_stretch(s.compliance, nodes, rows, m, pulls[m])
+
+
+@njit(cache=True, nogil=True)
+def _add_stretch(stiff, nodes, rows, m, w):  # type: ignore[no-untyped-def]
+    for k in range(4):
+        for r in range(3):
+            for c in range(3):
+                stiff[9 * nodes[m, k] + 3 * r + c] += w * rows[m, k, r] * rows[m, k, c]
+
+
+@njit(cache=True, nogil=True)
+def _add_outer(lower, block, j, first, second, w):  # type: ignore[no-untyped-def]
+    """Add w Jaᵀ Jb to a block; J (3, 8) = [[0, z, -y, c, 0, 0], [-z, 0, x, 0, c, 0], [y, -x, 0, 0, 0, c]]."""
+    a, b, c = load8(j, second), load8(j, second + 8), load8(j, second + 16)
+    x, y, z, share = w * j[first + 10], w * j[first + 16], w * j[first + 1], w * j[first + 3]
+    store8(lower, block, fma8(-z, b, fma8(y, c, load8(lower, block))))
+    store8(lower, block + 8, fma8(z, a, fma8(-x, c, load8(lower, block + 8))))
+    store8(lower, block + 16, fma8(-y, a, fma8(x, b, load8(lower, block + 16))))
+    store8(lower, block + 24, fma8(share, a, load8(lower, block + 24)))
+    store8(lower, block + 32, fma8(share, b, load8(lower, block + 32)))
+    store8(lower, block + 40, fma8(share, c, load8(lower, block + 40)))
+
+
+@njit(cache=True, nogil=True)
+def _add_planes(planes, s):  # type: ignore[no-untyped-def]
+    """Planes: a row of six numbers a node.
+
+    The pattern does not contain the couplings of planes. The product of two nodes that it does not couple is
+    bounded, 2 ab <= a^2 + b^2, so the matrix stays above the true one.
+    """
+    arms, jacobian = np.empty(3), np.zeros((4, 3, 8), np.float32)
+    line = np.zeros((4, 6))
+    for m in range(planes.nodes.shape[0]):
+        w = planes.weights[m]
+        if not w > 0.0:
+            continue
+        _jacobian(s.linear, planes.nodes, planes.rows, m, arms, jacobian)
+        for k in range(4):
+            for c in range(6):
+                line[k, c] = 0.0
+                for a in range(3):
+                    if planes.rows[m, k, 3] != 0.0:
+                        line[k, c] += planes.normals[m, a] * jacobian[k, a, c]
+        for a in range(4):
+            for b in range(a + 1):
+                if planes.rows[m, a, 3] != 0.0 and planes.rows[m, b, 3] != 0.0:
+                    _add_lines(s, planes.nodes[m, a], planes.nodes[m, b], line[a], line[b], w)
+        _add_stretch(s.compliance, planes.nodes, planes.rows, m, w)
+
+
+@njit(cache=True, nogil=True)
+def _add_lines(s, i, j, u, v, w):  # type: ignore[no-untyped-def]
+    """Add w u vᵀ at the nodes i >= j, or what bounds it where the pattern does not couple them."""
+    low, high = s.start[j], s.start[j + 1] - 1
+    while low < high:
+        middle = (low + high) // 2
+        if s.row[middle] < i:
+            low = middle + 1
+        else:
+            high = middle
+    if s.row[low] == i:
+        for r in range(6):
+            for c in range(6):
+                s.lower[SIZE * low + 8 * r + c] += w * u[r] * v[c]
+        return
+    for r in range(6):
+        for c in range(r + 1):
+            s.lower[SIZE * s.start[i] + 8 * r + c] += w * u[r] * u[c]
+            s.lower[SIZE * s.start[j] + 8 * r + c] += w * v[r] * v[c]
+
+
+@njit(cache=True, nogil=True)
+def invert3(m, at):  # type: ignore[no-untyped-def]
+    """Replace the symmetric 3x3 matrix at ``at`` by its inverse."""
+    a, b, c, d, e, f = m[at], m[at + 1], m[at + 2], m[at + 4], m[at + 5], m[at + 8]
+    p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
+    scale = 1.0 / (a * p + b * q + c * r)
+    m[at], m[at + 1], m[at + 2] = p * scale, q * scale, r * scale
+    m[at + 3], m[at + 4], m[at + 5] = q * scale, (a * f - c * c) * scale, (b * c - a * e) * scale
+    m[at + 6], m[at + 7], m[at + 8] = r * scale, (b * c - a * e) * scale, (a * d - b * b) * scale

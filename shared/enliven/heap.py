@@ -1,0 +1,37 @@
+"""A binary heap in two arrays, for compiled loops: the smallest key is first."""
+
+from __future__ import annotations
+
+from enliven.kernels import njit
+
+
+@njit(cache=True, nogil=True)
+def push(keys, items, size, key, item):  # type: ignore[no-untyped-def]
+    """Add an item to a heap of ``size``; returns the new size."""
+    i = size
+    while i > 0:
+        parent = (i - 1) // 2
+        if keys[parent] <= key:
+            break
+        keys[i], items[i] = keys[parent], items[parent]
+        i = parent
+    keys[i], items[i] = key, item
+    return size + 1
+
+
+@njit(cache=True, nogil=True)
+def pop(keys, items, size):  # type: ignore[no-untyped-def]
+    """Take the smallest key off a heap of ``size``; returns the new size."""
+    size -= 1
+    key, item = keys[size], items[size]
+    i = 0
+    while 2 * i + 1 < size:
+        child = 2 * i + 1
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if key <= keys[child]:
+            break
+        keys[i], items[i] = keys[child], items[child]
+        i = child
+    keys[i], items[i] = key, item
+    return size
