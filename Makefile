@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev record-references clean test-more test-matrix test-bare test-arm test-devices panel audit
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev docs record-references clean test-more test-matrix test-bare test-arm test-devices panel audit
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -50,6 +50,10 @@ fuzz: setup-dev  ## others, for as long as you say: make fuzz SECONDS=600 SEED=7
 bench: setup-dev ## measure: make bench, or make bench ONLY=road
 	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt
 	@.venv/bin/python tests/benchmarks/run.py $(ONLY)
+
+docs: setup-dev  ## the API reference of every room, from the docstrings, into out/api
+	@.venv/bin/python -m pip install -q -c constraints.txt -r docs/requirements.txt
+	@.venv/bin/python scripts/api_reference.py
 
 films: setup-dev ## film what the tracker makes of the real recordings, into out/tracking: make films ONLY="uva four"
 	@.venv/bin/python tests/benchmarks/tracking/tracking_films.py $(ONLY)

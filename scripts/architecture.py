@@ -13,9 +13,11 @@ from pathlib import Path
 
 HOUSE = Path(__file__).parents[1]
 PAGE = HOUSE / "docs" / "architecture.md"
-sys.path.insert(0, str(HOUSE / "tests" / "house"))
+sys.path[:0] = [str(HOUSE / "tests" / "house"), str(HOUSE / "scripts")]
 
 from house import House, Rules  # noqa: E402
+from walks import Walk  # noqa: E402
+from walks import table as walked  # noqa: E402
 
 NAMES = {
     "enliven": "The library",
@@ -82,13 +84,18 @@ def drawing(house: House, package: str) -> str:
 def written(page: str) -> str:
     """The page with everything between its marks made anew."""
     house = House(HOUSE, Rules.read(HOUSE / "tests" / "house" / "rules.toml"))
-    makers = {"rooms": table, "arrows": drawing}
+    walks = Walk.read()
+    makers = {
+        "rooms": table,
+        "arrows": drawing,
+        "walk": lambda house, name: walked(house, walks[name]),
+    }
 
     def made(match: re.Match[str]) -> str:
         kind, package = match[1], match[2]
         return f"<!-- {kind} {package} -->\n\n{makers[kind](house, package)}\n\n<!-- end -->"
 
-    return re.sub(r"<!-- (rooms|arrows) (\w+) -->.*?<!-- end -->", made, page, flags=re.DOTALL)
+    return re.sub(r"<!-- (rooms|arrows|walk) (\w+) -->.*?<!-- end -->", made, page, flags=re.DOTALL)
 
 
 if __name__ == "__main__":

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from enliven.commands import parent_is_gone
-from enliven.errors import EnlivenError, InputError, ResourceError
+from enliven.errors import InputError, ResourceError
 from enliven.frames import Frame
 from enliven.health import HealthState, Severity, worst_first
-from enliven.matching import ScreenView
-from enliven.wire import Look, Possess
+from enliven.wire import Order
 from enliven_edge.controls import Controls, Lamps, lamps_of
-from enliven_edge.network import FrameRate, Outlet
+from enliven_edge.network import FrameRate, Handler, Outlet
+from enliven_edge.orders import handlers_of
 from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of
 from enliven_edge.stage import Opening, Stage, Tick
 from enliven_edge.tracking import Tracker
@@ -44,6 +42,9 @@ class Edge:
         physics: loose things among the characters, or None.
         controls: pedals and the like, beside the viewers; the caller closes them.
         once: end at the first fault of the sensor, in place of going on with its next good frame.
+
+    Attributes:
+        handlers: what is done with each kind of order.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Edge:
         self._opening, self._stop_after = Opening(stage, possess_at, parts), stop_after
         self._first_ns: int | None = None
         self._stopped, self._once = False, once
+        self.handlers: dict[type[Order], Handler] = handlers_of(self)
         self._show()
 
     def run(self) -> None:
@@ -183,16 +185,17 @@ class Edge:
 
     def _listen(self) -> None:
         """Carries out the requests of viewers and controls; one that fails is refused with its reason."""
-        self.controls.apply_commands(self.stage, self._possess, self._lock)
+        self.controls.apply_commands(self.stage, self.carry_out)
         self.controls.show(self._lamps())
-        self.outlet.poll_requests(
-            possess=lambda asked: self._attempt(lambda: self._possess(asked)),
-            release=lambda character, body: self._attempt(lambda: self.stage.release(character, body)),
-            smooth=lambda body, amount: self._attempt(lambda: self.tracker.output.smooth(body, amount)),
-            look=lambda asked: self._attempt(lambda: self._look(asked)),
-            browse=lambda character, step: self._attempt(lambda: self.stage.browse(character, step)),
-            lock=lambda on: self._attempt(lambda: self._lock(on)),
-        )
+        self.outlet.poll_requests(self.handlers)
+
+    def carry_out(self, order: Order) -> None:
+        """Carries out an order as if a viewer had given it.
+
+        Raises:
+            EnlivenError: where it is refused.
+        """
+        self.handlers[type(order)].do(order)
 
     def _lamps(self) -> Lamps:
         """Returns the patterns of the controls' lamps: the state of the stage and the health that viewers
@@ -204,31 +207,3 @@ class Edge:
             locked=self.tracker.locked,
             worst=max((state.severity for state in told), default=Severity.NOTE),
         )
-
-    def _lock(self, on: bool) -> None:
-        """Keeps the cast from now on: only people who are followed now perform; or ends that."""
-        if on:
-            self.tracker.lock()
-        else:
-            self.tracker.unlock()
-
-    def _look(self, asked: Look) -> None:
-        """Sets the direction from which a viewer looks."""
-        eye = None if asked.eye is None else np.array(asked.eye)
-        self.stage.set_view(ScreenView(np.array(asked.direction), np.array(asked.up), eye))
-
-    def _possess(self, asked: Possess) -> None:
-        """Lets a person take hold for a viewer, or previews what they would hold."""
-        if asked.mode == "preview":
-            self.stage.preview(asked.character, asked.body, asked.parts)
-        else:
-            self.stage.possess(asked.character, asked.body, asked.parts, asked.mode)
-
-    @staticmethod
-    def _attempt(action: Callable[[], None]) -> str:
-        """Runs an action; returns why it failed, or an empty string."""
-        try:
-            action()
-        except EnlivenError as error:
-            return str(error)
-        return ""

@@ -17,6 +17,7 @@ class JsonLines(logging.Formatter):
     _PLAIN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime"}
 
     def format(self, record: logging.LogRecord) -> str:
+        """Returns a record as one line of JSON."""
         stamp = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
         line = {
             "time": f"{stamp}.{int(record.msecs):03d}Z",
@@ -36,6 +37,7 @@ class Sentences(logging.Formatter):
     """Formats a record as its logger and its message; a warning of Python's becomes one sentence."""
 
     def format(self, record: logging.LogRecord) -> str:
+        """Returns a record as a sentence for people."""
         name = "enliven" if record.name == "py.warnings" else record.name
         return f"{name}: {record.getMessage().strip()}"
 

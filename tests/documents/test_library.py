@@ -3,6 +3,8 @@
 import ast
 import inspect
 import re
+import subprocess
+import sys
 
 from blocks import ROOT, blocks_of
 
@@ -36,3 +38,12 @@ def test_every_name_says_what_it_is():
         said = inspect.getdoc(getattr(enliven, name)) or ""
         assert re.match(r"[A-Z`].*[.:]", said), f"{name}: {said[:60]!r}"
         assert not said.startswith(f"{name}("), f"{name} has no docstring of its own"
+
+
+def test_an_import_loads_nothing_else():
+    code = "import sys, enliven; print(sorted({name.partition('.')[0] for name in sys.modules}))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "'lazy_loader'" in said
+    assert [
+        name for name in ("numpy", "scipy", "numba", "trimesh", "zmq", "typer") if f"'{name}'" in said
+    ] == []

@@ -15,7 +15,7 @@ from enliven.health import HealthKind
 from enliven.person.body import Body, Joint
 from enliven.recording import Recording
 from enliven.wire.convert import message_to_bodies
-from enliven.wire.messages import BodiesMessage, Done
+from enliven.wire.messages import BodiesMessage, Done, Smooth
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
@@ -160,7 +160,7 @@ def test_a_viewer_may_turn_a_performer_s_smoothing_off(outlet, tmp_path):
             def read(self, timeout=None):
                 if len(self._frames) == 20 and not answers and time.monotonic() < deadline:
                     if not self.asked:
-                        link.smooth(1, 0.0, answers.append)
+                        link.ask(Smooth(1, 0.0), answers.append)
                         self.asked = True
                     link.poll()
                     raise TimeoutError

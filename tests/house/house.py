@@ -1,8 +1,8 @@
 """Reads the imports of the packages and tells which of them break the rules of ``rules.toml``.
 
-A room is a folder of modules. Its door is the ``__init__``, whose stub names what other rooms may use, and
-from which module; each is loaded when it is first asked for. In each folder the modules and rooms import one
-another in one direction.
+A room is a folder of modules. Its door is the ``__init__``. The stub of the door names what other rooms may
+use and the module that has it; a name is loaded when it is first asked for. In each folder modules and rooms
+import one another in one direction.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ class Import:
     """One name that a module imports.
 
     Attributes:
-        source: the dotted module that imports.
-        target: the dotted module, or door, that is imported from.
-        name: what is imported from it; empty for the module as a whole.
-        line: in the source's file.
+        source: the module that imports, by its dotted name.
+        target: the module or door that is imported from.
+        name: what is imported; empty where the whole module is.
+        line: the line of the import in the file of the source.
     """
 
     source: str
@@ -53,9 +53,9 @@ class House:
     """The modules and imports of all packages under a folder.
 
     Attributes:
-        modules: the file of each dotted module; doors by the name of their room.
+        modules: files by dotted name; the file of a door by the name of its room.
         doors: the names of the rooms.
-        imports: every import of one module by another, in functions and for type checkers too.
+        imports: every import of one module by another, also in functions and for type checkers.
     """
 
     def __init__(self, root: Path, rules: Rules) -> None:
@@ -102,7 +102,7 @@ class House:
                     yield Import(module, target, name, node.lineno)
 
     def _meant(self, start: str, name: str) -> tuple[str, str]:
-        """The module and the name that ``from start import name`` is about; no name for a whole module."""
+        """What ``from start import name`` means: the module and the name, or a whole module and no name."""
         whole = f"{start}.{name}"
         return (whole, "") if whole in self.modules and whole not in self.doors else (start, name)
 
@@ -113,7 +113,7 @@ class House:
         return module if module in self.doors else module.rpartition(".")[0]
 
     def _foreign(self) -> Iterator[str]:
-        """Imports of a package that this one must not know."""
+        """Yields a sentence for each import of a package that the importing one must not know."""
         for one in self.imports:
             mine, other = one.source.split(".")[0], one.target.split(".")[0]
             if other != mine and other not in self.rules.may_import[mine]:
@@ -122,7 +122,7 @@ class House:
                 yield f"{self._at(one)} imports {other}, which {mine} must not know: {better}."
 
     def _round_doors(self) -> Iterator[str]:
-        """Imports that go round a room's door, and those by which a room uses its own door."""
+        """Yields a sentence for each import past a room's door, or of a room by its own door."""
         for one in self.imports:
             room, name = self.room_of(one.target), one.name or one.target.rpartition(".")[2]
             inside = one.source == room or one.source.startswith(f"{room}.")
@@ -139,19 +139,19 @@ class House:
                 )
 
     def _shown(self, room: str, one: Import) -> bool:
-        """Whether a whole module is imported that its room's door shows."""
+        """Whether an import is of a whole module that the door of its room shows."""
         return not one.name and any(
             other.source == room and other.target == one.target and not other.name for other in self.imports
         )
 
     def _of_door(self, one: Import) -> bool:
-        """Whether a name is defined in a door itself, or is a room or a module behind it."""
+        """Whether a name is defined in the door itself, or is a room or module in it."""
         lines = ast.parse(self.modules[one.target].read_text(encoding="utf-8")).body
         defined = {name.id for line in lines for name in ast.walk(line) if isinstance(name, ast.Name)}
         return one.name in defined or f"{one.target}.{one.name}" in self.modules
 
     def _arrows(self) -> dict[str, dict[tuple[str, str], list[Import]]]:
-        """By folder: the imports between two of its modules or rooms, anywhere in them."""
+        """Imports by folder, then by the two modules or rooms of it that they join."""
         found: dict[str, dict[tuple[str, str], list[Import]]] = defaultdict(lambda: defaultdict(list))
         for one in self.imports:
             source, target = one.source.split("."), one.target.split(".")
@@ -163,7 +163,7 @@ class House:
         return found
 
     def _back(self) -> Iterator[str]:
-        """Imports that run against the order that is stated for a folder."""
+        """Yields a sentence for each import against the stated order of a folder."""
         arrows = self._arrows()
         for folder, order in self.rules.order.items():
             here = {
@@ -185,7 +185,7 @@ class House:
                         )
 
     def _circles(self) -> Iterator[str]:
-        """Circles of modules and rooms in folders whose order is not stated."""
+        """Yields a sentence for each circle of modules and rooms in folders without a stated order."""
         for folder, arrows in self._arrows().items():
             if folder in self.rules.order:
                 continue
@@ -199,13 +199,13 @@ class House:
                 )
 
     def _two_meanings(self) -> Iterator[str]:
-        """Names that a door shows and that are modules of its room as well."""
+        """Yields a sentence for each name that a door shows and that is a module of its room as well."""
         for one in self.imports:
             if one.source in self.doors and one.name and f"{one.source}.{one.name}" in self.modules:
                 yield f"{one.source} shows {one.name}, which is also a module of it: rename the module."
 
     def _crowded(self) -> Iterator[str]:
-        """Folders with too many modules."""
+        """Yields a sentence for each folder with too many modules."""
         for room in sorted(self.doors):
             count = sum(self.room_of(module) == room for module in self.modules.keys() - self.doors)
             if count > self.rules.most_modules:
@@ -215,14 +215,14 @@ class House:
                 )
 
     def _mute(self) -> Iterator[str]:
-        """Rooms whose door does not say what they are for."""
+        """Yields a sentence for each room with a door that does not say what the room is for."""
         for room in sorted(self.doors):
             if not ast.get_docstring(ast.parse(self.modules[room].read_text(encoding="utf-8"))):
                 yield f"{room} does not say what it is for: write a paragraph at the top of its __init__."
 
 
 def _circles(arrows: set[tuple[str, str]]) -> list[set[str]]:
-    """The sets of two nodes or more that reach one another."""
+    """Sets of nodes that reach one another, two or more each."""
     after: dict[str, set[str]] = defaultdict(set)
     for source, target in arrows:
         after[source].add(target)

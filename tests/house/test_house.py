@@ -131,4 +131,22 @@ def test_the_page_on_the_architecture_is_that_of_the_code():
 
     page = architecture.PAGE.read_text(encoding="utf-8")
     assert page == architecture.written(page), "run .venv/bin/python scripts/architecture.py"
-    assert page.count("<!-- end -->") == 7
+    assert page.count("<!-- end -->") == 9
+
+
+@pytest.mark.parametrize(
+    ("at", "said"),
+    [
+        ("enliven_edge.service:Edge.walk", "enliven_edge.service has no Edge.walk"),
+        ("enliven_edge.nowhere:walk", "there is no module enliven_edge.nowhere"),
+        ("viewer/none.vert", "viewer/none.vert is not there"),
+        ("enliven_viewer.studio.tools.cut:CutTool", "no file before it in the walk says 'CutTool'"),
+    ],
+)
+def test_a_walk_that_the_code_no_longer_goes_is_refused(at, said):
+    sys.path.insert(0, str(ROOT / "scripts"))
+    import walks
+
+    start = {"at": "enliven_edge.service:Edge.step", "by": ""}
+    with pytest.raises(ValueError, match=said):
+        walks.table(House(ROOT, RULES), walks.Walk("somewhere", 9, [start, {"at": at}]))

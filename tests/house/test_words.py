@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from house import Rules
-from words import mute_constants, riddles, shared_names
+from words import mute_constants, riddles, shared_names, undescribed
 
 ROOT = Path(__file__).parents[2]
 RULES = Rules.read(Path(__file__).with_name("rules.toml"))
@@ -33,6 +33,19 @@ def test_a_shared_name_is_found(tmp_path):
     assert len(list(shared_names(sorted(tmp_path.glob("*.py"))))) == 1
 
 
+def test_what_has_no_docstring_is_found(tmp_path):
+    path = tmp_path / "a.py"
+    path.write_text(
+        'class A:\n    """A."""\n    def f(self):\n        """Says f."""\n    def g(self): ...\n'
+        'class B(A):\n    """B."""\n    def f(self): ...\n    def _h(self): ...\n'
+        "def k(): ...\ndef _m(): ...\n"
+        'class P(Protocol):\n    """P."""\n    def f(self):\n        """Says f."""\n'
+        'class Q:\n    """Q."""\n    def f(self): ...\n    def g(self): ...\n'
+    )
+    said = [one.split(": ")[1].partition(" has")[0] for one in undescribed([path])]
+    assert said == ["A.g", "k", "Q.g"]
+
+
 @pytest.mark.parametrize("rule", [riddles, mute_constants])
 def test_no_file_breaks_a_rule(rule):
     assert "\n".join(said for path in FILES for said in rule(path)) == ""
@@ -40,3 +53,7 @@ def test_no_file_breaks_a_rule(rule):
 
 def test_no_name_has_two_meanings():
     assert "\n".join(shared_names(FILES)) == ""
+
+
+def test_all_that_is_public_says_what_it_is():
+    assert "\n".join(undescribed(FILES)) == ""

@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 RIDDLES = re.compile(r"\b(somebody|nobody|whoever|whomever|whose)\b", re.IGNORECASE)
-"""Pronouns in the place of a noun: the reader has to find out what is meant."""
+"""Pronouns that stand for a thing: the reader has to find out which."""
 _CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
 
 
 def riddles(path: Path) -> Iterator[str]:
-    """A sentence for each docstring that speaks of data as of somebody."""
+    """A sentence for each docstring with a pronoun in the place of a noun."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         said = _text_of(node)
         for found in RIDDLES.finditer(said):
@@ -65,3 +65,43 @@ def shared_names(paths: list[Path]) -> Iterator[str]:
     for name, places in sorted(where.items()):
         if len(places) > 1:
             yield f"{name} is a class in {', '.join(map(str, places))}: one name, one meaning."
+
+
+def undescribed(paths: list[Path]) -> Iterator[str]:
+    """A sentence for each public class, function or method without a docstring.
+
+    A method may be described by a class that it comes from, or by a protocol that its class fulfils, and a
+    setter by its property.
+    """
+    bodies = {path: ast.parse(path.read_text(encoding="utf-8")).body for path in paths}
+    kinds = {one.name: one for body in bodies.values() for one in body if isinstance(one, ast.ClassDef)}
+    protocols = [one for one in kinds.values() if any(ast.unparse(base) == "Protocol" for base in one.bases)]
+    for path, body in bodies.items():
+        for one in body:
+            if not isinstance(one, ast.ClassDef | ast.FunctionDef) or one.name.startswith("_"):
+                continue
+            if not ast.get_docstring(one):
+                yield f"{path}:{one.lineno}: {one.name} has no docstring: say what it is, in one sentence."
+            for method in _methods(one) if isinstance(one, ast.ClassDef) else ():
+                sources = [one, *(protocol for protocol in protocols if _fulfils(one, protocol))]
+                told = any(_described(source, method.name, kinds) for source in sources)
+                if not method.name.startswith("_") and not told:
+                    name = f"{one.name}.{method.name}"
+                    yield f"{path}:{method.lineno}: {name} has no docstring: say what it does."
+
+
+def _methods(kind: ast.ClassDef) -> Iterator[ast.FunctionDef]:
+    return (one for one in kind.body if isinstance(one, ast.FunctionDef))
+
+
+def _fulfils(kind: ast.ClassDef, protocol: ast.ClassDef) -> bool:
+    """Whether a class has every method of a protocol."""
+    return {one.name for one in _methods(protocol)} <= {one.name for one in _methods(kind)}
+
+
+def _described(kind: ast.ClassDef, name: str, kinds: dict[str, ast.ClassDef]) -> bool:
+    """Whether a class of the product, or one that it comes from, says what a method does."""
+    if any(ast.get_docstring(one) for one in _methods(kind) if one.name == name):
+        return True
+    bases = [ast.unparse(base).partition("[")[0].rpartition(".")[2] for base in kind.bases]
+    return any(_described(kinds[base], name, kinds) for base in bases if kinds.get(base) not in (None, kind))

@@ -20,6 +20,7 @@ from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
 from enliven.wire.convert import message_to_props, props_to_message
 from enliven.wire.messages import PropsMessage
+from enliven.wire.topics import PROPS
 from enliven_edge.network.publisher import Publisher
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
@@ -113,7 +114,7 @@ def test_a_late_joiner_sees_what_lies_about():
         def came() -> bool:
             publisher.poll()
             late.poll()
-            found.extend(late.take_props())
+            found.extend(late.take(PROPS))
             return bool(found)
 
         until(came, "the props")

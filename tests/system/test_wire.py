@@ -21,6 +21,7 @@ from enliven.wire.envelope import pack_control, pack_stream
 from enliven.wire.ports import free_ports
 from enliven.wire.quantize import POSITION_ERROR
 from enliven.wire.sockets import Endpoint
+from enliven.wire.topics import BODIES, CUES, POSE
 from enliven_edge.network.control_socket import Command
 from enliven_edge.network.publisher import Publisher
 from enliven_viewer.link.clock import ClockEstimate
@@ -74,7 +75,7 @@ def pivots_of(link: EdgeClient) -> int:
 def joined(link: EdgeClient, publisher: Publisher) -> None:
     """Until nothing is missed any more."""
     until(link, lambda: "chair" in link.characters and publisher.viewers == 1, publisher)
-    link.take_poses()
+    link.take(POSE)
 
 
 def test_every_pose_comes_once_in_order_with_its_times(link: EdgeClient, publisher: Publisher) -> None:
@@ -82,7 +83,7 @@ def test_every_pose_comes_once_in_order_with_its_times(link: EdgeClient, publish
     got: list[Any] = []
     for i in range(300):
         publisher.publish_pose(character().rest_pose(i), time.time_ns())
-    until(link, lambda: (got.extend(link.take_poses()), len(got) >= 300)[1], publisher)
+    until(link, lambda: (got.extend(link.take(POSE)), len(got) >= 300)[1], publisher)
     assert [g.sequence for g in got] == list(range(300)) == [g.pose.time_ns for g in got]
     assert np.abs(got[5].pose.positions - character().pivots).max() <= POSITION_ERROR + 1e-6
     assert all(g.captured_ns <= g.published_ns <= g.received_ns for g in got)
@@ -99,14 +100,14 @@ def test_a_late_joiner_gets_what_it_missed(publisher: Publisher) -> None:
         publisher.publish_pose(character("lamp", 5).rest_pose(i))
     late = EdgeClient([str(publisher.endpoint)])
     poses: list[Any] = []
-    until(late, lambda: (poses.extend(late.take_poses()), len(late.characters) == 2 and poses)[1], publisher)
+    until(late, lambda: (poses.extend(late.take(POSE)), len(late.characters) == 2 and poses)[1], publisher)
     assert np.array_equal(late.characters["lamp"].vertices, character("lamp", 5).vertices)
     assert [(p.pose.character, p.pose.time_ns) for p in poses] == [("lamp", 9)]
-    assert late.cues["lamp"].nodes.tolist() == [1, 2] and late.cues["lamp"].body == 3
+    assert late.latest(CUES)["lamp"].nodes.tolist() == [1, 2] and late.latest(CUES)["lamp"].body == 3
     assert late.status is not None and (late.status.phase, late.status.sensor) == ("tracking", "kinect")
     until(late, lambda: publisher.viewers == 1, publisher)
     publisher.publish_pose(character("lamp", 5).rest_pose(10))
-    until(late, lambda: (poses.extend(late.take_poses()), len(poses) == 2)[1], publisher)
+    until(late, lambda: (poses.extend(late.take(POSE)), len(poses) == 2)[1], publisher)
     assert late.edges[0].health().lost == 0, "what was before it joined is not lost"
     late.close()
 
@@ -120,11 +121,12 @@ def test_bodies_cues_and_status_arrive(link: EdgeClient, publisher: Publisher) -
     publisher.set_status(phase="tracking", performers=1)
     seen: list[Any] = []
     until(
-        link, lambda: (seen.extend(link.take_bodies()), len(seen) == 5 and link.status.phase == "tracking")[1]
+        link, lambda: (seen.extend(link.take(BODIES)), len(seen) == 5 and link.status.phase == "tracking")[1]
     )
-    assert [b.time_ns for b in seen] == list(range(5)) and link.bodies is not None
-    assert link.bodies.bodies[0].id == 4 and np.allclose(link.bodies.bodies[0].joints, 1.25, atol=5e-4)
-    assert link.cues["chair"].state == "preview" and link.status.performers == 1
+    assert [b.time_ns for b in seen] == list(range(5)) and link.latest(BODIES)
+    (last,) = link.latest(BODIES)[""].bodies
+    assert last.id == 4 and np.allclose(last.joints, 1.25, atol=5e-4)
+    assert link.latest(CUES)["chair"].state == "preview" and link.status.performers == 1
 
 
 def test_a_new_revision_is_fetched_and_no_pose_of_it_is_lost(link: EdgeClient, publisher: Publisher) -> None:
@@ -135,7 +137,7 @@ def test_a_new_revision_is_fetched_and_no_pose_of_it_is_lost(link: EdgeClient, p
     for i in range(1, 6):
         publisher.publish_pose(character(count=12).rest_pose(i))
     got: list[Any] = []
-    until(link, lambda: (got.extend(link.take_poses()), len(got) == 6)[1], publisher)
+    until(link, lambda: (got.extend(link.take(POSE)), len(got) == 6)[1], publisher)
     assert [len(g.pose.positions) for g in got] == [8] + [12] * 5
     assert len(before.pivots) == 8 and len(link.characters["chair"].pivots) == 12
     publisher.remove_character("chair")
@@ -145,20 +147,20 @@ def test_a_new_revision_is_fetched_and_no_pose_of_it_is_lost(link: EdgeClient, p
 def test_commands_and_their_replies(link: EdgeClient, publisher: Publisher) -> None:
     joined(link, publisher)
     replies: list[Any] = []
-    link.possess("chair", 3, "legs", on_reply=replies.append)
+    link.ask(messages.Possess("chair", 3, "legs"), replies.append)
     commands: list[Command] = []
     until(link, lambda: (commands.extend(publisher.poll()), commands)[1])
     assert commands[0].request == messages.Possess("chair", 3, "legs")
     commands[0].reply_done()
     until(link, lambda: replies, publisher)
-    link.release("chair", on_reply=replies.append)
+    link.ask(messages.Release("chair"), replies.append)
     commands.clear()
     until(link, lambda: (commands.extend(publisher.poll()), commands)[1])
     commands[0].reply_refused("it is bolted down")
     until(link, lambda: len(replies) == 2, publisher)
     assert replies == [messages.Done(), messages.Refused("it is bolted down")]
     assert [n.text for n in link.take_notices()] == ["it is bolted down"]
-    link.possess("sofa")
+    link.ask(messages.Possess("sofa"))
     (notice,) = link.take_notices()
     assert "sofa" in notice.text and "chair" in notice.text
 
@@ -169,7 +171,7 @@ def test_a_command_that_nobody_answers_ends_with_a_notice(
     joined(link, publisher)
     monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_WITHIN", 0.1)
     replies: list[Any] = []
-    link.possess("chair", on_reply=replies.append)
+    link.ask(messages.Possess("chair"), replies.append)
     until(link, lambda: replies)
     assert isinstance(replies[0], messages.Refused) and "does not answer" in link.take_notices()[0].text
 
@@ -188,11 +190,11 @@ def test_a_viewer_that_is_first_waits_and_a_restarted_edge_is_picked_up() -> Non
             edge.set_character(character(count=8 + start))
             until(link, lambda e=edge: e.viewers == 1 and link.status.instance == e.instance, edge)
             until(link, lambda n=start: pivots_of(link) == 8 + n, edge)
-            link.take_poses()
+            link.take(POSE)
             for i in range(5):
                 edge.publish_pose(character(count=8 + start).rest_pose(i))
             got: list[Any] = []
-            until(link, lambda g=got: (g.extend(link.take_poses()), len(g) >= 5)[1], edge)
+            until(link, lambda g=got: (g.extend(link.take(POSE)), len(g) >= 5)[1], edge)
             assert [g.sequence for g in got] == list(range(5))
         assert "chair" in link.characters, "what was there stays on the screen"
     restarts = [n.text for n in link.take_notices() if "restarted" in n.text]
@@ -205,7 +207,7 @@ def test_silence_and_the_end_are_told(
 ) -> None:
     joined(link, publisher)
     assert link.health[publisher.endpoint].state == "connected"
-    monkeypatch.setattr("enliven_viewer.link.one_edge._SILENT_AFTER", 0.1)
+    monkeypatch.setattr("enliven_viewer.link.one_edge.SILENT_AFTER", 0.1)
     until(link, lambda: link.health[publisher.endpoint].state == "stale")
     assert "silent" in link.health[publisher.endpoint].text
     publisher.set_status(phase="ended")
@@ -262,7 +264,7 @@ def test_noise_from_an_edge_is_counted_and_dropped(fake: FakeEdge) -> None:
     fake.answer(lambda number: pack_control(messages.Request(1, messages.Hello("not a reply"))))
     for _ in range(20):
         link.poll()
-    assert not link.take_poses() and not link.characters
+    assert not link.take(POSE) and not link.characters
     link.close()
 
 
@@ -342,9 +344,9 @@ def test_two_edges_keep_their_characters_apart() -> None:
         }
         b.publish_pose(character(count=6).rest_pose())
         got: list[Any] = []
-        until(link, lambda: (got.extend(link.take_poses()), got)[1], a, b)
+        until(link, lambda: (got.extend(link.take(POSE)), got)[1], a, b)
         assert got[0].pose.character == f"{b.name}/chair" and got[0].edge == b.name
-        link.release(f"{b.name}/chair")
+        link.ask(messages.Release(f"{b.name}/chair"))
         commands: list[Command] = []
         until(link, lambda: (commands.extend(b.poll()), commands)[1], a)
         assert commands[0].request == messages.Release("chair")

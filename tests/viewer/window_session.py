@@ -6,6 +6,7 @@ import json
 import sys
 
 import glfw
+import msgspec
 import numpy as np
 
 from enliven.document.character import Character, Pose, SkinWeights
@@ -56,11 +57,8 @@ class Feed:
         self.count += 1
         return 1
 
-    def possess(self, character_id: str, body=None, parts="all", mode="alone") -> None:
-        self.asked.append(["possess", character_id, body, parts, mode])
-
-    def release(self, character_id: str, body=None) -> None:
-        self.asked.append(["release", character_id, body])
+    def ask(self, order, then=None) -> None:
+        self.asked.append([type(order).__name__.lower(), *msgspec.structs.astuple(order)])
 
     def close(self) -> None: ...
 

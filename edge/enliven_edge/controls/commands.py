@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Literal, cast, get_args
 
 from enliven.errors import InputError
-from enliven.wire import Possess
+from enliven.wire import Browse, Lock, Order, Possess, Release
 from enliven_edge.stage import Stage
 
 Word = Literal["possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock"]
@@ -37,23 +37,15 @@ def checked_map(given: Mapping[str, str], where: str) -> dict[str, Word]:
     return {key: cast(Word, word) for key, word in given.items()}
 
 
-def actions(
-    word: Word, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]
-) -> list[Callable[[], None]]:
-    """Returns the calls that carry out a command: the same as a viewer's that names no character.
-
-    Args:
-        possess: carries out a viewer's wish to possess.
-        lock: likewise to keep the cast.
-    """
+def orders(word: Word, stage: Stage) -> list[Order]:
+    """Returns the orders that a command means: those of a viewer that names no character."""
     if word in ("lock", "unlock"):
-        return [lambda: lock(word == "lock")]
+        return [Lock(word == "lock")]
     if not stage.actors:
         return []
     if word == "release":
-        return [stage.release]
+        return [Release()]
     if word in _STEPS:
-        return [lambda: stage.browse(step=_STEPS[word])]
+        return [Browse(step=_STEPS[word])]
     mode = _MODES[word]
-    takings = stage.takings(mode)
-    return [lambda t=t: possess(Possess(t.character, t.body, t.parts, mode)) for t in takings]
+    return [Possess(one.character, one.body, one.parts, mode) for one in stage.takings(mode)]

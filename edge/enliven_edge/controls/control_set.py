@@ -8,9 +8,9 @@ from pathlib import Path
 from types import TracebackType
 
 from enliven.errors import EnlivenError, InputError
-from enliven.wire import Possess
+from enliven.wire import Order
 from enliven_edge.controls.base import Control, ControlReader, Device
-from enliven_edge.controls.commands import WORDS, Word, actions, checked_map
+from enliven_edge.controls.commands import WORDS, Word, checked_map, orders
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
 from enliven_edge.stage import Stage
@@ -24,21 +24,18 @@ class Controls:
     def __init__(self, controls: Sequence[Control]) -> None:
         self._controls = list(controls)
 
-    def apply_commands(
-        self, stage: Stage, possess: Callable[[Possess], None], lock: Callable[[bool], None]
-    ) -> None:
+    def apply_commands(self, stage: Stage, carry_out: Callable[[Order], None]) -> None:
         """Carries out the commands since the last call; a command that fails is logged.
 
         Args:
-            possess: carries out a viewer's wish to possess.
-            lock: likewise to keep the cast.
+            carry_out: carries out an order as if a viewer had given it.
         """
         for control in self._controls:
             for word in control.poll():
                 log.info("%s: %s", control.name, word)
-                for action in actions(word, stage, possess, lock):
+                for order in orders(word, stage):
                     try:
-                        action()
+                        carry_out(order)
                     except EnlivenError as error:
                         log.warning("%s: %s was refused: %s", control.name, word, error)
 

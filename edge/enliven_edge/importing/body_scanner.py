@@ -12,7 +12,7 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
 from enliven_edge.importing.skeletons import KINECT2_NAMES, TRACKED, SkeletonMoment, frames_in_world, observed
 from enliven_edge.importing.tables import first_lines, numbers_of, rows_of
 
@@ -20,7 +20,7 @@ _HEADER = ["Joints", "X", "Y", "Z"]
 _TILT = "Degree"
 
 
-class BodyScannerReader:
+class BodyScannerReader(Reader):
     """``Joints,X,Y,Z``; the row ``Degree`` is the sensor's tilt, then 25 joints, +Y up, +Z to the sensor."""
 
     name = "body-scanner"

@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.files import read_file
 from enliven.frames import BodyFrame
 from enliven.person import PARENTS, Body, J, Joint
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
 from enliven_edge.importing.skeletons import (
     INFERRED,
     KINECT2_ORDER,
@@ -56,7 +56,7 @@ class _Skeleton(msgspec.Struct):
 _decoder = msgspec.json.Decoder(list[list[_Skeleton]])
 
 
-class FlowRoomReader:
+class FlowRoomReader(Reader):
     """Frames of bodies of 21 joints: x, y in pixels of the depth image, z of a hidden unit and origin.
 
     The origin of z is the same for everyone in a file. It is chosen so that the people are 1.70 m tall on

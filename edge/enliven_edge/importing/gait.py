@@ -10,7 +10,7 @@ import numpy as np
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body, Joint
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
 from enliven_edge.importing.skeletons import (
     TRACKED,
     WORLD_FROM_KINECT_SPACE,
@@ -28,7 +28,7 @@ NAMES = {joint.name.replace("_", "-").title(): joint for joint in Joint} | {
 _FIRST = "Head"
 
 
-class GaitReader:
+class GaitReader(Reader):
     """``Joint-Name;x;y;z`` lines in metres; a frame starts at ``Head`` and has 20 lines."""
 
     name = "kinect-gait"

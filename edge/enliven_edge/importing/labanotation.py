@@ -10,7 +10,7 @@ import numpy as np
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
 from enliven_edge.importing.skeletons import (
     CONFIDENCE_OF_STATE,
     KINECT2_ORDER,
@@ -27,7 +27,7 @@ _TICK_NS = 100
 """Nanoseconds of a tick, the Kinect SDK 2's unit of time."""
 
 
-class LabanotationReader:
+class LabanotationReader(Reader):
     """No header; 101 values a row: time in 100 ns ticks, then 25 joints of x, y, z, tracking state."""
 
     name = "labanotation"

@@ -14,7 +14,7 @@ from enliven.frames import BodyFrame
 from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
 from enliven.takes import Roles, find_roles, half_way, limb_rotations
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
 from enliven_edge.importing.skeletons import TRACKED, SkeletonMoment, frames_in_world
 from enliven_edge.importing.tables import are_numbers, first_lines
 
@@ -32,7 +32,7 @@ _HEAD_CENTRE = 0.075
 """Metres along the skull from the joint that turns it to the middle of the head, where sensors put it."""
 
 
-class MotionCaptureReader:
+class MotionCaptureReader(Reader):
     """A BVH file, or CMU's exponential maps: a joint for each of ours by name, metres by the legs' length.
 
     Left and right, heading and place are the file's. Joints, and the orientations of bones as well, are of

@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body, Joint
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one, text_of
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one, text_of
 from enliven_edge.importing.skeletons import (
     WORLD_FROM_KINECT_SPACE,
     SkeletonMoment,
@@ -56,7 +56,7 @@ _FPS = 15.0
 """Frames a second of the data set, which its files do not state."""
 
 
-class MsrAction3dReader:
+class MsrAction3dReader(Reader):
     """20 rows a frame of x, y, z, confidence; either metres, or pixels and depth in units of 4 mm."""
 
     name = "msr-action3d"

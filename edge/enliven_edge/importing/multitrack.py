@@ -12,7 +12,7 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
 from enliven_edge.importing.skeletons import (
     KINECT2_NAMES,
     TRACKED,
@@ -28,7 +28,7 @@ _TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
 _KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
 
 
-class MultiTrackReader:
+class MultiTrackReader(Reader):
     """CSV with a header: a row for each time, person and Kinect; 25 joints in alphabetical order.
 
     The Kinects keep their own spaces, so one of them is read: ``options.device``, or the one with most rows.

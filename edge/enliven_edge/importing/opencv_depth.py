@@ -9,13 +9,20 @@ from pathlib import Path
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, natural_order, text_of
+from enliven_edge.importing.base import (
+    DEFAULT_OPTIONS,
+    ImportOptions,
+    Reader,
+    head_of,
+    natural_order,
+    text_of,
+)
 from enliven_edge.importing.images import is_depth_png, read_colour, read_depth_png
 
 _SUFFIX = "_depth.png"
 
 
-class OpenCvDepthReader:
+class OpenCvDepthReader(Reader):
     """16-bit PNG in millimetres, one camera file of OpenCV's FileStorage for each image.
 
     The camera files may hold a rotation and a translation too: where a turning person was registered, these

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, natural_order
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, natural_order
 from enliven_edge.importing.images import KINECT1, is_depth_png, read_depth_png
 
 
-class PlainDepthReader:
+class PlainDepthReader(Reader):
     """16-bit PNG in millimetres without a camera file."""
 
     name = "plain-depth"

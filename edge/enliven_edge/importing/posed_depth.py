@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA, Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, natural_order, text_of
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, natural_order, text_of
 from enliven_edge.importing.images import is_depth_png, png_size, read_colour, read_depth_png
 
 _SUFFIX = ".depth.png"
@@ -20,7 +20,7 @@ _LENS = ((0, 0), (1, 1), (0, 2), (1, 2))
 """Rows and columns of fx, fy, cx, cy in the camera matrix."""
 
 
-class PosedDepthReader:
+class PosedDepthReader(Reader):
     """16-bit PNG in millimetres with camera-to-world matrices, as 3D scanning data sets have them.
 
     The files' world is a camera's (+Y down); it is turned so that +Y is up. Where the floor is, the files

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import UInt16
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, natural_order
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, natural_order
 from enliven_edge.importing.images import KINECT1
 
 _BYTES = KINECT1.width * KINECT1.height * 2
@@ -19,7 +19,7 @@ _FARTHEST = 10_000
 """Millimetres: farther values are no distances of a Kinect v1."""
 
 
-class RawKinectReader:
+class RawKinectReader(Reader):
     """Reads files of exactly 614,400 bytes that hold possible distances of a Kinect v1."""
 
     name = "raw-kinect1"

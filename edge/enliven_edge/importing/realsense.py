@@ -10,13 +10,13 @@ from typing import Any
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, natural_order, text_of
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, natural_order, text_of
 from enliven_edge.importing.images import is_depth_png, png_size, read_depth_png
 
 _REPOSITORY = "device_repository.json"
 
 
-class RealSenseReader:
+class RealSenseReader(Reader):
     """16-bit PNG in millimetres named after a device (``0_M11_depth_0.png``) of device_repository.json."""
 
     name = "realsense"

@@ -75,6 +75,7 @@ def _exactly(stream, count):
 
 
 def main():
+    """Reads images from the standard input, and writes the landmarks of each to the standard output."""
     # What MediaPipe's libraries print must not get between the landmarks.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)

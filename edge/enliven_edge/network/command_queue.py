@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 
-from enliven.wire import SUPERSEDED, Lock, Look, Order, Possess, Release, Smooth
+from enliven.wire import SUPERSEDED
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
@@ -45,10 +45,10 @@ class CommandQueue:
         self._waiting: dict[Connection, deque[Command]] = {}
 
     def add(self, command: Command) -> None:
-        """Adds a command; an older command of its viewer that it replaces is refused."""
+        """Adds a command; an older command of its viewer on the same subject is refused."""
         own = self._waiting.setdefault(command.peer, deque())
-        subject = subject_of(command.request)
-        older = next((c for c in own if subject is not None and subject_of(c.request) == subject), None)
+        same = (c for c in own if c.subject is not None and c.subject == command.subject)
+        older = next(same, None)
         if older is not None:
             own.remove(older)
             older.reply_refused(SUPERSEDED)
@@ -88,20 +88,3 @@ class CommandQueue:
         """Returns whether a viewer may use the reserve."""
         known = peer.is_open and time.monotonic() - peer.opened > _KNOWN_AFTER
         return known and peer.cost < _LITTLE and len(self._waiting[peer]) <= _FEW
-
-
-def subject_of(order: Order) -> Hashable:
-    """Returns the key of an order that a newer order with the same key replaces; None where each order
-    counts."""
-    match order:
-        case Look():
-            return "look"
-        case Lock():
-            return "lock"
-        case Smooth():
-            return "smooth", order.body
-        case Release():
-            return "release", order.character, order.body
-        case Possess() if order.mode in ("alone", "preview"):
-            return order.mode, order.character
-    return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 
 from enliven.wire import (
@@ -41,12 +41,14 @@ class Command:
         request: an order such as :class:`~enliven.wire.messages.Possess`.
         viewer: the name of the viewer that asks.
         peer: its connection.
+        subject: a newer command of the viewer with an equal one replaces it; None: it counts in any case.
     """
 
     request: Order
     viewer: str
     peer: Connection = field(repr=False)
     _reply: Callable[[Answer], None] = field(repr=False)
+    subject: Hashable = None
 
     def reply_done(self, note: str = "") -> None:
         """Replies that it was carried out."""
@@ -112,7 +114,7 @@ class ControlSocket:
         try:
             if len(parts) != 1:
                 raise Malformed("request", f"{len(parts)} parts instead of one")
-            request: Request = unpack_control(parts[0], REQUEST)
+            request: Request[Ask] = unpack_control(parts[0], REQUEST)
         except Malformed as error:
             self.rejects.add(error)
             if isinstance(error, OtherVersion):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -11,11 +11,7 @@ from typing import Any
 from enliven.document import Character
 from enliven.health import HealthState, worst_first
 from enliven.wire import (
-    Browse,
-    Lock,
-    Look,
-    Possess,
-    Smooth,
+    BY_TYPE,
     board_to_message,
     bodies_to_message,
     character_to_message,
@@ -26,6 +22,7 @@ from enliven.wire import (
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.control_socket import Command
 from enliven_edge.network.frame_rate import FrameRate
+from enliven_edge.network.handlers import Handlers, carried_out, subject_of
 from enliven_edge.network.publisher import Publisher
 from enliven_edge.recording import Take
 from enliven_edge.settings import WireSettings
@@ -33,11 +30,6 @@ from enliven_edge.stage import Tick
 
 _LAST_HEARTBEATS = 5
 """Heartbeats that say the stream has ended: one may be lost on the way."""
-
-
-def _refuse(*_: object) -> str:
-    """Refuses a request that this edge has no handler for."""
-    return "nobody here can do that"
 
 
 def need_free(wire: WireSettings) -> None:
@@ -112,8 +104,12 @@ class Outlet:
         for pose in tick.poses:
             self._write(self._publisher.publish_pose(pose, tick.read_ns), tick.time_ns)
         for message in _messages(tick):
-            self._publisher.publish(message)
-            self._write(message, tick.time_ns)
+            self.send(message, tick.time_ns)
+
+    def send(self, message: Any, time_ns: int) -> None:
+        """Sends a message of any topic to the viewers and to the take; poses go by :meth:`publish`."""
+        self._publisher.publish(message)
+        self._write(message, time_ns)
 
     def report(self, pace: FrameRate, phase: str, performers: int, sensor: str = "") -> None:
         """Sets the state of the edge for the heartbeat; a new phase is sent at once.
@@ -144,51 +140,23 @@ class Outlet:
         if [(h.kind, h.performer) for h in health] != [(h.kind, h.performer) for h in told]:
             self._publisher.beat()
 
-    def poll_requests(
-        self,
-        possess: Callable[[Possess], str],
-        release: Callable[[str | None, int | None], str],
-        smooth: Callable[[int, float | None], str],
-        look: Callable[[Look], str] = _refuse,
-        browse: Callable[[str | None, int], str] = _refuse,
-        lock: Callable[[bool], str] = _refuse,
-    ) -> None:
+    def poll_requests(self, handlers: Handlers) -> None:
         """Answers viewers' requests as far as there is time, and sends heartbeats that are due.
 
         Args:
-            possess: carries out the request; returns the reason of a refusal, or an empty string.
-            release: (character, body) likewise.
-            smooth: (body, amount) likewise.
-            look: (the viewer's direction of view) likewise.
-            browse: (character, step) likewise.
-            lock: (whether to keep the cast) likewise.
+            handlers: by the class of an order; one that is not among them is refused.
         """
-
-        def do(command: Command) -> None:
-            asked = command.request
-            if isinstance(asked, Possess):
-                _reply(command, possess(asked))
-            elif isinstance(asked, Smooth):
-                _reply(command, smooth(asked.body, asked.amount))
-            elif isinstance(asked, Look):
-                _reply(command, look(asked))
-            elif isinstance(asked, Lock):
-                _reply(command, lock(asked.on))
-            elif isinstance(asked, Browse):
-                _reply(command, browse(asked.character, asked.step))
-            else:
-                _reply(command, release(asked.character, asked.body))
-
         for command in self._publisher.poll():
+            command.subject = subject_of(handlers, command.request)
             self._commands.add(command)
-        self._commands.work(do)
+        self._commands.work(lambda command: _carry_out(handlers, command))
 
     def end(self, pace: FrameRate) -> None:
         """Says that the stream has ended, several times: a heartbeat may be lost on the way."""
         self.report(pace, "ended", 0)
         for _ in range(_LAST_HEARTBEATS):
             self._publisher.beat()
-            self.poll_requests(*[lambda *_: "the stream has ended"] * 6)
+            self.poll_requests({})
             time.sleep(0.05)
 
     def close(self) -> None:
@@ -206,8 +174,8 @@ class Outlet:
         self.close()
 
     def _write(self, message: Any, time_ns: int) -> None:
-        """Writes to the take."""
-        if self._take is not None:
+        """Writes to the take what its topic says is recorded."""
+        if self._take is not None and BY_TYPE[type(message)].recorded:
             self._take.write(message, time_ns)
 
 
@@ -237,8 +205,9 @@ def _publisher(wire: WireSettings) -> Publisher:
     )
 
 
-def _reply(command: Command, refused: str) -> None:
-    """Replies to a command: done, or why not."""
+def _carry_out(handlers: Handlers, command: Command) -> None:
+    """Carries out a command and replies: done, or why not."""
+    refused = carried_out(handlers, command.request, command.peer.address)
     if refused:
         command.reply_refused(refused)
     else:

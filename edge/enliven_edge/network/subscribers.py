@@ -13,7 +13,6 @@ _MOST_OWED = 2 * MAX_STREAM_BYTES
 """Bytes that wait for a subscriber beside the system's buffer; more are dropped for that one alone."""
 _READING = 0.00025
 """Seconds a poll for reading subscriptions: they are short and rare."""
-_NAMES = tuple(name.encode() + b"\0" for name in STREAMS)
 
 
 class Subscribers:
@@ -31,7 +30,7 @@ class Subscribers:
         for peer, parts in self._server.messages(time.monotonic() + _READING):
             said = parts[0]
             # A beginning that no topic has matches nothing, and is not kept.
-            if len(parts) == 1 and any(name.startswith(said[1:]) for name in _NAMES):
+            if len(parts) == 1 and any((name.encode() + b"\0").startswith(said[1:]) for name in STREAMS):
                 wanted: frozenset[bytes] = peer.state or frozenset()
                 if said[:1] == b"\x01":
                     peer.state, peer.introduced = wanted | {said[1:]}, True

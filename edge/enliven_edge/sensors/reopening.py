@@ -1,7 +1,7 @@
 """A live sensor that never ends: it is read on its own thread and reopened with back-off when it fails.
 
-A driver is one small class that opens, reads and closes. The loss, the hanging, the return and the changed
-clock of a device are dealt with here, for all drivers.
+A driver is one small class that opens, reads and closes. This module handles, for all drivers, a device
+that is lost, hangs, comes back, or comes back with another clock.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ LONGEST_WAIT = 0.5
 """Seconds between two attempts at most; each doubles the one before. A device that is back is used within a
 second, opening included."""
 GOOD_FRAMES = 30
-"""Frames, a second's worth, after which a failure counts as the first again."""
+"""Good frames, one second of them, after which the next failure counts as the first again."""
 BAD_FRAMES = 30
-"""Frames in a row that cannot be used after which the device is opened anew."""
+"""Unusable frames in a row after which the device is opened anew."""
 _LONGEST: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
 """Seconds after which a call of a driver counts as hanging and is abandoned; opening may load firmware."""
 _TURN = 0.25
-"""Seconds that one call may wait for a frame: between two calls the device can be closed."""
+"""Seconds that one call may wait for a frame; the device can be closed between two calls."""
 _LEFT_TO_THEMSELVES = 4
-"""Threads that may hang in a driver at once; then the sensor is waited for."""
+"""Threads that may hang in a driver at once; after that no further attempt is made until one returns."""
 _CLOSING = 0.25
 """Seconds that closing waits for the device: after that it closes in the background."""
 _CLOCK_JUMP_NS = 1_000_000_000
 """Nanoseconds by which a clock may be ahead after its device was opened anew, and still be the same clock."""
 _CLOCK_FRAMES = 5
-"""Frames of which the median gives the offset of the stream's clock from this machine's: one wrong time does
-no harm."""
+"""Frames; the median over them is the offset between the stream's clock and this machine's, so that one
+wrong time does no harm."""
 
 
 class ReopeningSensor(Sensor):
@@ -56,8 +56,8 @@ class ReopeningSensor(Sensor):
 
     Args:
         open_device: opens the device; called here the first time, on a thread later.
-        first: the device, where it is open already.
-        awaited: the sensor's name until the first read has opened it; empty: it is opened now.
+        first: the device, if it is open already.
+        awaited: the sensor's name, to open it at the first read; empty opens it now.
 
     Raises:
         Exception: what the first opening raises.
@@ -174,9 +174,13 @@ class ReopeningSensor(Sensor):
         return dataclasses.replace(frame, time_ns=time_ns + self._shift_ns) if self._shift_ns else frame
 
     def _shift(self, time_ns: int, now_ns: int) -> int:
-        """Nanoseconds to add to a fresh device's times: as before, or none, where times then go on rising."""
+        """Returns the nanoseconds to add to the times of a device that was just opened.
+
+        They are the same as before, or none, if times then go on rising; otherwise this machine's clock
+        decides.
+        """
         ahead_ns = statistics.median_low(self._ahead_ns)
-        # On a busy machine the last frame may have come sooner after its time than frames usually do.
+        # On a busy machine the last frame may have arrived with less delay than usual.
         after_ns = max(self._last_ns + ahead_ns, self._told_ns)
         for shift in (self._shift_ns, 0):
             if after_ns < time_ns + shift <= now_ns + ahead_ns + _CLOCK_JUMP_NS:

@@ -77,5 +77,7 @@ class LimbShapes:
 
 @dataclass(frozen=True)
 class Matched:
+    """The pairs of joints of two limbs of one shape, and their distance as a share of the limb's reach."""
+
     pairs: list[tuple[int, int]]
     error: float

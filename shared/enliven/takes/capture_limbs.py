@@ -114,6 +114,7 @@ def _skull(chest: Float, head: Float) -> Float:
 
 
 def level_direction(direction: Float) -> Float:
+    """The unit vectors (..., 3) of directions (..., 3) laid onto the floor."""
     return _unit(direction * [1.0, 0.0, 1.0])
 
 

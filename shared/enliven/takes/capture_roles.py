@@ -21,7 +21,7 @@ _SIDES = (("left", "l"), ("right", "r"))
 
 @dataclass(frozen=True)
 class Roles:
-    """Indices into a capture's joints; of pairs the left comes first.
+    """Numbers of a capture's joints; in a pair the left one comes first.
 
     Attributes:
         root: the joint from which trunk and legs part.
@@ -44,10 +44,10 @@ class Roles:
 
 
 def find_roles(capture: Capture) -> Roles:
-    """The roles of a capture's joints.
+    """Finds the roles of a capture's joints.
 
     Raises:
-        InputError: where it has no such joint, naming those it has.
+        InputError: where a joint is missing; it names the joints that are there.
     """
     names = [re.sub(r"[^a-z0-9]", "", name.split(":")[-1].lower()) for name in capture.names]
     elbows = _pair(capture, names, _ELBOWS, "elbow")
@@ -79,7 +79,7 @@ def find_roles(capture: Capture) -> Roles:
 
 
 def _pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
-    """Returns the left and the right joint of the first part of which both exist."""
+    """Returns the left and the right joint of the first part that has both."""
     for part in parts:
         found = [
             next((names.index(n) for n in (w + part, part + w, s + part, part + s) if n in names), -1)
@@ -131,7 +131,7 @@ def _below(
 
 
 def _beyond(capture: Capture, names: list[str], joint: int, parts: tuple[str, ...]) -> int:
-    """Returns the nearest descendant at another place (no thumb), or the joint itself."""
+    """Returns the nearest joint below that is at another place and no thumb, or the joint itself."""
     fringe = [joint]
     while fringe:
         fringe = [j for f in fringe for j in _children(capture, f) if "thumb" not in names[j]]

@@ -28,6 +28,7 @@ from .matches import board_to_message, message_to_board
 from .ports import free_ports
 from .posecode import PoseCodec, warm_up
 from .requests import (
+    REQUESTS,
     SUPERSEDED,
     Answer,
     Ask,
@@ -52,21 +53,43 @@ from .requests import (
 )
 from .sockets import CONTROL_PORT, POSE_PORT, Endpoint, make_socket, parse_endpoint
 from .streams import BodiesMessage, CuesMessage, MatchesMessage, PoseMessage, PropsMessage, StatusMessage
-from .topics import BODIES, BY_TYPE, MAX_STREAM_BYTES, POSE, REPLY, REQUEST, STATUS, STREAMS
+from .topics import (
+    BODIES,
+    BY_TYPE,
+    CHARACTER,
+    CUES,
+    MATCHES,
+    MAX_STREAM_BYTES,
+    POSE,
+    PROPS,
+    REPLY,
+    REQUEST,
+    STATUS,
+    STREAMS,
+    TOPICS,
+    Topic,
+    register,
+)
 from .zmtp import ZmtpError, ZmtpSession, framed, head
 
 __all__ = [
     "BODIES",
     "BY_TYPE",
+    "CHARACTER",
     "CONTROL_PORT",
+    "CUES",
+    "MATCHES",
     "MAX_STREAM_BYTES",
     "POSE",
     "POSE_PORT",
+    "PROPS",
     "REPLY",
     "REQUEST",
+    "REQUESTS",
     "STATUS",
     "STREAMS",
     "SUPERSEDED",
+    "TOPICS",
     "Answer",
     "Ask",
     "BodiesMessage",
@@ -98,6 +121,7 @@ __all__ = [
     "Revision",
     "Smooth",
     "StatusMessage",
+    "Topic",
     "Welcome",
     "ZmtpError",
     "ZmtpSession",
@@ -124,6 +148,7 @@ __all__ = [
     "payload",
     "pose_to_message",
     "props_to_message",
+    "register",
     "reply_head",
     "unpack_control",
     "unpack_stream",

@@ -6,20 +6,21 @@ one part; on the control socket the version and the payload.
 
 from __future__ import annotations
 
+import functools
 import logging
 from collections import Counter
-from typing import Any
+from typing import Any, Union
 
 import msgspec
 
 from enliven.errors import EnlivenError
 from enliven.wire.messages import VERSION
-from enliven.wire.topics import BY_TYPE, STREAMS, TOPICS, Topic
+from enliven.wire.requests import REQUESTS
+from enliven.wire.topics import BY_TYPE, REQUEST, STREAMS, Topic
 
 log = logging.getLogger(__name__)
 
 _ENCODER = msgspec.msgpack.Encoder()
-_DECODERS = {t.name: msgspec.msgpack.Decoder(t.type) for t in TOPICS}
 
 
 class Malformed(Exception):
@@ -98,9 +99,16 @@ def _checked(topic: Topic, data: bytes) -> Any:
     if len(data) - 1 > topic.max_bytes:
         raise Malformed(topic.name, f"{len(data) - 1} bytes are more than {topic.max_bytes}")
     try:
-        return _DECODERS[topic.name].decode(memoryview(data)[1:])
+        asked = tuple(REQUESTS) if topic is REQUEST else ()
+        return _decoder(topic.type, asked).decode(memoryview(data)[1:])
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise Malformed(topic.name, str(error)) from None
+
+
+@functools.cache
+def _decoder(kind: Any, bodies: tuple[type[Any], ...]) -> msgspec.msgpack.Decoder[Any]:
+    """Returns the checking decoder of a class of messages; ``bodies`` are those that a request may have."""
+    return msgspec.msgpack.Decoder(kind[Union[bodies]] if bodies else kind)  # noqa: UP007
 
 
 class Rejects:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Generic, Literal, TypeVar
 
 from msgspec import Meta, Struct, field
 
@@ -11,14 +11,22 @@ from enliven.wire.fields import Count, Identity, Name, Nanoseconds, Number, Text
 from enliven.wire.streams import StatusMessage
 
 
-class Hello(Struct, tag=True, frozen=True):
+class Ask(Struct, tag=True, frozen=True):
+    """A request of a viewer; each is a class with a line in :data:`REQUESTS`."""
+
+
+class Order(Ask, frozen=True):
+    """A request that only the edge's loop can carry out, by a handler that it registers."""
+
+
+class Hello(Ask, frozen=True):
     """Introduces a viewer and asks for the state; ``listening`` once the streams have reached it."""
 
     viewer: Name
     listening: bool = False
 
 
-class GetState(Struct, tag=True, frozen=True):
+class GetState(Ask, frozen=True):
     """Asks for a character."""
 
     character: Name
@@ -28,7 +36,7 @@ Mode = Literal["alone", "join", "extend", "preview"]
 """Which other performers keep a character when one takes hold, see :class:`Possess`."""
 
 
-class Possess(Struct, tag=True, frozen=True):
+class Possess(Order, frozen=True):
     """A body takes hold of a character.
 
     Attributes:
@@ -48,27 +56,27 @@ class Possess(Struct, tag=True, frozen=True):
     mode: Mode = "alone"
 
 
-class Release(Struct, tag=True, frozen=True):
+class Release(Order, frozen=True):
     """Makes a performer (None: every one) let a character (None: all that the performer holds) go."""
 
     character: Name | None = None
     body: Identity | None = None
 
 
-class Smooth(Struct, tag=True, frozen=True):
+class Smooth(Order, frozen=True):
     """Sets the smoothing of a performer's joints from now on: 0 none; None: as the settings say."""
 
     body: Identity
     amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
 
 
-class Lock(Struct, tag=True, frozen=True):
+class Lock(Order, frozen=True):
     """Keeps the cast: people who come later stay bystanders; or ends that."""
 
     on: bool
 
 
-class Look(Struct, tag=True, frozen=True):
+class Look(Order, frozen=True):
     """Tells from where the viewer looks, world frame: the meaning of a pose is decided on the screen.
 
     Attributes:
@@ -82,7 +90,7 @@ class Look(Struct, tag=True, frozen=True):
     eye: tuple[Number, Number, Number] | None = None
 
 
-class Browse(Struct, tag=True, frozen=True):
+class Browse(Order, frozen=True):
     """Shows another match of a character (None: of each rigged one), so many places on in the ranking; 0
     follows the pose again."""
 
@@ -90,7 +98,7 @@ class Browse(Struct, tag=True, frozen=True):
     step: Annotated[int, Meta(ge=-1000, le=1000)] = 1
 
 
-class Ping(Struct, tag=True, frozen=True):
+class Ping(Ask, frozen=True):
     """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
 
     viewer: Name
@@ -135,17 +143,17 @@ class Pong(Struct, tag=True, frozen=True):
 
 SUPERSEDED = "superseded by a newer one"
 """The reason for refusing an order that a newer one of the same viewer replaced."""
-Order = Possess | Release | Smooth | Lock | Look | Browse
-"""The requests that only the edge's loop can carry out."""
-Ask = Hello | GetState | Order | Ping
+REQUESTS: list[type[Ask]] = [Hello, GetState, Possess, Release, Smooth, Lock, Look, Browse, Ping]
+"""All requests that this program reads; a program that reads one more appends its class."""
 Answer = Welcome | CharacterMessage | Done | Refused | Pong
+Body = TypeVar("Body")
 
 
-class Request(Struct, frozen=True):
-    """A viewer's request; the reply carries the same id."""
+class Request(Struct, Generic[Body], frozen=True):
+    """A viewer's request, one of :data:`REQUESTS`; the reply carries the same id."""
 
     id: Count
-    body: Ask
+    body: Body
 
 
 class Reply(Struct, frozen=True):

@@ -1,4 +1,9 @@
-"""The one table of all messages on the wire; sockets, recorder and tests derive from it."""
+"""The one table of all messages on the wire.
+
+Sockets, recorder, late-join state, receiver, timeline, player of takes and tests derive from it. A new stream
+message is a class in :mod:`enliven.wire.streams` and a row here; a new request is a class and an entry in
+:data:`enliven.wire.requests.REQUESTS`, and its handler where the edge lists them.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +37,7 @@ class Topic:
         keep: the queued messages that a slow viewer gets: "every" one, or the "newest" of each key.
         latched: the newest of each key is also told to a viewer that joins late.
         key: messages with an equal key replace each other.
+        recorded: a take holds it.
     """
 
     name: str
@@ -42,22 +48,47 @@ class Topic:
     keep: Literal["every", "newest"]
     latched: bool = False
     key: Callable[[Any], str] = lambda message: ""
+    recorded: bool = False
 
 
-POSE = Topic("pose", PoseMessage, "stream", 260 * 1024, 30, "every", True, lambda m: m.character)
-BODIES = Topic("bodies", BodiesMessage, "stream", 16 * 1024, 30, "every")
-CUES = Topic("cues", CuesMessage, "stream", 32 * 1024, 30, "every", True, lambda m: m.character)
-PROPS = Topic("props", PropsMessage, "stream", 32 * 1024, 30, "every", True)
-MATCHES = Topic("matches", MatchesMessage, "stream", 128 * 1024, 30, "every", True, lambda m: m.character)
-STATUS = Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge)
-CHARACTER = Topic(
-    "character", CharacterMessage, "state", 128 * 1024 * 1024, 0, "newest", False, lambda m: m.id
+TOPICS: list[Topic] = []
+"""All topics, in the order in which they were registered."""
+STREAMS: dict[str, Topic] = {}
+"""The topics that go to every viewer, by name."""
+BY_TYPE: dict[type[Any], Topic] = {}
+"""All topics by the class of their messages."""
+
+
+def register(topic: Topic) -> Topic:
+    """Adds a topic to the table, before the sockets are opened; returns it."""
+    TOPICS.append(topic)
+    BY_TYPE[topic.type] = topic
+    if topic.way == "stream":
+        STREAMS[topic.name] = topic
+    return topic
+
+
+def _character(message: Any) -> str:
+    """Returns the key of messages of which each character has its own."""
+    return str(message.character)
+
+
+def _stream(name: str, kind: type[Any], most: int, **how: Any) -> Topic:
+    """Registers a topic of which every frame sends a message, and which takes hold."""
+    return register(Topic(name, kind, "stream", most, 30, "every", recorded=True, **how))
+
+
+POSE = _stream("pose", PoseMessage, 260 * 1024, latched=True, key=_character)
+BODIES = _stream("bodies", BodiesMessage, 16 * 1024)
+CUES = _stream("cues", CuesMessage, 32 * 1024, latched=True, key=_character)
+PROPS = _stream("props", PropsMessage, 32 * 1024, latched=True)
+MATCHES = _stream("matches", MatchesMessage, 128 * 1024, latched=True, key=_character)
+STATUS = register(Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge))
+CHARACTER = register(
+    Topic("character", CharacterMessage, "state", 128 * 1024 * 1024, 0, "newest", recorded=True)
 )
-REQUEST = Topic("request", Request, "request", 4 * 1024, 0, "every")
-REPLY = Topic("reply", Reply, "reply", 128 * 1024 * 1024, 0, "every")
+REQUEST = register(Topic("request", Request, "request", 4 * 1024, 0, "every"))
+REPLY = register(Topic("reply", Reply, "reply", 128 * 1024 * 1024, 0, "every"))
 
-TOPICS: tuple[Topic, ...] = (POSE, BODIES, CUES, PROPS, MATCHES, STATUS, CHARACTER, REQUEST, REPLY)
-STREAMS: dict[str, Topic] = {t.name: t for t in TOPICS if t.way == "stream"}
-BY_TYPE: dict[type[Any], Topic] = {t.type: t for t in TOPICS}
 MAX_STREAM_BYTES = 64 + max(t.max_bytes for t in STREAMS.values())
 """Bytes of the longest message on the stream socket, envelope included."""

@@ -1,6 +1,6 @@
-"""An artist's first ten minutes with a cactus, in the studio's real window; decided as it goes.
+"""An artist's first ten minutes with a cactus, in the studio's real window; each action sees the one before.
 
-The mesh is the project's own, the take is made here: somebody directs traffic, ducks and jumps.
+The mesh ships with the project. The take is made here: a performer directs traffic, ducks and jumps.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _LENGTHS = {
 
 @dataclass(frozen=True)
 class _Moment:
-    """What the performer does at a second: ways of upper arm and forearm of each side, as the left's."""
+    """The performer's pose at a second: directions of upper arm and forearm, both sides as of a left arm."""
 
     second: float
     left: tuple[Way, Way]
@@ -90,7 +90,7 @@ _MOMENTS = (
 
 
 def write_take(path: Path) -> None:
-    """The recording: bodies as a sensor tracked them."""
+    """The recording: the bodies, as if a sensor had tracked them."""
     count = round(_MOMENTS[-1].second * RATE) + 1
     with Recorder(path) as recorder:
         for frame in range(count):
@@ -99,7 +99,7 @@ def write_take(path: Path) -> None:
 
 
 def _joints(second: float) -> Float:
-    """(20, 3) metres, who faces +Z."""
+    """The joints (20, 3) in metres of a performer who faces +Z."""
     times = [moment.second for moment in _MOMENTS]
     after = min(int(np.searchsorted(times, second, "right")), len(times) - 1)
     a, b = _MOMENTS[after - 1], _MOMENTS[after]
@@ -134,7 +134,7 @@ def _joints(second: float) -> Float:
 
 
 def cactus(workspace: Workspace, folder: Path) -> Actions:
-    """Open, put points, pair, pose four examples, adjust, export."""
+    """Opens mesh and take, puts and pairs control points, poses four examples, adjusts them, and exports."""
     folder = folder / "my models"
     folder.mkdir()
     save_mesh(load_sample("cactus"), folder / f"{CACTUS}.ply")
@@ -206,7 +206,7 @@ def cactus(workspace: Workspace, folder: Path) -> Actions:
 
 
 def _opened(name: str, folder: Path) -> Actions:
-    """Open a file in the dialogue."""
+    """Opens a file in the dialogue."""
     yield Key("ctrl+o")
     yield Do(lambda workspace: workspace.browser.enter(folder))
     yield Wait(0.4)
@@ -217,7 +217,7 @@ def _opened(name: str, folder: Path) -> Actions:
 
 
 def _points(workspace: Workspace) -> Actions:
-    """Head, hands and elbows where they are suggested; the foot of the pot. Each also at the other side."""
+    """Puts control points on head, hands and elbows, as suggested, and on the pot; on both sides."""
     mesh = workspace.editor.project.puppets[CACTUS].mesh
     for at in ((0.0, 1.33, 0.06), (0.44, 1.07, 0.0), (0.40, 0.66, 0.06), (0.15, 0.02, 0.17)):
         vertex = int(np.linalg.norm(mesh.vertices - at, axis=1).argmin())
@@ -227,7 +227,7 @@ def _points(workspace: Workspace) -> Actions:
 
 
 def _posed(workspace: Workspace) -> Actions:
-    """The moment that is suggested first, posed as the performer stands: arms, then the head."""
+    """Poses the moment that is suggested first as the performer stands: the arms, then the head."""
     yield Click(Widget("suggested 1"))
     yield Wait(0.9)
     puppet, key = workspace.puppets.puppet, workspace.puppets.key
@@ -246,7 +246,7 @@ def _posed(workspace: Workspace) -> Actions:
 
 
 def _role(joint: str) -> str:
-    """What a control point does: "left hand", "left elbow", "head", or nothing."""
+    """Returns the part that a control point stands for: "left hand", "left elbow", "head", or none."""
     for part, words in (("hand", ("hand", "wrist")), ("elbow", ("elbow",)), ("head", ("head",))):
         if any(word in joint for word in words):
             side = "left " if "left" in joint else "right " if "right" in joint else ""
@@ -255,7 +255,7 @@ def _role(joint: str) -> str:
 
 
 def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
-    """Where an artist would drag head, elbows and hands for a performer's pose, (3,) metres each."""
+    """Returns the places (3,) in metres to which an artist would drag head, elbows and hands for a pose."""
     joints = workspace.performer.figure((TAKE, second)).joints  # type: ignore[union-attr]
     names = workspace.editor.project.takes[TAKE].skeleton.names
     at = {name: joints[k] for k, name in enumerate(names)}
@@ -270,7 +270,8 @@ def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
         shoulder = np.array([sign * 0.13 + 0.5 * lean, 0.66 - 0.3 * max(rest - tall, 0.0), 0.0])
         elbow = shoulder + 0.30 * (0.65 * upper + 0.55 * np.array([sign, 0.0, 0.0]))
         hand = elbow + 0.40 * fore
-        hand[0] = sign * max(sign * hand[0], 0.32)  # not into the trunk: it is dragged as it is seen
+        # Not into the trunk: a drag moves it in the plane of the picture.
+        hand[0] = sign * max(sign * hand[0], 0.32)
         found[f"{side} elbow"], found[f"{side} hand"] = elbow, hand
     return found
 
@@ -285,7 +286,7 @@ def _spot(place: Float) -> Place:
 
 
 def _switch(workspace: Workspace) -> Actions:
-    """Make the jump begin earlier, and watch it."""
+    """Makes the jump begin earlier, and plays it."""
     puppet_timeline = workspace.timeline.puppets
     lanes = puppet_timeline.lanes(workspace.timeline.layout)
     row = next(row for row in lanes.rows() if row.kind == "band")
@@ -307,5 +308,5 @@ def _exported(workspace: Workspace, folder: Path) -> Actions:
     yield Wait(0.6)
     yield Click(Widget("dialog Save"))
     yield Wait(1.5)
-    yield Do(lambda workspace: workspace.exporting.finish())  # nobody wants to watch that
+    yield Do(lambda workspace: workspace.exporting.finish())  # the film does not wait for the export
     yield Wait(2.5)

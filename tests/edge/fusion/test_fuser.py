@@ -1,4 +1,4 @@
-"""Several sensors' bodies become one set: the laws, and everything that a sensor may do wrong."""
+"""The laws of fusing the bodies of several sensors, also when a sensor is wrong."""
 
 import dataclasses
 
@@ -26,7 +26,7 @@ OTHERS = np.array([0.0, 0.0, -1.2])
 
 
 def shifted(x: float, y: float = 0.0, z: float = 0.0):
-    """The person that stands, elsewhere."""
+    """The standing person, moved to another place."""
     return STANDING + np.array([x, y, z])
 
 
@@ -39,21 +39,21 @@ def body(joints, number=1, sure=1.0, **more) -> Body:
 
 
 def run(says, seconds, sensors=("a", "b"), fuser=None, start=0.0, alive=True):
-    """Drives a fuser: ``says(sensor, time)`` gives bodies or None; yields (time, bodies) a frame."""
+    """Feeds a fuser with the bodies that ``says(sensor, time)`` returns, or None; yields (time, bodies)."""
     fuser = fuser or Fuser({name: EYES[name] for name in sensors})
     for n in range(round(seconds / STEP)):
         time = start + n * STEP
         for name in sensors:
             told = says(name, time)
             if told is not None:
-                # Nobody stands so still that not a bit changes.
+                # A real person never stands so still that no bit changes.
                 bodies = [dataclasses.replace(b, joints=b.joints + 1e-9 * n * alive) for b in told]
                 fuser.update(name, bodies, ns(time))
         yield time, fuser.bodies(ns(time)), fuser
 
 
 def last(outcome):
-    """The bodies and the fuser at the end."""
+    """Returns the fused bodies at the end, and the fuser."""
     *_, (_, bodies, fuser) = outcome
     return bodies, fuser
 
@@ -94,7 +94,7 @@ def test_order_of_sensors_and_their_ids_do_not_matter(order, numbers, seed):
 
 
 def test_bodies_of_different_moments_are_brought_to_one():
-    """Two sensors whose frames never coincide; a person passes at 2 m/s."""
+    """Two sensors take their frames at different times; a person passes at 2 m/s."""
     fuser = Fuser({n: EYES[n] for n in "ab"})
     worst = 0.0
     for n in range(60):
@@ -126,7 +126,7 @@ def test_contradiction_lowers_confidence():
 
 
 def test_handing_over_makes_no_jump_and_ends_where_the_other_sees():
-    """Sensors that contradict each other by 6 cm; one loses sight at 1 s, and sees again at 2.5 s."""
+    """Two sensors differ by 6 cm; one of them does not see the person from 1 s to 2.5 s."""
 
     def told(name, time):
         if name == "b":
@@ -153,7 +153,7 @@ def test_one_joint_lost_makes_no_jump():
 
 
 def test_a_hand_that_one_sensor_throws_away_stays():
-    """A wrong hand, 60 cm off with full confidence, against where it was a moment ago."""
+    """One sensor has a hand 60 cm off with full confidence; the place a moment ago decides against it."""
 
     def told(name, time):
         joints = STANDING.copy()
@@ -188,7 +188,7 @@ def test_who_comes_in_with_sides_exchanged_is_put_right_by_the_majority():
 
 
 def test_the_walk_decides_between_two_who_are_at_odds():
-    """Sensor a calls the sides wrong from the start; who walks forward has the sides that b says."""
+    """Sensor a exchanges left and right from the start; the person walks forward, so b is believed."""
     walker = Walker()
     made, _ = last(
         run(lambda n, t: [exchanged(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 6.0)
@@ -209,7 +209,7 @@ def test_when_all_say_so_for_long_the_sides_are_exchanged():
 
 
 def test_identities_hold_through_a_crossing_in_which_one_sensor_swaps_them():
-    """Two people pass each other 40 cm apart; as they do, sensor a exchanges their ids, for good."""
+    """Two people pass each other 40 cm apart; at that moment sensor a exchanges their ids for good."""
     swapped_at = 2.0
 
     def where(time):
@@ -247,7 +247,7 @@ def test_somebody_hidden_from_one_sensor_then_from_the_other_stays_the_same():
 
 
 def test_who_is_back_soon_has_the_same_identity():
-    """Unseen for 2 s, and found where they went."""
+    """A person is not seen for 2 s, and keeps the identity at the new place."""
 
     def told(name, time):
         return [] if 1.0 <= time < 3.0 else [body(shifted(0.3 * (time > 2), 0, 0), 1 if time < 2 else 9)]
@@ -256,7 +256,7 @@ def test_who_is_back_soon_has_the_same_identity():
 
 
 def test_who_is_back_late_has_the_identity_that_the_sensor_knows():
-    """Away for 10 s and back elsewhere; the tracker's own id says who it is, another id somebody new."""
+    """A person back elsewhere after 10 s is the same with the tracker's old id, and new with another."""
     for number, expected in ((1, {1}), (5, {1, 2})):
 
         def told(name, time, number=number):
@@ -288,7 +288,7 @@ def test_half_a_body_beside_a_whole_one_is_nobody():
 
 
 def test_two_who_stand_close_and_hide_each_other_stay_two():
-    """30 cm apart: both are known, then sensor b sees only one of them for two seconds."""
+    """Two known people stand 30 cm apart; for two seconds sensor b sees only one of them."""
     close = shifted(0.3)
 
     def told(name, time):
@@ -349,7 +349,7 @@ def test_frames_out_of_order_are_left_out():
 
 
 def test_a_sensor_that_was_moved_is_told_of():
-    """With three, the one that was moved; the others keep people where they are."""
+    """Of three sensors the one that was moved is found, and people stay where the other two see them."""
 
     def told(name, time):
         return [body(shifted(0.35 * (name == "c" and time > 1.0), 0, 0))]
@@ -406,7 +406,7 @@ def test_exchanging_twice_is_nothing_and_once_turns_the_front():
 
 
 def test_many_people_before_two_sensors_keep_apart():
-    """Six people on a grid, both sensors noisy, ids in another order: six identities for ten seconds."""
+    """Six people on a grid keep six identities for ten seconds, with noise and ids in different orders."""
     random = np.random.default_rng(0)
     spots = [np.array([x, 0.0, z]) for x in (-1.0, 0.0, 1.0) for z in (0.0, -0.9)]
 

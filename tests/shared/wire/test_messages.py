@@ -358,9 +358,9 @@ def test_more_performers_than_the_wire_names_do_no_harm() -> None:
 def test_what_an_older_program_sends_means_what_it_meant() -> None:
     """Fields that came later are left out: Possess took over alone, Release was of everybody."""
     old = {"type": "Possess", "character": "chair", "body": 3, "parts": "legs"}
-    asked = msgspec.convert(old, messages.Order)
+    asked = msgspec.convert(old, messages.Possess)
     assert asked == messages.Possess("chair", 3, "legs", "alone")
-    assert msgspec.convert({"type": "Release", "character": "chair"}, messages.Order).body is None
+    assert msgspec.convert({"type": "Release", "character": "chair"}, messages.Release).body is None
     cues = msgspec.convert(["chair", "possessed", bytes(2), bytes(1), 3, 9], messages.CuesMessage)
     assert cues.held is None and cues.owners == b""
 

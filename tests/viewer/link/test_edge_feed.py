@@ -11,6 +11,7 @@ from patience import PATIENCE
 from enliven.document.character import Pose
 from enliven.person.body import Body
 from enliven.wire.convert import bodies_to_message, cues_to_message
+from enliven.wire.requests import Possess
 from enliven.wire.sockets import Endpoint
 from enliven_edge.network.publisher import Publisher
 from enliven_viewer.link.edge_feed import EdgeFeed
@@ -68,7 +69,7 @@ def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
     try:
         assert feed.poll(document) == 0
         assert not document.edge.connected and document.edge.address == "tcp://127.0.0.1:9"
-        feed.possess("box")
+        feed.ask(Possess("box"))
         feed.poll(document)
         assert "no character" in document.edge.message
     finally:

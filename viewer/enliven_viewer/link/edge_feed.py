@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from enliven.wire import Done, Look, Mode, messages_to_health
+from enliven.wire import CUES, POSE, Done, Look, Order, messages_to_health
 from enliven_viewer.link.edges import EdgeClient
-from enliven_viewer.link.received import ReceivedCues, ReceivedPose
-from enliven_viewer.playback import CueFrame, Document, EdgeState
+from enliven_viewer.link.received import ReceivedPose
+from enliven_viewer.link.tracks import shown_topics, track_of
+from enliven_viewer.playback import Document, EdgeState
 
 _NOTICE_SECONDS = 5.0
 """Seconds that a notice is shown: long enough to read two lines."""
@@ -24,7 +25,7 @@ class EdgeFeed:
 
     def __init__(self, link: EdgeClient) -> None:
         self._link = link
-        self._shown_cues: dict[str, ReceivedCues] = {}
+        self._shown_cues: set[str] = set()
         self._notice, self._notice_until = "", 0.0
         self._edge_ms: float | None = None
         self._link_ms: float | None = None
@@ -36,62 +37,36 @@ class EdgeFeed:
         """Apply everything that has arrived since the last call, without waiting; how many messages."""
         self._link.poll()
         document.characters = dict(self._link.characters)
-        poses, bodies = self._link.take_poses(), self._link.take_bodies()
-        for seen in bodies:
-            document.add_bodies(seen.time_ns, seen.bodies)
-        for received in poses:
-            document.add_pose(received.pose)
-        for props in self._link.take_props():
-            document.add_props(props)
-        for board in self._link.take_boards():
-            document.add_board(board)
-        self._take_cues(document)
+        count, poses = 0, []
+        for topic in shown_topics():
+            values = self._link.take(topic)
+            count += len(values)
+            poses = values if topic is POSE else poses
+            for value in values:
+                track_of(topic).put(document, value)
+        self._forget_cues(document)
         if poses:
             self._take_latency(poses[-1])
         self._look_again()
         document.edge = self._state()
-        return len(poses) + len(bodies)
+        return count
 
-    def possess(
-        self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
-    ) -> None:
-        """Ask the edge to let a performer, or the one in view, possess a character."""
-        self._link.possess(character_id, body, parts, mode=mode)
-
-    def release(self, character_id: str, body: int | None = None) -> None:
-        """Ask the edge to release a character from a performer, or from every performer."""
-        self._link.release(character_id, body=body)
-
-    def smooth(self, body: int, amount: float | None = None) -> None:
-        """Ask for an amount of smoothing of a performer: 0 for none, None for the edge's settings."""
-        self._link.smooth(body, amount)
-
-    def lock(self, on: bool, then: Callable[[], None]) -> None:
-        """Ask that only the performers who are followed now perform, or with False all who come."""
-        self._link.lock(on, lambda answer: then() if isinstance(answer, Done) else None)
-
-    def look(self, look: Look) -> None:
-        """Tell the edge the direction of view, since matches are ranked as they are seen on the screen."""
-        self._look = look
-        self._link.look(look)
-
-    def browse(self, character_id: str, step: int = 1) -> None:
-        """Ask for another match of a character to be shown."""
-        self._link.browse(character_id, step)
+    def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:
+        """Asks the edge to carry out an order; a direction of view is told again to an edge that restarts."""
+        if isinstance(order, Look):
+            self._look = order
+        self._link.ask(order, lambda answer: then() if then and isinstance(answer, Done) else None)
 
     def close(self) -> None:
         """Let the sockets go."""
         self._link.close()
 
-    def _take_cues(self, document: Document) -> None:
-        """Cues that are new, each at its own time; none for what the edge has forgotten."""
-        current = self._link.cues
-        for cues in self._link.take_cues():
-            shown = CueFrame(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
-            document.set_cues(shown, cues.time_ns)
-        for name in self._shown_cues.keys() - current.keys():
+    def _forget_cues(self, document: Document) -> None:
+        """Removes the cues of characters that the edge has no longer."""
+        current = self._link.latest(CUES)
+        for name in self._shown_cues - current.keys():
             document.forget_cues(name)
-        self._shown_cues = current
+        self._shown_cues = set(current)
 
     def _look_again(self) -> None:
         """Tell the direction of view again to an edge that has restarted."""
@@ -99,7 +74,7 @@ class EdgeFeed:
         if instance != self._told_instance and self._link.status is not None:
             self._told_instance = instance
             if self._look is not None:
-                self._link.look(self._look)
+                self._link.ask(self._look)
 
     def _lacks_characters(self, connected: bool, now: float) -> bool:
         """Whether the edge is heard but has sent no characters for a while, often because of a wrong port."""

@@ -7,28 +7,24 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import msgspec
 import zmq
 
-from enliven.document import Character, Props
+from enliven.document import Character
 from enliven.errors import InputError
-from enliven.matching import Board
 from enliven.wire import (
     Answer,
-    Browse,
     Endpoint,
-    Lock,
-    Look,
-    Mode,
-    Possess,
+    Order,
     Refused,
-    Release,
-    Smooth,
     StatusMessage,
+    Topic,
     parse_endpoint,
     warm_up,
 )
 from enliven_viewer.link.one_edge import EdgeConnection
-from enliven_viewer.link.received import Health, Notice, ReceivedBodies, ReceivedCues, ReceivedPose
+from enliven_viewer.link.received import Health, Notice
+from enliven_viewer.link.topic_health import TopicHealth
 
 _ALIVE = 1.6
 """Seconds without a heartbeat (three of them) after which an edge of the same name is not a rival."""
@@ -44,7 +40,7 @@ class EdgeClient:
         link = Link(["127.0.0.1:5580"])
         while drawing:
             link.poll()
-            for received in link.take_poses():
+            for received in link.take(POSE):
                 show(link.characters[received.pose.character], received.pose)
 
     With several edges a character's id is "edge/id" here, with one it is the id that the edge gave it.
@@ -91,15 +87,9 @@ class EdgeClient:
         """The characters by id; an object is replaced when its edge publishes a new revision."""
         return {name: held.character for edge in self.edges for name, held in edge.held.items()}
 
-    @property
-    def cues(self) -> dict[str, ReceivedCues]:
-        """The newest by character."""
-        return {name: cues for edge in self.edges for name, cues in edge.cues.items()}
-
-    @property
-    def bodies(self) -> ReceivedBodies | None:
-        """The newest bodies of the first edge that has sent any."""
-        return next((e.latest_bodies for e in self.edges if e.latest_bodies is not None), None)
+    def latest(self, topic: Topic) -> dict[str, Any]:
+        """The newest value of each key of a topic, such as the cues by character."""
+        return {key: value for edge in self.edges for key, value in edge.latest.get(topic.name, {}).items()}
 
     @property
     def status(self) -> StatusMessage | None:
@@ -116,102 +106,48 @@ class EdgeClient:
         """The first edge's wall clock less this machine's, as ``ClockEstimate`` has it."""
         return self.edges[0].clock.offset_ns
 
-    def take_poses(self) -> list[ReceivedPose]:
-        """Every pose since the last call, each edge's in its order."""
-        return [pose for edge in self.edges for pose in _emptied(edge.poses)]
+    @property
+    def topics(self) -> dict[Endpoint, dict[str, TopicHealth]]:
+        """The health of each topic of each edge: alive, on rate, valid."""
+        return {edge.endpoint: edge.topics() for edge in self.edges}
 
-    def take_bodies(self) -> list[ReceivedBodies]:
-        """The bodies of every frame since the last call, each edge's in its order."""
-        return [bodies for edge in self.edges for bodies in _emptied(edge.bodies)]
-
-    def take_cues(self) -> list[ReceivedCues]:
-        """The cues of every frame since the last call, each edge's in its order."""
-        return [cues for edge in self.edges for cues in _emptied(edge.new_cues)]
-
-    def take_props(self) -> list[Props]:
-        """The props of every frame since the last call, each edge's in its order."""
-        return [props for edge in self.edges for props in _emptied(edge.props)]
-
-    def take_boards(self) -> list[Board]:
-        """The boards of matches of every frame since the last call, each edge's in its order."""
-        return [board for edge in self.edges for board in _emptied(edge.boards)]
-
-    def look(self, look: Look) -> None:
-        """Tell every connected edge the viewer's direction of view."""
-        for edge in self.edges:
-            if edge.status is not None:
-                edge.command(look, None)
-
-    def browse(self, character: str, step: int = 1) -> None:
-        """Ask for another match of a character to be shown; step 0 follows the pose again."""
-        self._command(character, lambda own: Browse(own, step), None)
+    def take(self, topic: Topic) -> list[Any]:
+        """Every value of a topic since the last call, each edge's in its order."""
+        return [value for edge in self.edges for value in _emptied(edge.inbox.get(topic.name, deque()))]
 
     def take_notices(self) -> list[Notice]:
         """Sentences for the user since the last call: refusals, restarts, other versions, clashes."""
         return _emptied(self._notices)
 
-    def possess(
-        self,
-        character: str,
-        body: int | None = None,
-        parts: str = "all",
-        on_reply: Callable[[Answer], None] | None = None,
-        mode: Mode = "alone",
-    ) -> None:
-        """Ask the edge to let a body possess a character; a refusal comes as a notice.
+    def ask(self, order: Order, on_reply: Callable[[Answer], None] | None = None) -> None:
+        """Sends an order to the edge that has its character, else to all edges; a refusal comes as a notice.
 
         Args:
-            body: the performer's id; None: the performer in view.
-            parts: names of :data:`enliven.person.body.PARTS`, joined with "+".
+            order: with the character's id as it is here.
             on_reply: called from a later :meth:`poll` with Done or Refused; at once without an edge.
-            mode: who else holds it then, see :class:`~enliven.wire.messages.Possess`.
         """
-        self._command(character, lambda own: Possess(own, body, parts, mode), on_reply)
-
-    def release(
-        self,
-        character: str,
-        on_reply: Callable[[Answer], None] | None = None,
-        body: int | None = None,
-    ) -> None:
-        """Ask for a character to be released by a performer, or by every performer; see :meth:`possess`."""
-        self._command(character, lambda own: Release(own, body), on_reply)
-
-    def smooth(
-        self, body: int, amount: float | None = None, on_reply: Callable[[Answer], None] | None = None
-    ) -> None:
-        """Ask for an amount of smoothing of a performer: 0 for none, None for the settings."""
-        for edge in self.edges:
-            edge.command(Smooth(body, amount), on_reply)
-
-    def lock(self, on: bool, on_reply: Callable[[Answer], None] | None = None) -> None:
-        """Ask that only the performers who are followed now perform, or with False all who come."""
-        for edge in self.edges:
-            edge.command(Lock(on), on_reply)
-
-    def close(self) -> None:
-        """Let the sockets go."""
-        for edge in self.edges:
-            edge.close()
-        self._context.destroy(linger=0)
-
-    def _command(
-        self,
-        character: str,
-        request: Callable[[str], Possess | Release | Browse],
-        on_reply: Callable[[Answer], None] | None,
-    ) -> None:
-        """Send a command to the edge that has the character."""
+        character = getattr(order, "character", None)
+        if character is None:
+            for edge in self.edges:
+                edge.command(order, on_reply)
+            return
         for edge in self.edges:
             if character in edge.held:
-                own = character if len(self.edges) == 1 else character.removeprefix(f"{edge.name}/")
-                edge.command(request(own), on_reply)
+                prefix = "" if len(self.edges) == 1 else f"{edge.name}/"
+                own = msgspec.structs.replace(order, character=character.removeprefix(prefix))
+                edge.command(own, on_reply)
                 return
         known = ", ".join(self.characters) or "none"
         refused = Refused(f"there is no character {character!r}; known: {known}"[:400])
         self._notices.append(Notice("warning", refused.reason))
         if on_reply is not None:
             on_reply(refused)
+
+    def close(self) -> None:
+        """Let the sockets go."""
+        for edge in self.edges:
+            edge.close()
+        self._context.destroy(linger=0)
 
     def _find_clashes(self) -> None:
         """Mark edges of one name that are alive at once; after a restart the old one is silent."""

@@ -11,53 +11,46 @@ from typing import Any
 
 import zmq
 
-from enliven.document import Character, Props
+from enliven.document import Character
 from enliven.errors import EnlivenError
-from enliven.matching import Board
 from enliven.wire import (
     MAX_STREAM_BYTES,
     POSE,
+    STATUS,
+    STREAMS,
     SUPERSEDED,
     Answer,
-    BodiesMessage,
     CharacterMessage,
-    CuesMessage,
     Endpoint,
     GetState,
     Hello,
     Malformed,
-    MatchesMessage,
     Order,
     OtherVersion,
     Ping,
     Pong,
     PoseCodec,
     PoseMessage,
-    PropsMessage,
     Refused,
     Rejects,
     StatusMessage,
+    Topic,
     Welcome,
     make_socket,
-    message_to_board,
-    message_to_bodies,
     message_to_character,
-    message_to_cues,
-    message_to_owners,
     message_to_pose,
-    message_to_props,
     unpack_stream,
 )
 from enliven_viewer.link.clock import ClockEstimate
-from enliven_viewer.link.received import Health, Notice, ReceivedBodies, ReceivedCues, ReceivedPose
+from enliven_viewer.link.received import Health, Notice, ReceivedPose
 from enliven_viewer.link.requests import Requests
+from enliven_viewer.link.topic_health import SILENT_AFTER, TopicHealth, TopicWatch
+from enliven_viewer.link.tracks import labelled, track_of
 
 _MOST_PER_POLL = 5000
 """Messages that one poll takes at most, so that a flood of them does not stop the drawing."""
 _KEPT = 4000
 """Poses, and frames of bodies, kept for a caller that does not take them: two minutes of one character."""
-_SILENT_AFTER = 2.0
-"""Seconds without a message after which an edge counts as silent: four heartbeats."""
 _ASK_EVERY = 1.0
 """Seconds between two requests for the same thing while the streams arrive."""
 _ASK_FIRST_EVERY = 0.1
@@ -70,8 +63,6 @@ _FETCHED_AT_ONCE = 4
 """Characters that are requested at the same time, so that poses and heartbeats are not held up."""
 _COMMAND_WITHIN = 3.0
 """Seconds after which a command is given up and the user is told that the edge does not answer."""
-_RATE_OVER = 2.0
-"""Seconds over which the rate of poses is counted: steady to read, and soon right."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +80,10 @@ class EdgeConnection:
         viewer: the name to say hello with.
         label: makes the id that a character has in this viewer from its edge's name and its own id.
         notify: takes notices for the user.
+
+    Attributes:
+        inbox: by topic, the values that the caller has not taken.
+        latest: by topic and key, the newest value.
     """
 
     def __init__(
@@ -108,20 +103,15 @@ class EdgeConnection:
         self._rejects = Rejects(f"edge at {endpoint}")
         self.status: StatusMessage | None = None
         self.held: dict[str, _Held] = {}
-        self.poses: deque[ReceivedPose] = deque(maxlen=_KEPT)
-        self.bodies: deque[ReceivedBodies] = deque(maxlen=_KEPT)
-        self.latest_bodies: ReceivedBodies | None = None
-        self.cues: dict[str, ReceivedCues] = {}
-        self.new_cues: deque[ReceivedCues] = deque(maxlen=_KEPT)
-        self.props: deque[Props] = deque(maxlen=_KEPT)
-        self.boards: deque[Board] = deque(maxlen=_KEPT)
+        self.inbox: dict[str, deque[Any]] = {}
+        self.latest: dict[str, dict[str, Any]] = {}
+        self._watches: dict[str, TopicWatch] = {}
         self.instance: int | None = None
         self.clash = False
         self._lost = 0
         self._other_version: int | None = None
         self.last_heard = self._ping_at = -math.inf
         self._told_listening = False
-        self._arrivals: deque[float] = deque(maxlen=1000)
         self._begin(None)
 
     def poll(self) -> None:
@@ -143,11 +133,15 @@ class EdgeConnection:
     def health(self) -> Health:
         """The health of the edge."""
         now = time.monotonic()
-        while self._arrivals and now - self._arrivals[0] > _RATE_OVER:
-            self._arrivals.popleft()
-        rate = len(self._arrivals) / _RATE_OVER
-        state, text = self._state(now, rate)
-        return Health(state, text, rate, self._rejects.total, self._lost)
+        poses = self._watch(POSE).health(self.status.fps if self.status else 0.0)
+        state, text = self._state(now, poses)
+        hz = poses.hz * max(len(self.latest.get(POSE.name, {})), 1)
+        return Health(state, text, hz, self._rejects.total, self._lost)
+
+    def topics(self) -> dict[str, TopicHealth]:
+        """The health of each topic of the table, by name."""
+        fps = self.status.fps if self.status else 0.0
+        return {name: self._watch(topic).health(fps) for name, topic in STREAMS.items()}
 
     def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
         """Send a command; a refusal becomes a notice, and ``on_reply`` gets the reply."""
@@ -167,7 +161,7 @@ class EdgeConnection:
         self._requests.close()
         self._stream.close(linger=0)
 
-    def _state(self, now: float, rate: float) -> tuple[Any, str]:
+    def _state(self, now: float, poses: TopicHealth) -> tuple[Any, str]:
         """The state and the text of :class:`Health`."""
         if self._other_version is not None:
             return "version mismatch", (
@@ -181,9 +175,9 @@ class EdgeConnection:
         if self.status.phase == "ended":
             return "ended", f"{self.name}: the stream has ended"
         silent = now - self.last_heard
-        if silent > _SILENT_AFTER:
+        if silent > SILENT_AFTER:
             return "stale", f"{self.name} has been silent for {silent:.0f} s"
-        if rate and rate >= 0.5 * min(self.status.fps or POSE.rate_hz, POSE.rate_hz):
+        if poses.on_rate:
             return "on rate", f"{self.name}: {self.status.phase}"
         return "connected", f"{self.name}: {self.status.phase}"
 
@@ -206,34 +200,41 @@ class EdgeConnection:
         """Count a message that cannot be read; tell the user where it is of another version."""
         if isinstance(error, OtherVersion) and self._other_version != error.version:
             self._other_version = error.version
-            self._notify(Notice("error", self._state(0.0, 0.0)[1]))
+            self._notify(Notice("error", self._state(0.0, TopicHealth())[1]))
+        if error.kind in STREAMS:
+            self._watch(STREAMS[error.kind]).failed()
         self._rejects.add(error)
 
     def _receive(self, data: bytes, latched: bool) -> None:
         """Take one stream message; drop it where it contradicts itself."""
         try:
-            _, message = unpack_stream(data)
+            topic, message = unpack_stream(data)
             if not latched:
                 self.last_heard = time.monotonic()
                 self._other_version = None
-            match message:
-                case PoseMessage():
-                    self._take_pose(message, latched)
-                case StatusMessage():
-                    self._take_status(message)
-                case BodiesMessage():
-                    self._take_bodies(message)
-                case CuesMessage():
-                    self._take_cues(message)
-                case PropsMessage():
-                    self.props.append(message_to_props(message))
-                case MatchesMessage():
-                    board = message_to_board(message)
-                    self.boards.append(replace(board, character=self._label(self.name, board.character)))
+            if topic is STATUS:
+                self._take_status(message)
+            elif topic is POSE:
+                self._take_pose(message, latched)
+            elif self.status is not None:
+                own = labelled(message, lambda character: self._label(self.name, character))
+                self._keep(topic, topic.key(own), track_of(topic).read(own, self.name))
+            if not latched:
+                self._watch(topic).took(topic.key(message))
         except Malformed as error:
             self._reject(error)
         except (EnlivenError, ValueError) as error:
+            self._watch(topic).failed()
             self._rejects.add(error)
+
+    def _keep(self, topic: Topic, key: str, value: Any) -> None:
+        """Keeps a value for the caller, and as the newest of its key."""
+        self.latest.setdefault(topic.name, {})[key] = value
+        self.inbox.setdefault(topic.name, deque(maxlen=_KEPT)).append(value)
+
+    def _watch(self, topic: Topic) -> TopicWatch:
+        """Returns the counts of a topic."""
+        return self._watches.setdefault(topic.name, TopicWatch(topic))
 
     def _take_status(self, message: StatusMessage) -> None:
         if message.instance != self.instance:
@@ -257,7 +258,6 @@ class EdgeConnection:
         if not latched:
             self._sequences[message.character] = message.sequence
             self._lost += message.sequence - last - 1 if last is not None else 0
-            self._arrivals.append(time.monotonic())
         self._decode(message, time.time_ns())
 
     def _decode(self, message: PoseMessage, received_ns: int) -> None:
@@ -268,44 +268,14 @@ class EdgeConnection:
             return
         shown = self._label(self.name, message.character)
         pose = message_to_pose(message, self.held[shown].codec)
-        self.poses.append(
-            ReceivedPose(
-                replace(pose, character=shown),
-                self.name,
-                message.sequence,
-                message.captured_ns,
-                message.published_ns,
-                received_ns,
-                self.clock.offset_ns,
-            )
-        )
-
-    def _take_bodies(self, message: BodiesMessage) -> None:
-        bodies = tuple(message_to_bodies(message))
-        self.latest_bodies = ReceivedBodies(self.name, message.time_ns, message.captured_ns, bodies)
-        self.bodies.append(self.latest_bodies)
-
-    def _take_cues(self, message: CuesMessage) -> None:
-        if self.status is None:
-            return
-        nodes, strengths = message_to_cues(message)
-        shown = self._label(self.name, message.character)
-        self.cues[shown] = ReceivedCues(
-            shown,
-            message.state,
-            nodes,
-            strengths,
-            message.body,
-            message.time_ns,
-            message_to_owners(message),
-            message.held,
-        )
-        self.new_cues.append(self.cues[shown])
+        times = (message.captured_ns, message.published_ns, received_ns, self.clock.offset_ns)
+        pose = replace(pose, character=shown)
+        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times))
 
     def _ask(self) -> None:
         """Say hello until welcomed, ask for characters that are missing, and for the time."""
         now = time.monotonic()
-        listening = now - self.last_heard < _SILENT_AFTER
+        listening = now - self.last_heard < SILENT_AFTER
         # Until the streams arrive, every question makes the edge's heart beat once.
         pause = _ASK_EVERY if listening else _ASK_FIRST_EVERY
         behind = self.status is None or self.status.revision != self._known_revision
@@ -346,7 +316,8 @@ class EdgeConnection:
         shown = {self._label(self.name, character) for character in self._wanted}
         for gone in [name for name in self.held if name not in shown]:
             del self.held[gone]
-            self.cues.pop(gone, None)
+            for newest in self.latest.values():
+                newest.pop(gone, None)
         self._revisions = {name: held for name, held in self._revisions.items() if name in wanted}
         for message in answer.latest:
             self._receive(message, latched=True)

@@ -13,29 +13,21 @@ from enliven.errors import EnlivenError, InputError
 from enliven.files import DAMAGE
 from enliven.recording import Recording
 from enliven.wire import (
-    BodiesMessage,
+    CHARACTER,
+    POSE,
+    STREAMS,
     CharacterMessage,
-    CuesMessage,
-    Look,
-    MatchesMessage,
-    Mode,
+    Order,
     PoseCodec,
     PoseMessage,
-    PropsMessage,
-    message_to_board,
-    message_to_bodies,
     message_to_character,
-    message_to_cues,
-    message_to_owners,
     message_to_pose,
-    message_to_props,
 )
-from enliven_viewer.playback import CueFrame, Document, EdgeState
+from enliven_viewer.link.tracks import shown_topics, track_of
+from enliven_viewer.playback import Document, EdgeState
 
 log = logging.getLogger(__name__)
 
-TOPICS = ("character", "bodies", "pose", "props", "matches", "cues")
-"""The topics of a take; messages of one time are applied in this order."""
 _BATCH = 96
 """Messages that one poll applies: about a second of a take, so that the window draws while it is read."""
 
@@ -52,7 +44,8 @@ class TakeFeed:
 
     def __init__(self, path: Path) -> None:
         recording = Recording(path)
-        present = [t for t in TOPICS if t in recording.info.topics]
+        known = [CHARACTER.name, *(topic.name for topic in shown_topics())]
+        present = [name for name in known if name in recording.info.topics]
         if not {"character", "pose"} <= set(present):
             raise InputError(
                 "it holds no performance (characters and poses)",
@@ -84,25 +77,8 @@ class TakeFeed:
         document.edge = self._state
         return count
 
-    def possess(
-        self, character_id: str, body: int | None = None, parts: str = "all", mode: Mode = "alone"
-    ) -> None:
-        """Do nothing, since a recorded take does not change."""
-
-    def release(self, character_id: str, body: int | None = None) -> None:
-        """Do nothing, since a recorded take does not change."""
-
-    def smooth(self, body: int, amount: float | None = None) -> None:
-        """Do nothing, since a recorded take does not change."""
-
-    def lock(self, on: bool, then: Callable[[], None]) -> None:
-        """Do nothing, since a recorded take does not change."""
-
-    def look(self, look: Look) -> None:
-        """Do nothing, since a recorded take does not change."""
-
-    def browse(self, character_id: str, step: int = 1) -> None:
-        """Do nothing, since a recorded take does not change."""
+    def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:
+        """Does nothing, since a recorded take does not change."""
 
     def close(self) -> None:
         """Nothing stays open between polls."""
@@ -113,28 +89,19 @@ class TakeFeed:
 
     def _apply(self, document: Document, topic: str, data: bytes) -> None:
         """One message into the document."""
-        if topic == "character":
+        if topic == CHARACTER.name:
             self._introduce(document, data)
-        elif topic == "bodies":
-            seen = msgspec.msgpack.decode(data, type=BodiesMessage)
-            document.add_bodies(seen.time_ns, message_to_bodies(seen))
-        elif topic == "pose":
+        elif topic == POSE.name:
             pose = msgspec.msgpack.decode(data, type=PoseMessage)
             key = (pose.character, pose.revision)
             if key not in self._codecs:
                 self._look_ahead(document, *key)
             if self._revisions[pose.character] == pose.revision:
                 document.add_pose(message_to_pose(pose, self._codecs[key]))
-        elif topic == "props":
-            document.add_props(message_to_props(msgspec.msgpack.decode(data, type=PropsMessage)))
-        elif topic == "matches":
-            document.add_board(message_to_board(msgspec.msgpack.decode(data, type=MatchesMessage)))
         else:
-            cues = msgspec.msgpack.decode(data, type=CuesMessage)
-            shown = CueFrame(
-                cues.character, *message_to_cues(cues), cues.state, message_to_owners(cues), cues.held
-            )
-            document.set_cues(shown, cues.time_ns)
+            track = track_of(STREAMS[topic])
+            message = msgspec.msgpack.decode(data, type=STREAMS[topic].type)
+            track.put(document, track.read(message, self.name))
 
     def _introduce(self, document: Document, data: bytes) -> None:
         """Put the character of a message into the document, unless it is there already."""

@@ -10,7 +10,7 @@ from typing import Any
 import glfw
 
 from enliven.commands import parent_is_gone
-from enliven.wire import Mode
+from enliven.wire import Browse, Lock, Mode, Possess, Release, Smooth
 from enliven_viewer.link import Feed
 from enliven_viewer.live.hud import Hud, HudState, timeline_area
 from enliven_viewer.live.match_cards import cards_of
@@ -93,14 +93,18 @@ class App:
                 last = now
 
     def possess(self, mode: Mode = "alone") -> None:
-        """Ask the feed to let the chosen performer possess every character with the chosen parts."""
-        for name in self.document.characters:
-            self.feed.possess(name, self.possession.body, self.possession.parts, mode)
+        """Ask the feed to let the chosen performer, or each that is free, possess a character."""
+        for name in self._named():
+            self.feed.ask(Possess(name, self.possession.body, self.possession.parts, mode))
 
     def release(self) -> None:
-        """Ask the feed to release every character from the chosen performer, or from all."""
-        for name in self.document.characters:
-            self.feed.release(name, self.possession.body)
+        """Ask the feed to release what the chosen performer holds, or all characters."""
+        for name in self._named():
+            self.feed.ask(Release(name, self.possession.body))
+
+    def _named(self) -> list[str | None]:
+        """The character that an order names; among several the edge finds the one that is meant."""
+        return [None] if len(self.document.characters) > 1 else list(self.document.characters)
 
     def choose_parts(self, number: int) -> None:
         """Choose the parts of the next possession, which are previewed from now on."""
@@ -116,12 +120,12 @@ class App:
         """Ask the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
         present = [body.id for body in self._scene.bodies]
         for body, amount in self.possession.smoother(step, present).items():
-            self.feed.smooth(body, amount)
+            self.feed.ask(Smooth(body, amount))
 
     def toggle_lock(self) -> None:
         """Ask the feed that only the present performers perform, or all who come again."""
         wanted = not self.possession.locked
-        self.feed.lock(wanted, lambda: setattr(self.possession, "locked", wanted))
+        self.feed.ask(Lock(wanted), lambda: setattr(self.possession, "locked", wanted))
 
     def frame_all(self) -> None:
         """Bring everything into the picture, seen from the front right."""
@@ -131,7 +135,7 @@ class App:
     def browse(self, step: int) -> None:
         """Ask the feed for another match, for every character that waits for one to be chosen."""
         for name in self._scene.boards:
-            self.feed.browse(name, step)
+            self.feed.ask(Browse(name, step))
 
     def show_bones(self) -> None:
         """Turn the camera to where most of the bones of the characters can be seen."""
@@ -143,7 +147,7 @@ class App:
             return
         look = self._view_reporter.changed(self.camera.view(self._aspect), time.monotonic())
         if look is not None:
-            self.feed.look(look)
+            self.feed.ask(look)
 
     def fraction_along(self, x: float) -> float:
         """The place on the timeline, 0..1, of a pixel's column."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from enliven.document import Character, Pose, Props
 from enliven.health import HealthState
 from enliven.matching import Board
 from enliven.person import Body
+from enliven.wire import Topic
 from enliven_viewer.playback.timeline import CueFrame, Timeline
 
 
@@ -69,6 +71,10 @@ class Document:
     def add_board(self, board: Board) -> None:
         """Put a board of matches of a character on the timeline."""
         self.timeline.add_board(board)
+
+    def add(self, topic: Topic, message: Any) -> None:
+        """Put a message of a topic without a track of its own on the timeline, by its key."""
+        self.timeline.add(topic.name, topic.key(message), message)
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
         """Set the cues of a character from a time on, or from the newest moment; no nodes: none held."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,10 @@ class CueFrame:
 
 @dataclass(frozen=True)
 class TimelineMoment:
-    """Everything at one time of the sensor's clock: poses, cues, boards by character, bodies, props."""
+    """Everything at one time of the sensor's clock: poses, cues, boards by character, bodies, props.
+
+    ``others`` has the messages of other topics of the wire, by topic and key, which are not blended.
+    """
 
     time_ns: int
     poses: dict[str, Pose] = field(default_factory=dict)
@@ -56,6 +60,7 @@ class TimelineMoment:
     cues: dict[str, CueFrame] = field(default_factory=dict)
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
+    others: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @property
     def possessed(self) -> bool:
@@ -113,6 +118,12 @@ class Timeline:
         """Put a board of matches at its time."""
         old = self._at(board.time_ns)
         self._put(replace(old, boards={**old.boards, board.character: board}))
+
+    def add(self, topic: str, key: str, message: Any) -> None:
+        """Put a message of another topic at its time; it replaces an earlier one of its key and time."""
+        old = self._at(message.time_ns)
+        same = {**old.others.get(topic, {}), key: message}
+        self._put(replace(old, others={**old.others, topic: same}))
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
         """Set the cues of a character from a time on (None: the newest moment's) until they are set again."""
@@ -179,7 +190,7 @@ class Timeline:
         bodies = blend_bodies(before.bodies, after.bodies, share)
         props = blend_props(before.props, after.props, share, time_ns)
         boards = blend_boards(before.boards, after.boards, share)
-        return TimelineMoment(time_ns, poses, bodies, before.cues, props, boards)
+        return TimelineMoment(time_ns, poses, bodies, before.cues, props, boards, before.others)
 
     def _hold(self, cues: dict[str, CueFrame]) -> None:
         """Set the cues of the newest moment and all that follow."""

@@ -264,6 +264,7 @@ class StudioWindow:
             self.close()
 
     def _listen(self, area: Area) -> None:
+        """Passes pointer, buttons, wheel and keys over the viewport on."""
         io, user_input = imgui.get_io(), self.workspace.input
         at = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
         held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}

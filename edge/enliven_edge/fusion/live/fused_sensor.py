@@ -1,4 +1,4 @@
-"""Several sensors in one space, read as one sensor that delivers bodies."""
+"""Several sensors in one space that are read like one sensor; its frames are bodies."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ _SEVERITY = {
     SensorState.LOST: (HealthKind.NO_FRAMES, Severity.WARNING, "Start the edge again."),
     SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Look after its cable."),
 }
-"""Health kind, severity and remedy of each sensor state; the other sensors go on, so none is worse than a
-warning."""
+"""Kind, severity and remedy of the health message of each sensor state. None is worse than a warning, since
+the other sensors go on."""
 
 
 class FusedSensors:
-    """A sensor made of several: each is read and tracked in a thread of its own, ``read`` fuses their bodies.
+    """One sensor made of several. A thread for each reads and tracks it, and ``read`` fuses their bodies.
 
-    Live sensors are taken as they come. Recordings wait for each other, so that they run side by side by
-    the common clock at any pace. The stream ends with the last sensor.
+    Bodies of live sensors are fused as they come. Recordings wait for one another, so that they stay
+    together by the common clock at any pace. The stream ends when the last sensor ends.
 
     Args:
-        sensors: by identity, opened; closed with this one.
-        trackers: by identity.
-        space: where they stand.
-        health: by identity, the monitors of the sensors; None makes some.
-        once: end at the first fault of any sensor; otherwise that one is opened anew, and the others go on.
+        sensors: the opened sensors by identity; they are closed with this one.
+        trackers: the tracker of each sensor, by identity.
+        space: the place of each sensor.
+        health: the health monitor of each sensor, by identity; None makes them.
+        once: end at the first fault of any sensor; otherwise it is opened anew while the others go on.
 
     Raises:
         InputError: where the space does not know a sensor.
@@ -98,7 +98,7 @@ class FusedSensors:
 
         Raises:
             TimeoutError: when nothing came in time.
-            ResourceError: when every sensor was lost for good, or one of them and that is to be the end.
+            ResourceError: when all sensors are lost for good, or with ``once`` when one is lost.
         """
         if not self._started:
             self._started = True
@@ -145,15 +145,14 @@ class FusedSensors:
                 self._changed.wait(wait)
 
     def _ready(self) -> Watcher | None:
-        """Returns the sensor to read: the one with the oldest bodies; recordings only when each of them has
-        some."""
+        """Returns the sensor with the oldest bodies; among recordings only when each has some."""
         live = [w for w in self._watchers if w.seen and not w.recorded]
         recordings = [w for w in self._watchers if w.recorded and w.name not in self._gone]
         turn = live + (recordings if all(w.seen for w in recordings) else [])
         return min(turn, key=lambda w: self._common(w.seen[0]), default=None)
 
     def _report_ended(self) -> None:
-        """Reports sensors that have ended and of which all bodies were fused."""
+        """Tells the fuser of sensors that have ended, once all their bodies were fused."""
         for watcher in self._watchers:
             if watcher.ended and not watcher.seen and watcher.name not in self._gone:
                 self._gone.add(watcher.name)
@@ -166,7 +165,7 @@ class FusedSensors:
                     )
 
     def _fused(self, seen: SensorBodies) -> BodyFrame | None:
-        """Takes in a sensor's bodies; returns the fused bodies where they are due."""
+        """Gives a sensor's bodies to the fuser; returns the fused bodies when they are due."""
         if not next(w.recorded for w in self._watchers if w.name == seen.sensor):
             self._clocks.note(seen.sensor, seen.time_ns, seen.read_ns)
         time_ns = self._common(seen)
@@ -197,7 +196,11 @@ class FusedSensors:
 
 
 def _known(sensors: Mapping[str, Sensor], space: Space) -> None:
-    """Raises InputError for a sensor without a place in the space."""
+    """Checks that the space has a place for each sensor.
+
+    Raises:
+        InputError: where it has none.
+    """
     for name in sensors:
         if name not in space.sensors:
             raise InputError(

@@ -8,10 +8,10 @@ from pathlib import Path
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.importing.bags import orbbec, realsense, ros1, ros2
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, head_of, only_one
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
 
 
-class BagReader:
+class BagReader(Reader):
     """A recording of librealsense (.bag, .db3) or of OrbbecSDK (.bag): the depth camera and its images."""
 
     name = "bag"

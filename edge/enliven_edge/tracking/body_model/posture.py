@@ -36,6 +36,7 @@ class Posture:
     lengths: Float
 
     def copy(self) -> Posture:
+        """A posture of the same values, with arrays of its own."""
         return Posture(self.position.copy(), self.rotations.copy(), self.lengths.copy())
 
     def joints(self) -> Float:

@@ -125,6 +125,7 @@ class HealthMonitor:
 
     @property
     def late(self) -> int:
+        """The number of frames that came out of order so far."""
         return self._rhythm.late
 
     @property

@@ -86,6 +86,7 @@ class Mounting:
 
     @property
     def camera(self) -> WorkingCamera:
+        """The lens of the reduced image; there is one from the first frame on."""
         assert self._camera is not None
         return self._camera
 

@@ -239,6 +239,7 @@ class Candidates:
         self._refused: list[tuple[Float, int]] = []
 
     def clear(self) -> None:
+        """Forgets all candidates and all things."""
         self._known.clear()
         self._refused.clear()
 

@@ -121,6 +121,7 @@ class WorstFrames:
 
     @property
     def frames(self) -> list[Float]:
+        """The recorded frames (V, 3), the one that is farthest off first."""
         return [frame for _, frame in self._kept]
 
     def record(self, worst: float, frame: Float) -> None:

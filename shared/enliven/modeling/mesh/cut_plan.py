@@ -118,6 +118,7 @@ class CutPlan:
         self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 
     def between(self, at: Float, edges: Int, share: Float) -> Float:
+        """The places (E, 3) that lie so much of the way along edges (E, 2) of vertices at (V, 3)."""
         return np.asarray(at[edges[:, 0]] + share[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
 
     def _shares(self, edges: Int) -> Float:

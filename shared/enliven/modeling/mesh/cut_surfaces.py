@@ -32,7 +32,7 @@ class CutSurface(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneCut:
+class PlaneCut(CutSurface):
     """A plane. The near side is behind it, the far side where the normal points.
 
     Attributes:
@@ -67,7 +67,7 @@ class PlaneCut:
 
 
 @dataclass(frozen=True, eq=False)
-class StrokeCut:
+class StrokeCut(CutSurface):
     """A stroke on the picture, swept along the view; it goes on straight beyond its two ends.
 
     Attributes:

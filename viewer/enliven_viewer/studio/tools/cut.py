@@ -54,6 +54,7 @@ class CutTool(Tool):
             self._crossed = mine or found
 
     def release(self, pointer: Pointer) -> None:
+        """Cuts what the stroke crosses, at the time that is shown."""
         stroke, crossed = self._stroke, self._crossed
         self._stroke, self._crossed = [], []
         if not stroke:

@@ -1,0 +1,60 @@
+"""The table of handlers: what the edge does with each kind of order, how often, and for whom."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from enliven.errors import EnlivenError
+from enliven.wire import Order
+
+
+def _each(order: Any) -> Hashable:
+    """Returns the subject of orders of which each counts."""
+    return None
+
+
+@dataclass(frozen=True)
+class Handler:
+    """How one kind of order is carried out.
+
+    Attributes:
+        do: carries it out; raises an EnlivenError where it is refused.
+        newest: returns its subject: of a viewer's waiting orders on one subject only the newest is carried
+            out; None: this one counts in any case.
+        who: may give it, all viewers that may connect or those of this machine alone.
+    """
+
+    do: Callable[[Any], None]
+    newest: Callable[[Any], Hashable] = _each
+    who: Literal["anyone", "this machine"] = "anyone"
+
+
+Handlers = Mapping[type[Order], Handler]
+
+
+def carried_out(handlers: Handlers, order: Order, address: str) -> str:
+    """Carries out an order; returns why it was refused, or an empty string.
+
+    Args:
+        address: the viewer's, without the port.
+    """
+    handler = handlers.get(type(order))
+    if handler is None:
+        return "this edge cannot do that" if handlers else "the stream has ended"
+    if handler.who == "this machine" and not ipaddress.ip_address(address.partition("%")[0]).is_loopback:
+        return "only a viewer on the edge's own machine may ask for that"
+    try:
+        handler.do(order)
+    except EnlivenError as error:
+        return str(error)
+    return ""
+
+
+def subject_of(handlers: Handlers, order: Order) -> Hashable:
+    """Returns the key of an order that a newer order with the same key replaces; None where each counts."""
+    handler = handlers.get(type(order))
+    subject = None if handler is None else handler.newest(order)
+    return None if subject is None else (type(order), subject)

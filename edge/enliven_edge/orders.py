@@ -1,0 +1,69 @@
+"""The one place where the edge says what it does with each kind of order, of viewers and of controls."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from enliven.matching import ScreenView
+from enliven.wire import Browse, Lock, Look, Order, Possess, Release, Smooth
+from enliven_edge.network import Handler
+
+if TYPE_CHECKING:
+    from enliven_edge.stage import Stage
+    from enliven_edge.tracking import Tracker
+
+_ONE = 0
+"""The subject of orders that replace each other whatever they say."""
+
+
+class Served(Protocol):
+    """What orders are about."""
+
+    stage: Stage
+    tracker: Tracker
+
+
+def handlers_of(edge: Served) -> dict[type[Order], Handler]:
+    """Returns the handler of each kind of order; a new kind is one more line."""
+    return {
+        Possess: Handler(lambda order: _possess(edge.stage, order), _subject_of_possession),
+        Release: Handler(
+            lambda order: edge.stage.release(order.character, order.body),
+            lambda order: (order.character, order.body),
+        ),
+        Smooth: Handler(
+            lambda order: edge.tracker.output.smooth(order.body, order.amount), lambda order: order.body
+        ),
+        Look: Handler(lambda order: edge.stage.set_view(_view(order)), lambda order: _ONE),
+        Browse: Handler(lambda order: edge.stage.browse(order.character, order.step)),
+        Lock: Handler(lambda order: _lock(edge.tracker, order.on), lambda order: _ONE),
+    }
+
+
+def _possess(stage: Stage, asked: Possess) -> None:
+    """Lets a performer take hold, or previews what they would hold."""
+    if asked.mode == "preview":
+        stage.preview(asked.character, asked.body, asked.parts)
+    else:
+        stage.possess(asked.character, asked.body, asked.parts, asked.mode)
+
+
+def _subject_of_possession(asked: Possess) -> tuple[str, str | None] | None:
+    """Returns what a newer wish replaces; each "join" and "extend" counts, since it adds to what is there."""
+    return (asked.mode, asked.character) if asked.mode in ("alone", "preview") else None
+
+
+def _view(asked: Look) -> ScreenView:
+    """Returns the direction from which a viewer looks."""
+    eye = None if asked.eye is None else np.array(asked.eye)
+    return ScreenView(np.array(asked.direction), np.array(asked.up), eye)
+
+
+def _lock(tracker: Tracker, on: bool) -> None:
+    """Keeps the cast from now on: only people who are followed now perform; or ends that."""
+    if on:
+        tracker.lock()
+    else:
+        tracker.unlock()

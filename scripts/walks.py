@@ -1,0 +1,80 @@
+"""The walks of docs/architecture.md: a value followed through the code, by the places that pass it on."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+from house import House
+
+WALKS = Path(__file__).with_name("walks.toml")
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One walk.
+
+    Attributes:
+        title: from where to where.
+        most: files it may have.
+        steps: the places, see ``walks.toml``.
+    """
+
+    title: str
+    most: int
+    steps: list[dict[str, str]]
+
+    @staticmethod
+    def read(path: Path = WALKS) -> dict[str, Walk]:
+        """The walks of a file, by name."""
+        return {name: Walk(**said) for name, said in tomllib.loads(path.read_text(encoding="utf-8")).items()}
+
+
+def table(house: House, walk: Walk) -> str:
+    """The files of a walk in order, with the function that the value comes to and its sentence.
+
+    Raises:
+        ValueError: where a place is not there, is named by no place before it, or has no sentence.
+    """
+    rows, before = list[str](), list[str]()
+    for step in walk.steps:
+        path, name, said = _place(house, step["at"])
+        word = step.get("by", name.split(".")[-1])
+        if word and not any(re.search(rf"\b{re.escape(word)}\b", text) for text in before):
+            raise ValueError(f"{step['at']}: no file before it in the walk says {word!r}")
+        said = step.get("says", said)
+        if not said:
+            raise ValueError(f"{step['at']} has no docstring, and the walk says nothing of it")
+        before.append(path.read_text(encoding="utf-8"))
+        place = path.relative_to(house.root).as_posix()
+        rows.append(f"| {len(rows) + 1} | [{place}](../{place}) | `{name or path.name}` | {said} |")
+    if len(rows) > walk.most:
+        raise ValueError(f"{walk.title}: {len(rows)} files, {len(rows) - walk.most} too many")
+    head = [f"### {walk.title}: {len(rows)} files", "", "| | file | function | what it does |"]
+    return "\n".join([*head, "|---|---|---|---|", *rows])
+
+
+def _place(house: House, at: str) -> tuple[Path, str, str]:
+    """The file of a place, the name of its function, and the first sentence of its docstring."""
+    if "/" in at:
+        path = house.root / at
+        if not path.is_file():
+            raise ValueError(f"{at} is not there")
+        return path, "", ""
+    module, _, name = at.partition(":")
+    if module not in house.modules:
+        raise ValueError(f"there is no module {module}")
+    path = house.modules[module]
+    body: list[ast.stmt] = ast.parse(path.read_text(encoding="utf-8")).body
+    found: ast.stmt | None = None
+    for part in name.split("."):
+        kinds = ast.ClassDef | ast.FunctionDef
+        found = next((node for node in body if isinstance(node, kinds) and node.name == part), None)
+        if found is None:
+            raise ValueError(f"{module} has no {name}")
+        body = found.body  # type: ignore[attr-defined]
+    text = ast.get_docstring(found) or ""  # type: ignore[arg-type]
+    return path, name, re.split(r"(?<=\.)\s|\n\n|:\n", " ".join(text.split("\n\n")[0].split()))[0]

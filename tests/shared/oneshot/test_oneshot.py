@@ -1,0 +1,122 @@
+"""One-shot functions do what their solvers do, and refuse with a way out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from enliven import (
+    Body,
+    PlaneCut,
+    Project,
+    Skeleton,
+    copy,
+    cut,
+    export,
+    load_sample,
+    match,
+    merge,
+    mesh_at,
+    possess,
+)
+from enliven.errors import InputError
+from enliven.matching import Matcher, ScreenView, body_source
+from enliven.person import J, Joint
+from enliven.rotation import from_rotation_vector, rotate
+
+STEP = 0.1
+
+
+HALF = [
+    (Joint.SHOULDER_LEFT, (0.18, 1.40, 0.0)),
+    (Joint.ELBOW_LEFT, (0.22, 1.12, 0.0)),
+    (Joint.WRIST_LEFT, (0.24, 1.10, 0.25)),
+    (Joint.HAND_LEFT, (0.24, 1.10, 0.35)),
+    (Joint.HIP_LEFT, (0.10, 0.90, 0.0)),
+    (Joint.KNEE_LEFT, (0.20, 0.50, 0.0)),
+    (Joint.ANKLE_LEFT, (0.22, 0.10, 0.0)),
+    (Joint.FOOT_LEFT, (0.22, 0.02, 0.10)),
+]
+"""The left side of a person who stands in the chair, metres."""
+TRUNK = [(0.0, 0.95, 0.0), (0.0, 1.10, 0.0), (0.0, 1.40, 0.0), (0.0, 1.60, 0.0)]
+
+
+def standing(bow: float = 0.0) -> Body:
+    """A person in the chair who bows by so many radians."""
+    joints = np.zeros((J, 3))
+    joints[:4] = TRUNK
+    for joint, place in HALF:
+        joints[joint], joints[joint + 4] = place, (-place[0], *place[1:])
+    joints[1:12] = rotate(from_rotation_vector(np.array([bow, 0.0, 0.0])), joints[1:12] - TRUNK[0]) + TRUNK[0]
+    return Body(1, joints, np.ones(J))
+
+
+@pytest.fixture(scope="module")
+def performed() -> tuple[Project, str]:
+    bodies = [standing(0.2 * n) for n in range(6)]
+    return possess(load_sample("chair"), bodies, STEP, nodes=64)
+
+
+def test_a_possessed_mesh_starts_as_it_was_and_moves(performed):
+    project, chair = performed
+    rest = load_sample("chair").vertices
+    assert np.abs(mesh_at(project, chair, 0.0).vertices - rest).max() < 0.02
+    assert np.abs(mesh_at(project, chair, 0.5).vertices - rest).max() > 0.05
+
+
+def test_a_second_one_has_a_name_of_its_own(performed):
+    project, chair = performed
+    both, other = possess(load_sample("chair"), [standing(), standing(0.1)], STEP, nodes=64, project=project)
+    assert other != chair
+    assert (mesh_at(both, chair, 0.5).vertices == mesh_at(project, chair, 0.5).vertices).all()
+
+
+def test_what_is_cut_is_where_it_was(performed):
+    project, chair = performed
+    whole = mesh_at(project, chair, 0.3).vertices
+    parts, names = cut(project, chair, PlaneCut(np.array([0, 1.0, 0]), np.array([0, 1.0, 0])), 0.3)
+    seen = np.concatenate([mesh_at(parts, name, 0.3).vertices for name in names])
+    lost = [place for place in whole[::97] if np.linalg.norm(seen - place, axis=1).min() > 1e-5]
+    assert len(names) == 2 and lost == []
+
+
+def test_a_copy_is_beside_and_later(performed):
+    project, chair = performed
+    twice, second = copy(project, chair, offset=np.array([1.0, 0.0, 0.0]), delay=0.2)
+    here, there = mesh_at(twice, chair, 0.1).vertices, mesh_at(twice, second, 0.3).vertices
+    np.testing.assert_allclose(there, here + np.array([1.0, 0.0, 0.0]), atol=1e-6)
+
+
+def test_the_matches_are_the_matchers():
+    skeleton = _skeleton()
+    body = standing(0.7)
+    expected = Matcher(skeleton).rank(body_source(body, "arms").source.points(body.joints), ScreenView())
+    found = match(body, skeleton, "arms")
+    assert [one.key for one in found] == [one.key for one in expected]
+    assert (found.scores == expected.scores).all()
+
+
+def _skeleton():
+    names = ("root", "left", "left end", "right", "right end", "up", "up end")
+    places = np.array([[0, 0, 0], [1, 0, 0], [2, 0.2, 0], [-1, 0, 0], [-2, 0, 0], [0, 1, 0], [0, 2, 0.0]])
+    return Skeleton(names, np.array([-1, 0, 1, 0, 3, 0, 5]), places)
+
+
+def test_what_cannot_be_done_is_refused_with_a_way_out(performed, tmp_path):
+    project, chair = performed
+    far = standing()
+    far = replace(far, joints=far.joints + 9.0)
+    for refused, said in (
+        (lambda: possess(load_sample("chair"), [standing()]), "two or more"),
+        (lambda: possess(load_sample("chair"), [far, far]), "fit_height"),
+        (lambda: mesh_at(project, "table", 0.0), chair),
+        (lambda: cut(project, "table", PlaneCut(np.zeros(3), np.ones(3)), 0.0), chair),
+        (lambda: copy(project, "table"), chair),
+        (lambda: merge(project, chair, chair, 0.0), "Copy it first"),
+        (lambda: export(project, tmp_path / "chair.doc"), ".glb"),
+        (lambda: export(project, tmp_path / "chair.bvh"), ""),
+    ):
+        with pytest.raises(InputError) as refusal:
+            refused()
+        assert said in refusal.value.mend
+    assert list(tmp_path.iterdir()) == []

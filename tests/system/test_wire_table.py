@@ -1,0 +1,229 @@
+"""The one table of the wire: a new message and a new request, the health of each topic, and a stored take.
+
+A new stream message touches four files: its class in ``wire/streams.py``, its row in ``wire/topics.py``, its
+name on the door of ``wire``, and the line in ``network/outlet.py`` that makes it of a frame's result. A new
+request touches four: its class and entry in ``wire/requests.py``, its name on the door, its handler in
+``enliven_edge/orders.py``, and the key or button that asks. What is registered here stands for those lines.
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from patience import PATIENCE
+
+from enliven.document.character import Character, Pose, SkinWeights
+from enliven.errors import InputError
+from enliven.frames import BodyFrame
+from enliven.recording import Recording
+from enliven.takes import read_possessed
+from enliven.wire import BODIES, BY_TYPE, POSE, REQUESTS, STREAMS, TOPICS, Order, Topic, pack_stream, register
+from enliven.wire.messages import BodiesMessage, Done, Lock, Refused
+from enliven_edge.network.handlers import Handler, carried_out
+from enliven_edge.network.outlet import Outlet
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage.stage import Stage
+from enliven_edge.stage.tick import Tick
+from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.link.edge_feed import EdgeFeed
+from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.take_feed import TakeFeed
+from enliven_viewer.playback.document import Document
+
+STORED = Path(__file__).parent / "references" / "two_characters.mcap"
+"""A take of two characters that the first edge with several wrote; the format's version is 1."""
+STEP = 33_333_333
+
+
+class WindMessage(msgspec.Struct, array_like=True, frozen=True):
+    """A message that no program of today knows."""
+
+    time_ns: int
+    metres_a_second: float
+
+
+class Blow(Order, frozen=True):
+    """A request that no edge of today knows."""
+
+    metres_a_second: float
+
+
+@pytest.fixture
+def wind() -> Iterator[Topic]:
+    topic = register(Topic("wind", WindMessage, "stream", 1024, 30, "every", latched=True, recorded=True))
+    REQUESTS.append(Blow)
+    yield topic
+    TOPICS.remove(topic)
+    del STREAMS["wind"], BY_TYPE[WindMessage]
+    REQUESTS.remove(Blow)
+
+
+class Nobody:
+    """A sensor without frames."""
+
+    name, fps = "nobody", 30.0
+
+    def read(self, timeout: float | None = None) -> None:
+        return None
+
+
+def block(name: str) -> Character:
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (0, 2) for z in (-1, 1)], np.float32)
+    faces = np.array([[0, 1, 2], [1, 3, 2], [4, 6, 5], [5, 6, 7]], np.int32)
+    skin = SkinWeights(np.zeros((8, 4), np.uint16), np.tile(np.float32([1, 0, 0, 0]), (8, 1)))
+    pivots = np.array([[0, 0, 0], [0, 1, 0]], np.float32)
+    return Character(name, corners, faces, skin, pivots, np.array([[0, 1]], np.int32))
+
+
+def outlet_of(path: Path) -> Outlet:
+    return Outlet(WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), "nobody", record=path)
+
+
+def until(done: Callable[[], object], *polled: Callable[[], object]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < deadline, "it never came to be"
+        for poll in polled:
+            poll()
+        time.sleep(0.001)
+
+
+def test_a_new_message_is_carried_recorded_told_late_and_on_the_timeline(wind: Topic, tmp_path: Path) -> None:
+    with outlet_of(tmp_path / "wind.mcap") as outlet:
+        outlet.introduce(block("box"))
+        outlet.publish(Tick(BodyFrame([], STEP, "x"), poses=[block("box").rest_pose(STEP)]))
+        outlet.send(WindMessage(STEP, 3.5), STEP)
+        feed, document = EdgeFeed(EdgeClient([outlet.publisher.endpoint])), Document()
+
+        def shown() -> object:
+            moment = document.timeline.at(STEP)
+            return moment is not None and moment.others.get("wind")
+
+        until(shown, lambda: feed.poll(document), outlet.publisher.poll)
+        assert shown() == {"": WindMessage(STEP, 3.5)}, "it was sent before this viewer came"
+        feed.close()
+    assert "wind" in Recording(tmp_path / "wind.mcap").info.topics
+    replayed, take = Document(), TakeFeed(tmp_path / "wind.mcap")
+    while take.poll(replayed):
+        pass
+    moment = replayed.timeline.at(STEP)
+    assert moment is not None and moment.others == {"wind": {"": WindMessage(STEP, 3.5)}}
+    assert take.unreadable == 0 and list(moment.poses) == ["box"]
+
+
+def test_a_new_request_reaches_its_handler_and_without_one_it_is_refused(wind: Topic, tmp_path: Path) -> None:
+    with outlet_of(tmp_path / "take.mcap") as outlet:
+        edge, asked, replies = Edge(Nobody(), Tracker(), Stage([]), outlet), [], []
+        link = EdgeClient([outlet.publisher.endpoint])
+        until(lambda: link.status, link.poll, edge._listen)
+        link.ask(Blow(1.0), replies.append)
+        until(lambda: replies, link.poll, edge._listen)
+        assert isinstance(replies.pop(), Refused) and not asked
+        edge.handlers[Blow] = Handler(asked.append, newest=lambda order: "wind")
+        for speed in range(5):
+            link.ask(Blow(float(speed)), replies.append)
+        until(lambda: len(replies) == 5, link.poll, edge._listen)
+        assert asked[-1] == Blow(4.0) and replies.count(Done()) == len(asked)
+        link.close()
+
+
+@pytest.mark.parametrize(
+    ("address", "who", "told"),
+    [
+        ("10.0.0.7", "anyone", ""),
+        ("10.0.0.7", "this machine", "own machine"),
+        ("127.0.0.1", "this machine", ""),
+        ("::1", "this machine", ""),
+        ("fe80::1%eth0", "this machine", "own machine"),
+    ],
+)
+def test_who_may_ask_is_said_where_the_handler_stands(address: str, who, told: str) -> None:
+    asked: list[Order] = []
+    refused = carried_out({Lock: Handler(asked.append, who=who)}, Lock(True), address)
+    assert told in refused and bool(refused) == bool(told) and len(asked) == (not told)
+
+
+def test_what_a_handler_refuses_is_said_and_an_end_is_an_end() -> None:
+    def refuse(order: Order) -> None:
+        raise InputError("it is bolted down", where="the chair", mend="Unscrew it.")
+
+    assert "bolted down" in carried_out({Lock: Handler(refuse)}, Lock(True), "127.0.0.1")
+    assert carried_out({}, Lock(True), "127.0.0.1") == "the stream has ended"
+
+
+def test_each_topic_is_known_to_be_alive_on_rate_and_valid(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("enliven_viewer.link.topic_health.RATE_OVER", 0.3)
+    monkeypatch.setattr("enliven_viewer.link.topic_health.SILENT_AFTER", 0.3)
+    with outlet_of(tmp_path / "take.mcap") as outlet:
+        link = EdgeClient([outlet.publisher.endpoint])
+        of = lambda topic: link.topics[outlet.publisher.endpoint][topic.name]  # noqa: E731
+        assert not of(POSE).alive and of(POSE).valid
+        for name in "ab":
+            outlet.introduce(block(name))
+        count = iter(range(10**6))
+
+        def frame() -> None:
+            at = next(count) * STEP
+            poses = [block(name).rest_pose(at) for name in "ab"]
+            outlet.publish(Tick(BodyFrame([], at, "x"), poses=poses))
+            outlet.publisher.poll()
+            link.poll()
+
+        until(lambda: of(POSE).on_rate and of(BODIES).on_rate, frame)
+        assert of(POSE).alive and of(POSE).hz < 1.5 * of(BODIES).hz, "the rate is that of each character"
+        assert not of(STREAMS["props"]).alive
+        broken = b"bodies\0\1" + msgspec.msgpack.encode(["no time"])
+        outlet.publisher._streams.send(broken)
+        until(lambda: not of(BODIES).valid, link.poll)
+        assert of(POSE).valid and of(BODIES).malformed == 1
+        until(lambda: not of(POSE).alive and not of(POSE).on_rate, link.poll, outlet.publisher.poll)
+        until(lambda: of(BODIES).valid, link.poll)
+        link.close()
+
+
+def placed(name: str, frame: int) -> Pose:
+    """The pose of a character of the stored take in a frame."""
+    rest = block(name).rest_pose(frame * STEP)
+    away = np.float32([0.01 * frame * (1 if name == "left" else -1), 0, 0])
+    return Pose(name, rest.time_ns, rest.linear, rest.positions + away)
+
+
+def write_stored(path: Path) -> None:
+    """Writes the stored take anew: 30 frames, in which the second character comes at the tenth."""
+    with outlet_of(path) as outlet:
+        for frame in range(30):
+            names = ["left", "right"][: 1 + (frame >= 10)]
+            outlet.show({name: outlet._shown.get(name) or block(name) for name in names})
+            poses = [placed(name, frame) for name in names]
+            outlet.publish(Tick(BodyFrame([], frame * STEP, "x"), poses=poses))
+
+
+def test_a_stored_take_of_two_characters_is_read(tmp_path: Path) -> None:
+    again = tmp_path / "again.mcap"
+    write_stored(again)
+    for path in (STORED, again):
+        document, take = Document(), TakeFeed(path)
+        while take.poll(document):
+            pass
+        assert list(document.characters) == ["left", "right"] and len(document.timeline) == 30
+        for frame in range(30):
+            moment = document.timeline.at(frame * STEP)
+            assert moment is not None and set(moment.poses) == ({"left"} if frame < 10 else {"left", "right"})
+            for name, pose in moment.poses.items():
+                np.testing.assert_allclose(pose.positions, placed(name, frame).positions, atol=5e-4)
+        assert set(read_possessed(path).graphs) == {"left", "right"}
+
+
+def test_bodies_are_bit_by_bit_what_they_were() -> None:
+    """The row of the table changed, the bytes did not."""
+
+    assert pack_stream(BodiesMessage(7, 8, [])) == b"bodies\0\1\x93\x07\x08\x90"

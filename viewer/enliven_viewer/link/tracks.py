@@ -1,0 +1,91 @@
+"""How the messages of each topic of the wire get onto the timeline, live and from a take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from enliven.wire import (
+    BODIES,
+    CUES,
+    MATCHES,
+    POSE,
+    PROPS,
+    STREAMS,
+    BodiesMessage,
+    CuesMessage,
+    Topic,
+    message_to_board,
+    message_to_bodies,
+    message_to_cues,
+    message_to_owners,
+    message_to_props,
+)
+from enliven_viewer.link.received import ReceivedBodies, ReceivedCues
+from enliven_viewer.playback import CueFrame, Document
+
+
+@dataclass(frozen=True)
+class TopicTrack:
+    """The road of a topic's messages into the viewer.
+
+    Attributes:
+        read: (message, the edge's name) to the viewer's own value.
+        put: puts a value onto the timeline of a document.
+    """
+
+    read: Callable[[Any, str], Any]
+    put: Callable[[Document, Any], None]
+
+
+def _read_bodies(message: BodiesMessage, edge: str) -> ReceivedBodies:
+    return ReceivedBodies(edge, message.time_ns, message.captured_ns, tuple(message_to_bodies(message)))
+
+
+def _read_cues(message: CuesMessage, edge: str) -> ReceivedCues:
+    nodes, strengths = message_to_cues(message)
+    what = (message.state, nodes, strengths, message.body, message.time_ns)
+    return ReceivedCues(message.character, *what, message_to_owners(message), message.held)
+
+
+def _put_cues(document: Document, cues: ReceivedCues) -> None:
+    shown = CueFrame(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
+    document.set_cues(shown, cues.time_ns)
+
+
+TRACKS: dict[str, TopicTrack] = {
+    BODIES.name: TopicTrack(
+        _read_bodies, lambda document, seen: document.add_bodies(seen.time_ns, seen.bodies)
+    ),
+    POSE.name: TopicTrack(lambda pose, edge: pose, lambda document, it: document.add_pose(it.pose)),
+    PROPS.name: TopicTrack(lambda message, edge: message_to_props(message), Document.add_props),
+    MATCHES.name: TopicTrack(lambda message, edge: message_to_board(message), Document.add_board),
+    CUES.name: TopicTrack(_read_cues, _put_cues),
+}
+"""By topic, in the order in which messages of one time are applied; poses are decoded by their characters."""
+
+
+def track_of(topic: Topic) -> TopicTrack:
+    """Returns the track of a topic; messages without one of their own stand on the timeline as they are."""
+    plain = TopicTrack(lambda message, edge: message, lambda document, value: document.add(topic, value))
+    return TRACKS.get(topic.name, plain)
+
+
+def in_order(topics: Iterable[Topic]) -> list[Topic]:
+    """Returns topics in the order in which their messages of one time are applied."""
+    return sorted(topics, key=lambda t: list(TRACKS).index(t.name) if t.name in TRACKS else len(TRACKS))
+
+
+def shown_topics() -> list[Topic]:
+    """Returns the topics that a take holds and the timeline shows, in the order of their application."""
+    return in_order(topic for topic in STREAMS.values() if topic.recorded)
+
+
+def labelled(message: Any, label: Callable[[str], str]) -> Any:
+    """Returns a message with the character's id that this viewer uses, where it is about a character."""
+    if "character" not in message.__struct_fields__:
+        return message
+    return msgspec.structs.replace(message, character=label(message.character))
