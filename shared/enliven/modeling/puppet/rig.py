@@ -42,13 +42,16 @@ class PuppetRig:
         return np.asarray(rotate(puppet.turn, middle) + puppet.place)
 
     def rest(self, puppet: Puppet) -> Float:
+        """The vertices at rest."""
         return puppet.mesh.vertices
 
     def seen(self, project: Project, puppet: Puppet, time: float) -> Float:
+        """The vertices at a time."""
         state = state_at(project, puppet, time)
         return in_world(puppet, state, surface_of_puppet(puppet).settle(state.places))
 
     def pose(self, project: Project, puppet: Puppet, time: float) -> Pose:
+        """The transforms at a time."""
         return pose_of_state(puppet, state_at(project, puppet, time), round(time * 1e9))
 
     def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
@@ -80,6 +83,7 @@ class PuppetRig:
         )
 
     def node(self, puppet: Puppet, name: str) -> int:
+        """The number of what a name stands for."""
         return puppet.index(name)
 
     def as_graph(
