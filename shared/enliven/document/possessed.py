@@ -158,6 +158,7 @@ class GraphShape(RigBase):
     played = "parts"
 
     def check(self, takes: Mapping[str, Clip], streams: Mapping[str, PoseStream]) -> None:
+        """Refuse takes that are not there, or that are of something else."""
         super().check(takes, streams)
         for part in self.parts:
             known = streams[part.take].positions.shape[1]

@@ -156,11 +156,13 @@ class Puppet(RigBase):
     word = "puppet"
 
     def needed(self) -> Mapping[str, set[str]]:
+        """The ids of its takes, with those of its key poses."""
         found = super().needed()
         found["takes"].update(pose.take for pose in self.poses)
         return found
 
     def with_takes_named(self, names: Mapping[str, str]) -> Puppet:
+        """The same with other ids of its takes, in layers and key poses."""
         poses = tuple(replace(pose, take=names[pose.take]) for pose in self.poses)
         return super().with_takes_named(names).with_changes(poses=poses)
 

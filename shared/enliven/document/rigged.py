@@ -93,6 +93,7 @@ class Shape(RigBase):
         raise InputError(f"there is no layer {layer_id!r}", where=self.where, mend=mend)
 
     def check(self, takes: Mapping[str, Clip], streams: Mapping[str, PoseStream]) -> None:
+        """Refuse takes that are not there, or that are of something else."""
         super().check(takes, streams)
         for layer in self.layers:
             if max(layer.chain) >= len(takes[layer.take].skeleton):

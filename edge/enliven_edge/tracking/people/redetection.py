@@ -58,7 +58,9 @@ def new_detection(
     """Runs the network for each likely facing, then :func:`detect_another`, in parts; arguments as there."""
     by_facing = None
     if seen is not None:
-        by_facing = estimates_by_facing(shipped_estimator(), seen.estimate, observation.view.world_from_camera)
+        by_facing = estimates_by_facing(
+            shipped_estimator(), seen.estimate, observation.view.world_from_camera
+        )
         yield SUPPOSING
     steps = detect_another(fitter, observation, seen, eye, height, posture, by_facing, lengths)
     return (yield from steps)

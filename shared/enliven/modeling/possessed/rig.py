@@ -36,11 +36,11 @@ class GraphRig:
         return np.asarray(shape.positions[0])
 
     def rest(self, shape: GraphShape) -> Float:
-        """(V, 3) metres: its vertices at rest; of a skeleton without a mesh, its joints."""
+        """The vertices at rest."""
         return shape.mesh.vertices
 
     def seen(self, project: Project, shape: GraphShape, time: float) -> Float:
-        """(V, 3) metres: its vertices at a time of the project; of a skeleton without a mesh, its joints."""
+        """The vertices at a time."""
         return graph_vertices(shape, *graph_pose(project, shape, time))
 
     def moved(self, shape: GraphShape, offset: Float, turn: Float, about: Float) -> GraphShape:

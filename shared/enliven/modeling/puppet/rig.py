@@ -42,16 +42,16 @@ class PuppetRig:
         return np.asarray(rotate(puppet.turn, middle) + puppet.place)
 
     def rest(self, puppet: Puppet) -> Float:
-        """(V, 3) metres: its vertices at rest; of a skeleton without a mesh, its joints."""
+        """The vertices at rest."""
         return puppet.mesh.vertices
 
     def seen(self, project: Project, puppet: Puppet, time: float) -> Float:
-        """(V, 3) metres: its vertices at a time of the project; of a skeleton without a mesh, its joints."""
+        """The vertices at a time."""
         state = state_at(project, puppet, time)
         return in_world(puppet, state, surface_of_puppet(puppet).settle(state.places))
 
     def pose(self, project: Project, puppet: Puppet, time: float) -> Pose:
-        """The transforms of those pivots at a time of the project."""
+        """The transforms at a time."""
         return pose_of_state(puppet, state_at(project, puppet, time), round(time * 1e9))
 
     def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
@@ -83,7 +83,7 @@ class PuppetRig:
         )
 
     def node(self, puppet: Puppet, name: str) -> int:
-        """The number of the transform that a name stands for."""
+        """The number of what a name stands for."""
         return puppet.index(name)
 
     def as_graph(

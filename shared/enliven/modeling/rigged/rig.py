@@ -40,7 +40,7 @@ class ShapeRig:
         return np.asarray(shape.skeleton.positions[0] + shape.place)
 
     def rest(self, shape: Shape) -> Float:
-        """(V, 3) metres: its vertices at rest; of a skeleton without a mesh, its joints."""
+        """The vertices at rest; of a skeleton without a mesh, the joints."""
         return shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
 
     def seen(self, project: Project, shape: Shape, time: float) -> Float:
@@ -49,7 +49,7 @@ class ShapeRig:
         return joints if shape.mesh is None else posed_vertices(shape, turns, joints)
 
     def pose(self, project: Project, shape: Shape, time: float) -> Pose:
-        """The transforms of those pivots at a time of the project."""
+        """The transforms at a time."""
         return Player(project, shape.id).pose(time)
 
     def moved(self, shape: Shape, offset: Float, turn: Float, about: Float) -> Shape:
@@ -88,7 +88,7 @@ class ShapeRig:
         return with_travel_kept(project, shape, rebuilt(shape, bones, mesh=mesh, layers=layers))
 
     def node(self, shape: Shape, name: str) -> int:
-        """The number of the transform that a name stands for."""
+        """The number of what a name stands for."""
         return shape.skeleton.index(name)
 
     def as_graph(
