@@ -120,6 +120,20 @@ def test_where_two_want_the_same_the_nearer_pair_has_it_and_no_one_gets_two(grap
     assert held(stage) == {"a": [4], "b": [4]}, "what is named is done"
 
 
+def test_who_holds_nothing_comes_before_who_is_nearer(graph):
+    stage = Stage([chair(graph, "a"), chair(graph, "b")])
+    where = float(after(stage, [person(id=7)], 0)["b"].positions[:, 0].mean())
+    people = [person(x=where, id=7), person(x=where + 2.0, id=4)]
+    stage.possess("a", 7)
+    after(stage, people, 1)
+    stage.possess("b")
+    assert held(stage) == {"a": [7], "b": [4]}, "7 stands in b, and has a character"
+    stage.release("b")
+    after(stage, people[:1], 2)
+    stage.possess("b")
+    assert held(stage) == {"a": [7], "b": [7]}, "where nobody else is there it is asked for by name"
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=5),
