@@ -129,15 +129,6 @@ class Project:
         return max((layer.end(self.length_of(layer)) for layer in heard), default=0.0)
 
 
-def unused(stem: str, taken: Mapping[str, object]) -> str:
-    """``stem``, or ``stem 2``, ``stem 3``, ...: the first that is not taken."""
-    number, name = 1, stem
-    while name in taken:
-        number += 1
-        name = f"{stem} {number}"
-    return name
-
-
 def same(a: object, b: object) -> bool:
     """Whether two projects, or two parts of them, are the same value, bit for bit.
 

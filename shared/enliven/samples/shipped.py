@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from enliven.document import Project
-from enliven.formats.project import read_project
+from enliven.errors import InputError
 from enliven.meshes import Mesh
+
+if TYPE_CHECKING:
+    from enliven.document import Project
 
 HERE = Path(__file__).resolve().parent
 """The folder of the files."""
@@ -25,9 +27,14 @@ def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
     lamp: a sprung desk lamp 1.7 m tall, eighteen closed shells, that reaches to the right. A person who
         stands at the origin facing +Z, the right arm held out, has hip and arm in its lower and upper arm.
     cactus: a saguaro 1.3 m tall in a pot, its own mirror image across x = 0, with two arms and two eyes.
+
+    Raises:
+        InputError: for another name.
     """
     if name == "cactus":
         return cactus_project().puppet(name).mesh
+    if not (HERE / f"{name}.npz").is_file():
+        raise InputError(f"there is no sample {name!r}", where="samples", mend="Known: chair, lamp, cactus.")
     with np.load(HERE / f"{name}.npz") as stored:
         steps, faces = (stored[key].cumsum(1, np.int32).T for key in ("vertices", "faces"))
         return Mesh(steps * STEP, faces, name, stored["colours"])
@@ -38,4 +45,6 @@ def cactus_project() -> Project:
 
     The performer's poses are made of directions of bones; they are not recordings.
     """
+    from enliven.formats.project import read_project
+
     return read_project(HERE / "cactus.enliven")

@@ -54,10 +54,10 @@ class Panel:
     ) -> UInt8:
         """(H, W, 3): a scene, and lines of text (x, y, text, size, align)."""
         self.renderer.draw(scene, view)
-        for x, y, text, size, align in texts:
-            self.canvas.text(x + 1, y + 1, text, size, (0.0, 0.0, 0.0, 0.5), align=align)
-            self.canvas.text(x, y, text, size, _INK if size > 16 else _QUIET, align=align)
-        self.canvas.draw(self.renderer.picture.resolved)
+        with self.canvas.over(self.renderer.picture.resolved):
+            for x, y, text, size, align in texts:
+                self.canvas.text(x + 1, y + 1, text, size, (0.0, 0.0, 0.0, 0.5), align=align)
+                self.canvas.text(x, y, text, size, _INK if size > 16 else _QUIET, align=align)
         return self.renderer.pixels()
 
 
@@ -76,9 +76,7 @@ class Studio:
         narrow = round(_PERFORMER * size[0]) // 2 * 2
         column = size[0] // 8
         sizes = ((narrow, size[1]), (size[0] - narrow - column, size[1]), (column, size[1] // MOST_KEYS))
-        self._left, self._right, self._thumb = (
-            Panel(Renderer(ctx, one), Canvas(ctx, (self._small, self._text))) for one in sizes
-        )
+        self._left, self._right, self._thumb = (Panel(Renderer(ctx, one), Canvas(ctx)) for one in sizes)
 
     def film(self, plays: list[Play], path: Path, see: Callable[[Shot], None]) -> int:
         """The film and its contact sheet; the number of pictures. ``see`` is told each shot."""

@@ -36,7 +36,7 @@ class Studio:
     def __init__(self, size: tuple[int, int] = SIZE) -> None:
         self.size = size
         self._renderer = Renderer(offscreen_context(), size)
-        self._canvas = Canvas(self._renderer.ctx, (_TEXT,))
+        self._canvas = Canvas(self._renderer.ctx)
 
     def film(self, take: Take, path: Path, title: str) -> int:
         """The film and its contact sheet; the number of pictures."""
@@ -76,10 +76,10 @@ class Studio:
         second = (time_ns - take.shots[0].time_ns) * 1e-9
         word = "possessed" if _since(take, time_ns) >= 0 else "free"
         places = ((28, 28, title, 0.0), (width - 28, height - 46, f"{time_text(second)}  ·  {word}", 1.0))
-        for x, y, text, align in places:
-            self._canvas.text(x + 1, y + 1, text, _TEXT, (0.0, 0.0, 0.0, 0.5), align=align)
-            self._canvas.text(x, y, text, _TEXT, (0.95, 0.96, 0.98, 0.8), align=align)
-        self._canvas.draw(self._renderer.picture.resolved)
+        with self._canvas.over(self._renderer.picture.resolved):
+            for x, y, text, align in places:
+                self._canvas.text(x + 1, y + 1, text, _TEXT, (0.0, 0.0, 0.0, 0.5), align=align)
+                self._canvas.text(x, y, text, _TEXT, (0.95, 0.96, 0.98, 0.8), align=align)
         return self._renderer.pixels()
 
     def _scene(self, take: Take, time_ns: int) -> Scene:

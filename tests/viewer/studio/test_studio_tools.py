@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import sample_motions
 from scipy.spatial.transform import Rotation
 from studio_driver import (
     Click,
@@ -27,7 +28,6 @@ from studio_driver import (
 from enliven.document.project import Project
 from enliven.document.rigged import Shape
 from enliven.motion.layers.retarget import bind_chain
-from enliven_viewer.studio import motions
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -302,7 +302,7 @@ def test_a_bone_of_the_library_turns_with_the_bones_before_it() -> None:
     def bends(phase: float) -> list[np.ndarray]:
         return [np.array([phase, 0.3 * bone, -0.5 * phase * bone]) for bone in range(1, 4)]
 
-    clip = motions._clip("made", motions._chain(3, 0.2), 0.5, bends)
+    clip = sample_motions._clip("made", sample_motions._chain(3, 0.2), 0.5, bends)
     for frame, turns in enumerate(clip.turns):
         total = Rotation.identity()
         for bone, bend in enumerate(bends(frame / (len(clip.turns) - 1)), start=1):
