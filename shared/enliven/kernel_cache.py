@@ -49,12 +49,14 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
                 super().save_overload(sig, data)
 
 
-def keep(kernel: Dispatcher) -> Dispatcher:
+def keep(kernel: Any) -> Any:
     """Makes a kernel's machine code outlive the process, where there is a folder that can be written.
 
     Returns:
-        The same kernel.
+        The same kernel; a plain function, which ``NUMBA_DISABLE_JIT`` makes of it, stays as it is.
     """
+    if not isinstance(kernel, Dispatcher):
+        return kernel
     with contextlib.suppress(RuntimeError):  # No folder can be written: every start compiles.
         kernel._cache = KernelCache(kernel.py_func)
     return kernel
