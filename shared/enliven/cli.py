@@ -31,6 +31,7 @@ HELP = """Step into any mesh and bring it alive.
   enliven run                              watch the chair move with a recorded person
   enliven run --recording TAKE.mcap --mesh HORSE.obj
   enliven import DEPTH/*.png -o take.mcap  bring in a recording made by others
+  enliven track TAKE.mcap -o bodies.mcap   make takes of the people in a recording of depth
   enliven edge --sensor synthetic          the program beside the camera
   enliven view --edge 192.168.1.20         the program on a screen
   enliven studio SPIDER.glb                sketch, animate, cut and merge shapes
