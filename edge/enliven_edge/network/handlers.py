@@ -12,7 +12,7 @@ from enliven.wire import Order
 
 
 def _each(order: Any) -> Hashable:
-    """Returns the subject of orders of which each counts."""
+    """Returns None, the subject of orders that never replace one another."""
     return None
 
 

@@ -69,12 +69,12 @@ def register(topic: Topic) -> Topic:
 
 
 def _character(message: Any) -> str:
-    """Returns the key of messages of which each character has its own."""
+    """Returns the id of the character that a message is about: the newest of each character is kept."""
     return str(message.character)
 
 
 def _stream(name: str, kind: type[Any], most: int, **how: Any) -> Topic:
-    """Registers a topic of which every frame sends a message, and which takes hold."""
+    """Registers a topic with a message in every frame; takes keep all of them."""
     return register(Topic(name, kind, "stream", most, 30, "every", recorded=True, **how))
 
 
