@@ -15,7 +15,7 @@ from enliven.exporters import Performance, performance_of, performance_of_clip
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project
 from enliven.formats.rig import playing
-from enliven.recording import Recording
+from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.takes.capture_clip import between_times, resampled
 from enliven.takes.files import read_take
 from enliven.takes.possessed import characters_and_poses, played
@@ -68,8 +68,9 @@ def exportables_of(path: Path | str) -> tuple[list[Exportable], tuple[str, ...]]
         clip, notes = read_take(path)
         found = [_of_clip(clip)]
     if not found:
-        track = f"Find the people in its depth first: enliven track {path.name} -o bodies.mcap"
-        mend = track if kind == ".mcap" else "Animate something first."
+        mend = "Record a performance that lasts longer." if kind == ".mcap" else "Animate something first."
+        if kind == ".mcap" and DEPTH_TOPIC in Recording(path).info.topics:
+            mend = f"Find the people in its depth first: enliven track {path.name} -o bodies.mcap"
         raise InputError("nothing in it moves", where=str(path), mend=mend)
     return found, notes
 

@@ -14,6 +14,7 @@ from strict_gltf import checked_glb
 from test_capture_clip import STANDING
 from test_recorded import waving
 
+from enliven.camera import Intrinsics
 from enliven.cli import run
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of, graph_shape_of
@@ -22,7 +23,9 @@ from enliven.exporters.sampling import performance_of_clip
 from enliven.formats.motion import read_bvh
 from enliven.formats.project import write_project
 from enliven.formats.rig import playing
+from enliven.frames import DepthFrame
 from enliven.motion.layers import Player
+from enliven.recording import Recorder
 
 BEGIN = 7_000_000_000
 """Nanoseconds of the sensor's clock at which the recording begins."""
@@ -146,7 +149,12 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
         (("no.mcap", "-o", "out.bvh", "--unit", "inch"), 3, "no unit 'inch'. Known: m, cm."),
         (("no.mcap", "-o", "out.bvh", "--morphs"), 3, ".bvh has no 'morphs' to choose"),
         (("no.mcap", "-o", "out.glb"), 3, "there is no such file"),
-        (("empty.mcap", "-o", "out.glb"), 3, "nothing in it moves. Find the people in its depth first"),
+        (("empty.mcap", "-o", "out.glb"), 3, "nothing in it moves. Record a performance that lasts longer"),
+        (
+            ("depth.mcap", "-o", "out.glb"),
+            3,
+            "moves. Find the people in its depth first: enliven track depth",
+        ),
         (("show.enliven", "-o", "out.glb", "-c", "sofa"), 3, "no character 'sofa'. Known: man, chair, bean"),
         (("show.enliven", "-o", "out.bvh", "-c", "chair"), 3, "chair has no skeleton. Write a .glb instead"),
         (
@@ -160,6 +168,10 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
 )
 def test_what_cannot_be_done_is_said_and_leaves_nothing(show, capsys, words, code, said):
     write_recording(show / "empty.mcap", [])
+    with Recorder(show / "depth.mcap") as recorder:
+        recorder.write_frame(
+            DepthFrame(np.zeros((4, 6), np.uint16), Intrinsics(6, 4, 5, 5, 3, 2), 0, "kinect")
+        )
     before = set(show.rglob("*"))
     assert export(show, *words) == code
     error = capsys.readouterr().err
