@@ -14,9 +14,9 @@ from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
 from enliven.matching import Board, ScreenView
 from enliven.person import Body
-from enliven_edge.stage.actor import Actor, ChosenActor, Mode, is_chosen
+from enliven.possession import Cues, Mode
+from enliven_edge.stage.actor import Actor, ChosenActor, is_chosen
 from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
-from enliven_edge.stage.highlights import Cues
 from enliven_edge.stage.tick import Tick
 
 log = logging.getLogger(__name__)

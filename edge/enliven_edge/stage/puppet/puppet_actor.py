@@ -12,10 +12,8 @@ from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
 from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of
 from enliven.person import MIRROR, Body, parts_named
+from enliven.possession import ActorBase, Cues, Easing, Mode, cues_of
 from enliven.rotation import rotate
-from enliven_edge.stage.actor import ActorBase, Mode
-from enliven_edge.stage.easing import Easing
-from enliven_edge.stage.highlights import Cues, cues_of
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.feet import Feet, side_of_foot
 from enliven_edge.stage.puppet.hold import ControlPointHold

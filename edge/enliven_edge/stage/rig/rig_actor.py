@@ -12,8 +12,7 @@ from enliven.document import Pose, Shape, character_of
 from enliven.errors import InputError
 from enliven.matching import Board, MatchRow, ScreenView
 from enliven.person import Body, parts_named
-from enliven_edge.stage.actor import ActorBase, Mode
-from enliven_edge.stage.highlights import Cues, cues_of
+from enliven.possession import ActorBase, Cues, Mode, cues_of
 from enliven_edge.stage.rig.chooser import Chooser
 from enliven_edge.stage.rig.live_shape import Binding, LiveShape, Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
