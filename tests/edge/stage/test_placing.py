@@ -14,7 +14,8 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.possession.body_in_mesh import find_body_in_mesh
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
-from enliven.person.body import PARENTS, Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import PARENTS, Joint
 from enliven_edge.stage.carrying import Mapped
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor

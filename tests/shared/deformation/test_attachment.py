@@ -14,7 +14,8 @@ from enliven.deformation.possession.attachment import AttachmentSettings, Growth
 from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples
 from enliven.deformation.possession.nearest_nodes import nearest_facing
 from enliven.errors import InputError
-from enliven.person.body import BONES, PARENTS, PARTS, J, Joint
+from enliven.person.joints import BONES, PARENTS, J, Joint
+from enliven.person.parts import PARTS
 
 SURE = np.ones(J)
 LEFT_ARM = (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT)
