@@ -21,7 +21,8 @@ from plain_arap import bean
 
 from enliven.arrays import Float, Int
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.input import Handle
+from enliven.deformation.arap.solver import ArapSolver
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh

@@ -19,7 +19,7 @@ from figure import Figure
 from enliven.arrays import Float
 from enliven.document.character import Pose
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_motion import examples_of
+from enliven.examples.puppet_examples import examples_of
 from enliven.person.body import Body
 from enliven.samples import cactus_project
 from enliven.wire.convert import pose_to_message

@@ -14,7 +14,8 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.frames import BodyFrame
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh, fit_height, refine
-from enliven.person.body import PARENTS, Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.placement import turn_about_y
 from enliven.possession.standing import best_stand

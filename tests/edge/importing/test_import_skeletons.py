@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError
-from enliven.person.body import ANKLE_ABOVE_SOLE, Joint
+from enliven.person.body import ANKLE_ABOVE_SOLE
+from enliven.person.joints import Joint
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.body_scanner import level_from_tilted
 from enliven_edge.importing.mirror import OTHER_SIDE, mirrored

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tolerances import assert_alike
 
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.sensors.profile import load_profile
 from enliven_synthesis.body.body_sdf import BodyAnatomy
 from enliven_synthesis.body.performer import Performer, Proportions

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from enliven.person.body import BONES, Joint
+from enliven.person.joints import BONES, Joint
 from enliven.recording import Recorder, Recording
 from enliven.recording.depth_codec import decode_depth, encode_depth
 from enliven_edge.importing.base import ImportOptions

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from tolerances import SOLVED, alike
 
 from enliven import rotation
-from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.input import Handle
+from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.weights import surface_edges, virtual_edges
 from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError

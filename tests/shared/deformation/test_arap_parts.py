@@ -8,8 +8,9 @@ from scipy.spatial import Delaunay
 from tolerances import SOLVED, alike
 
 from enliven.deformation.arap.factor import factorise
+from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.polar import ROWS, TRACE, N, R, polar
-from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.solves import backward, forward, unit_column
 from enliven.deformation.arap.threads import ThreadChoice
 from enliven.deformation.arap.weights import LEAST, shells_of, surface_edges, virtual_edges

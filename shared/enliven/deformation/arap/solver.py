@@ -40,8 +40,6 @@ from enliven.document import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
-__all__ = ["ArapSettings", "ArapSolver", "Handle"]
-
 _SAME = 1e-6
 """Part of the mesh's size within which two hard handles on one vertex agree."""
 _MOST_HELD = 2000

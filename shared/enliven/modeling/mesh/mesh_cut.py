@@ -25,8 +25,6 @@ from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.modeling.mesh.poisson_equation import poisson
 from enliven.modeling.skinning import skin_values as skins
 
-__all__ = ["Cut", "CutSettings", "Piece", "cut_across_bone", "cut_by_stroke"]
-
 
 @dataclass(frozen=True)
 class Cut:
