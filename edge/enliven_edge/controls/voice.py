@@ -10,9 +10,9 @@ from typing import Any
 
 from enliven.errors import InputError
 from enliven_edge.controls.base import Device
-from enliven_edge.controls.extras import need
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.controls.sound import RATE, Microphone, SoundRecording
+from enliven_edge.extras import need
 
 log = logging.getLogger(__name__)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
+from enliven_edge.extras import need
 from enliven_edge.landmarks import LandmarkSource, MonocularPoseEstimator, check_view
 from enliven_edge.sensors.base import Sensor
 
@@ -109,12 +110,9 @@ class WebcamSensor(Sensor):
 
 def _opened(device: str, live: bool) -> Any:
     """The video, opened by PyAV."""
-    try:
-        import av
-    except ImportError:
-        raise ResourceError(
-            "PyAV is not installed", where="webcam", mend="Install the extra 'film': enliven-edge[film]."
-        ) from None
+    need("av", "film", "webcam")
+    import av
+
     try:
         container = av.open(device, format=_FORMATS.get(sys.platform) if live else None)
     except (av.error.FFmpegError, OSError) as error:
