@@ -89,7 +89,9 @@ def encode_depth(depth: UInt16, level: int = 1) -> bytes:
     depth = np.require(depth, requirements=["C", "W", "A"])
     levels, ranks = _levels(depth)
     planes = predict_image(depth, ranks, len(levels) or 65535)
-    packed = zstandard.ZstdCompressor(level=level).compress(_table_bytes(levels) + planes.tobytes())
+    steps = np.diff(levels, prepend=np.uint16(0)).astype("<u2")
+    table = steps.view(np.uint8).reshape(-1, 2).T.tobytes()
+    packed = zstandard.ZstdCompressor(level=level).compress(table + planes.tobytes())
     header = _HEADER.pack(1, _ZSTD, width, height, len(levels))
     return header + _CHECK.pack(zlib.crc32(packed, zlib.crc32(header))) + packed
 
@@ -139,11 +141,6 @@ def _levels(depth: UInt16) -> tuple[UInt16, UInt16]:
     ranks = np.zeros(65536, np.uint16)
     ranks[levels] = np.arange(1, levels.size + 1, dtype=np.uint16)
     return levels, ranks
-
-
-def _table_bytes(levels: UInt16) -> bytes:
-    steps = np.diff(levels, prepend=np.uint16(0)).astype("<u2")
-    return steps.view(np.uint8).reshape(-1, 2).T.tobytes()
 
 
 def _checked_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
