@@ -20,6 +20,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import zstandard
+from archived_depth import archived
 from fuzz_mutations import mutated, mutated_tree
 from mcap.data_stream import ReadDataStream
 from mcap.records import Chunk
@@ -217,7 +218,7 @@ def take_anew(dice: Random) -> bytes:
 
 def depth_anew(dice: Random) -> bytes:
     """A depth payload that was mutated, with its checksum right."""
-    data = encode_depth(depth().depth, dice.choice((1, 19)))
+    data = dice.choice((encode_depth, archived))(depth().depth)
     head, packed = data[:10], data[14:]
     if dice.random() < 0.5:
         head = (mutated(head, packed, dice) + bytes(10))[:10]

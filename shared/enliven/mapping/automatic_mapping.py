@@ -11,7 +11,7 @@ from enliven.document import Clip, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
-from enliven.mapping.assignment import Drive, assigned, split
+from enliven.mapping.assignment import assigned, split
 from enliven.mapping.facing import turned_level
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.motion.contact import pin_feet
@@ -64,7 +64,8 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
         # Where a shoulder or a hip sits is the model's own affair: pointed like the performer's, it would
         # come off the trunk.
         girdle = drive.role.endswith("girdle") and not twins
-        for piece in _pieces(drive, clip.skeleton, shape.skeleton):
+        theirs, ours = arc_of(clip.skeleton, drive.source), arc_of(shape.skeleton, drive.target)
+        for piece in split(drive, list(theirs), list(ours), _NEAR):
             chains.append(
                 ChainPlan(
                     _named(clip.skeleton, piece.source),
@@ -124,10 +125,6 @@ def _pinned(project: Project, shape: Shape) -> Project:
             if len(leg) > 2:
                 project = pin_feet(project, shape.id, [leg[-1]], start=leg[0])
     return project
-
-
-def _pieces(drive: Drive, source: Skeleton, target: Skeleton) -> list[Drive]:
-    return split(drive, list(arc_of(source, drive.source)), list(arc_of(target, drive.target)), _NEAR)
 
 
 def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:

@@ -36,7 +36,7 @@ WALKS = [
 
 def clip_of(path: Path) -> Clip:
     capture = read_bvh(path) if path.suffix == ".bvh" else read_expmap(path)
-    return clip_of_capture(capture.clipped(0.0, min(capture.duration, 6.0)), "take")
+    return between_times(clip_of_capture(capture, "take"), 0.0, 6.0)
 
 
 def joints_of(clip: Clip) -> np.ndarray:

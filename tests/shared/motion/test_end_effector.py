@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from layer_edits import set_layer
 
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.polyline import Polyline
-from enliven.motion.layers.retarget import bind_chain, set_layer
+from enliven.motion.layers.retarget import bind_chain
 from enliven.rotation import conjugate, rotate
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from layer_edits import set_layer
 from tolerances import alike
 
 from enliven.document.layers import Layer, Ref, Span
@@ -15,7 +16,7 @@ from enliven.document.rigged import Shape, still_shape
 from enliven.errors import InputError
 from enliven.motion.layers.evaluate import Player, pose_of
 from enliven.motion.layers.polyline import Polyline
-from enliven.motion.layers.retarget import bind_chain, set_layer, set_travel
+from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.motion.layers.timing import Clocks
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, rotate, to_matrix

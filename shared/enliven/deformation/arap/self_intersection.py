@@ -27,7 +27,8 @@ class SelfIntersection:
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
         self._order = _curve(mesh.vertices, mesh.faces)
-        self._corners = _welded(mesh.vertices, mesh.faces[self._order])
+        first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
+        self._corners = np.ascontiguousarray(first[mesh.faces[self._order]], np.int32)
         self._rest: Int | None = None
 
     def crossing(self, vertices: Float) -> Int:
@@ -45,12 +46,6 @@ class SelfIntersection:
 def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
     """(K,) the faces that cross now and did not at rest: a mesh made of parts stuck into each other is."""
     return np.setdiff1d(crossings, rest_crossings)
-
-
-def _welded(vertices: Float, faces: Int32) -> Int32:
-    """(F, 3) the faces, by the first vertex at each position."""
-    first = first_of_position(np.ascontiguousarray(vertices + 0.0))
-    return np.ascontiguousarray(first[faces], np.int32)
 
 
 def _curve(vertices: Float, faces: Int32) -> Int:

@@ -34,7 +34,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from enliven.arrays import Float, Int, Int32
+from enliven.arrays import Float, Int32
 from enliven.deformation.constraints import PlaneConstraints
 from enliven.deformation.embedded.block_cholesky import SIZE, BlockPattern, analyse, elimination_order
 from enliven.deformation.embedded.energy import Planes, Terms, gradient
@@ -115,7 +115,8 @@ class EmbeddedSolver:
         self.settings = settings or EmbeddedSettings()
         count = len(graph.positions)
         nodes = np.ascontiguousarray(attachment.node_indices, np.int32).reshape(-1, 4)
-        pairs = np.concatenate([graph.edges.astype(np.int64), *_pairs_of(nodes)])
+        coupled = [nodes[:, [a, b]] for a in range(4) for b in range(a)]
+        pairs = np.concatenate([graph.edges, *coupled]).astype(np.int64)
         self._order = elimination_order(count, pairs)
         self._place = np.empty(count, np.int64)
         self._place[self._order] = np.arange(count)
@@ -314,8 +315,3 @@ def _system_of(pattern: BlockPattern, terms: Terms) -> RigidSystem:
         np.zeros(len(nodes)),
         np.zeros(8 * count, np.float32),
     )
-
-
-def _pairs_of(nodes: Int32) -> list[Int]:
-    """The pairs of nodes that a constraint couples."""
-    return [nodes[:, [a, b]].astype(np.int64) for a in range(4) for b in range(a)]

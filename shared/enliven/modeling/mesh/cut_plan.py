@@ -265,8 +265,10 @@ class CutPlan:
                 for order, shut in joined(chains, self.places, self.settings.gap)
                 if shut and len(order) > 2
             ]
-            if len(loops) < len(chains) and "some of it is open there and was left open" not in self.notes:
-                self._say_open(chains, loops)
+            note = "some of it is open there and was left open"
+            left_open = sum(len(chain) for chain, _ in chains) > sum(len(loop) for loop in loops)
+            if len(loops) < len(chains) and left_open and note not in self.notes:
+                self.notes.append(note)
             if self.values is not None:
                 made += [self._own_cap(loop) for loop in loops]
             elif loops:
@@ -278,10 +280,6 @@ class CutPlan:
         points = self.between(self.at, self.found.edges[loop], self.share[loop])
         cap = cap_of([np.arange(len(loop))], flattened(points), self.settings.fine)
         return Cap(loop[cap.rim], cap.faces, cap.inside)
-
-    def _say_open(self, chains: list[tuple[Int, bool]], loops: list[Int]) -> None:
-        if sum(len(chain) for chain, _ in chains) > sum(len(loop) for loop in loops):
-            self.notes.append("some of it is open there and was left open")
 
 
 def connected_parts(links: Int, count: int) -> Int:

@@ -98,12 +98,9 @@ def _belongs(cut: Cut, ahead: Float, behind: Float) -> float:
         mine = float(weight[right.kept[right.kept >= 0]].sum())
         other = float(weight[wrong.kept[wrong.kept >= 0]].sum())
         # What strays counts against the side that it strays to, too: a foot must not bring half a body.
-        worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / max(_size(wrong), 1.0))
+        size = max(np.count_nonzero(wrong.kept >= 0), 1)
+        worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / size)
     return worst
-
-
-def _size(piece: Piece) -> float:
-    return float((piece.kept >= 0).sum())
 
 
 def cut_by_stroke(
