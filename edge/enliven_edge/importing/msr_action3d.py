@@ -43,7 +43,6 @@ ORDER = (
     Joint.HEAD,
 )
 """(20,) the joint in each row of a frame. Right is the side that the subjects were told to use."""
-
 FOCAL = 285.0
 """Focal length of the pixel form's depth camera (320x240), pixels, for which both forms agree."""
 CENTRE_U = 160.0

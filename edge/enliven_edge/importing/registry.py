@@ -15,7 +15,6 @@ from enliven_edge.importing.base import Reader
 
 ENTRY_POINTS = "enliven.readers"
 """The entry-point group by which other packages add readers: each names a class like those here."""
-
 _BUILT_IN = (
     "bags.reader:BagReader",
     "opencv_depth:OpenCvDepthReader",

@@ -19,14 +19,12 @@ from enliven.person import ANKLE_ABOVE_SOLE, Body, Joint
 
 WORLD_FROM_KINECT_SPACE = np.diag([-1.0, 1.0, -1.0])
 """(3, 3) world_from_sensor of a level sensor for the skeleton space of the Kinect SDKs 1 and 2."""
-
 KINECT2_ORDER = (0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19)
 """(20,) the joint of the Kinect SDK 2 (JointType) for each of :class:`enliven.person.body.Joint`.
 
 SpineBase, SpineMid and SpineShoulder stand for the hip centre, the spine and the shoulder centre; the neck,
 the hand tips and the thumbs have no counterpart.
 """
-
 KINECT2_NAMES = [
     "SpineBase",
     "SpineMid",
@@ -50,7 +48,6 @@ KINECT2_NAMES = [
     "FootRight",
 ]
 """(20,) the names of the Kinect SDK 2 for each of :class:`enliven.person.body.Joint`."""
-
 TRACKED = 1.0
 """Confidence of a joint that the SDK reports as tracked."""
 INFERRED = 0.4
@@ -59,7 +56,6 @@ NOT_TRACKED = 0.0
 """Confidence of a joint that the SDK does not know."""
 CONFIDENCE_OF_STATE = np.array([NOT_TRACKED, INFERRED, TRACKED])
 """(3,) the confidence of the SDKs' tracking states 0, 1 and 2."""
-
 FOOT_ABOVE_SOLE = 0.02
 """Metres from the foot joint to the sole of an average adult."""
 _FEET = (Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
