@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import ANKLE_ABOVE_SOLE, Body, Joint
+from enliven_edge.importing.base import DEFAULT_OPTIONS, FileReader, ImportOptions
 
 WORLD_FROM_KINECT_SPACE = np.diag([-1.0, 1.0, -1.0])
 """(3, 3) world_from_sensor of a level sensor for the skeleton space of the Kinect SDKs 1 and 2."""
@@ -68,6 +70,41 @@ class SkeletonMoment:
 
     time_ns: int
     bodies: list[Body] = field(default_factory=list)
+
+
+class SkeletonReader(FileReader):
+    """Reads joints: a layout says its moments, and from which sensor they are."""
+
+    sensor = "kinect1"
+    """The sensor's identity where the user gives none."""
+
+    def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        """The bodies of a file in the Kinect's skeleton space, in the order of time.
+
+        Raises:
+            InputError: naming the file (and line) that cannot be understood.
+        """
+        raise NotImplementedError
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
+        path = self.chosen(paths)
+        sensor = options.device or self.sensor
+        return frames_in_world(self.moments(path, options), sensor, WORLD_FROM_KINECT_SPACE, str(path))
+
+
+def in_metres(pixels: Float, z: Float, focal: float, centre: tuple[float, float]) -> Float:
+    """(..., 3) joints in skeleton space, +Y up, of (..., 2) pixels at (...) metres.
+
+    Args:
+        focal, centre: pixels, of the depth camera.
+    """
+    x = (pixels[..., 0] - centre[0]) / focal * z
+    return np.stack([x, (centre[1] - pixels[..., 1]) / focal * z, z], -1)
+
+
+def tracked(joints: Float) -> Body:
+    """The body of (20, 3) joints that a file gives without states: every joint counts as tracked."""
+    return Body(0, *observed(joints, np.full(len(joints), TRACKED)))
 
 
 def frames_in_world(

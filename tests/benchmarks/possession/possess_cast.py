@@ -16,7 +16,7 @@ from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh, fit_height, refine
 from enliven.person.body import PARENTS, Body, Joint
 from enliven.rotation import rotate, swing
-from enliven_edge.importing.body_scanner import level_from_tilted
+from enliven_edge.importing.kinect_texts import level_from_tilted
 from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.standing import best_stand
