@@ -16,10 +16,8 @@ log = logging.getLogger(__name__)
 
 PATIENCE = 0.1
 """Seconds to wait for a press before checking whether to stop."""
-
 _WAITING = 32
 """Commands that wait for the edge; older ones are dropped, since they answer a stage that has changed."""
-
 _STRANGERS = 16
 """Unknown keys that are logged one by one, as a help for writing the map."""
 

@@ -16,7 +16,6 @@ from enliven_edge.extras import need
 
 _OPENING = threading.Lock()
 """Held while devices are listed: hidapi's list is not safe for two threads at once."""
-
 _LONGEST_REPORT = 64
 """Bytes of a report that are read: the most that USB's full speed sends in one."""
 _KEYBOARD = (1, 6)

@@ -18,8 +18,6 @@ log = logging.getLogger(__name__)
 
 _LONGEST = 3.0
 """Seconds of an utterance: a longer one is no command."""
-
-
 _TALK = (
     "the a and you to of that it is what in we me this was for are have do not be on your with my all can "
     "will one there so just about out up if now then time look did could please hello yes no stop go come "

@@ -69,7 +69,6 @@ class MediaPipeSource(LandmarkSource):
             raise self._failed()
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
-        """Returns the people in an (h, w, 3) uint8 sRGB image."""
         height, width = colour.shape[:2]
         self._newest_ms = max(self._newest_ms + 1, time_ns // 1_000_000)
         try:
@@ -85,7 +84,6 @@ class MediaPipeSource(LandmarkSource):
         return [_landmarks(each) for each in people]
 
     def close(self) -> None:
-        """Ends the process."""
         if self._worker.poll() is None:
             self._worker.terminate()
             self._worker.wait()

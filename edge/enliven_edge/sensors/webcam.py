@@ -61,7 +61,6 @@ class WebcamSensor(Sensor):
         self._closed = False
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
-        """The bodies of the next image, as soon as it is due; None at the end of a film."""
         if self._closed:
             return None
         image = self._waiting or self._next_image()
@@ -80,7 +79,6 @@ class WebcamSensor(Sensor):
         return BodyFrame(self._eye.bodies(colour, time_ns), time_ns, self.name)
 
     def close(self) -> None:
-        """Lets the camera and the source go."""
         if not self._closed:
             self._closed = True
             self._container.close()

@@ -20,7 +20,7 @@ from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.placement import turn_about_y
 from enliven.possession.standing import best_stand
 from enliven.rotation import rotate, swing
-from enliven_edge.importing.body_scanner import level_from_tilted
+from enliven_edge.importing.kinect_texts import level_from_tilted
 from enliven_synthesis.body.performer import Performer
 from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.motion.exercises import exercise, exercise_names

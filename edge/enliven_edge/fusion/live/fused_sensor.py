@@ -93,12 +93,6 @@ class FusedSensors(Sensor):
         return worst_first(health_states)
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
-        """Returns the next set of bodies; None after the last sensor's end.
-
-        Raises:
-            TimeoutError: when nothing came in time.
-            ResourceError: when all sensors are lost for good, or with ``once`` when one is lost.
-        """
         if not self._started:
             self._started = True
             for watcher in self._watchers:
@@ -114,7 +108,6 @@ class FusedSensors(Sensor):
                 return frame
 
     def close(self) -> None:
-        """Ends all threads and lets all sensors go."""
         for watcher in self._watchers:
             watcher.stop()
 

@@ -13,7 +13,6 @@ from enliven_edge.sensors.attached_cameras import ALLOW, FORBIDDEN, attached
 Device = TypeVar("Device")
 Sentence = tuple[str, str]
 """What is wrong, and what to do about it."""
-
 _CHECK = "then type: enliven doctor"
 REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven inspect says what is in one."
 """The advice where no device is found."""
