@@ -1,3 +1,4 @@
+from .connectivity import components as components
 from .geodesic_kernels import (
     dijkstra_workspace as dijkstra_workspace,
     settle_within as settle_within,
