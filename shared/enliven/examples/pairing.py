@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
 from enliven.document import Skeleton
-from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_level
+from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
 
 _MIDDLE = 0.25
 """Cost, in widths and heights, of following the middle of a limb; its end costs nothing."""
@@ -60,9 +60,9 @@ def guess_joints(
         return ()
     deep = np.ptp(rest, axis=0)
     if deep[2] > _DEEPER * deep[0]:
-        rest = turned_level(rest, -np.pi / 2)
+        rest = turned_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
-    level = turned_level(skeleton.positions - skeleton.positions[0], -anatomy.facing)
+    level = turned_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
     level = _arms_out(level, anatomy)
     found = [one for one in _candidates(anatomy, skeleton) if skeleton.names[one.joint] not in taken]
     found = found or _candidates(anatomy, skeleton)

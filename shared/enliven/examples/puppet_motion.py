@@ -19,10 +19,10 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Pose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.performer import turned_about_y
 from enliven.examples.puppet_examples import Material, material_of
 from enliven.examples.puppet_solve import solved
 from enliven.examples.puppet_trajectory import PuppetMotion
+from enliven.mapping import turned_about_y
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 
 _KEPT = 64

@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import assigned, split
-from enliven.mapping.facing import turned_level
+from enliven.mapping.facing import turned_about_y
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of
@@ -113,7 +113,7 @@ def _twins(source: Skeleton, target: Skeleton) -> bool:
 def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     """(3,) from the root to the end of the head, seen with the front at +Z; zero where there is none."""
     end = anatomy.head.chain[-1] if anatomy.head else anatomy.trunk[-1]
-    way = turned_level(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
+    way = turned_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
