@@ -57,8 +57,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["told"] = [toast.text for toast in editor.toasts.shown]
     ctx.menu_click("##MainMenuBar/Edit/Undo")
     said["undone"] = sorted(editor.project.shapes)
-    ctx.item_click("side/two##shape")
-    said["chosen"] = editor.selection.shape
+    ctx.item_click("side/two   shape##character")
+    said["chosen"] = editor.selection.character
     ctx.item_input_value("side/##name", "mantle")
     said["renamed"] = sorted(editor.project.shapes)
     ctx.item_click("side/Duplicate")
