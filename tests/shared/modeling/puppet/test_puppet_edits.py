@@ -252,7 +252,7 @@ def test_constraints_that_contradict_are_all_named_and_nothing_changes():
         change_layers(
             project,
             "stool",
-            0,
+            [0],
             positions=(Position("top", 5, (0, 1, 0), "y"), Position("left hand", 5, (0, 0.2, 0), "y")),
             couplings=(Coupling("top", "left hand", 5),),
         )
