@@ -151,11 +151,12 @@ class GraphShape(RigBase):
         object.__setattr__(self, "parts", tuple(self.parts))
         problem = _problem_of(self)
         if problem:
-            raise InputError(problem, where=f"graph shape {self.id!r}", mend="Build the shape again.")
+            raise InputError(problem, where=self.where, mend="Build the shape again.")
 
     kind = "graph"
-    word = "graph shape"
+    word = "possessed mesh"
     played = "parts"
+    drawn_by = ("mesh", "skin", "positions")
 
     def check(self, takes: Mapping[str, Clip], streams: Mapping[str, PoseStream]) -> None:
         """Refuse takes that are not there, or that are of something else."""
@@ -164,6 +165,11 @@ class GraphShape(RigBase):
             known = streams[part.take].positions.shape[1]
             if part.nodes.size and not 0 <= part.nodes.min() <= part.nodes.max() < known:
                 raise InputError(f"it plays nodes of {part.take!r} that are not there", where=self.where)
+
+    def without_layer(self, number: int) -> GraphShape:
+        """Refused: the nodes of a part play its stream and nothing else."""
+        mend = "Mute it, or cut that part off."
+        raise InputError("its nodes have no other motion", where=self.where, mend=mend)
 
     @property
     def starts(self) -> tuple[int, ...]:

@@ -154,6 +154,12 @@ class Puppet(RigBase):
 
     kind = "points"
     word = "puppet"
+    drawn_by = ("mesh", "points")
+
+    @property
+    def handles(self) -> tuple[str, ...]:
+        """The names of its control points."""
+        return tuple(point.name for point in self.points)
 
     def needed(self) -> Mapping[str, set[str]]:
         """The ids of its takes, with those of its key poses."""

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+import numpy as np
+
+from enliven.arrays import Int32
 from enliven.document.time_map import Playing
 from enliven.errors import InputError
 
@@ -23,6 +26,8 @@ class RigBase:
         kind: its number among the rigs: "bones", "graph" or "points", in files and on the wire.
         word: what it is called in messages.
         played: the attribute that holds its layers.
+        drawn_by: the attributes on which its surface at rest depends.
+        kinds: every rig by its kind; a class enters itself.
         id: its name in the project.
         mesh: the surface at rest, or None.
     """
@@ -30,6 +35,8 @@ class RigBase:
     kind: ClassVar[str]
     word: ClassVar[str]
     played: ClassVar[str] = "layers"
+    drawn_by: ClassVar[tuple[str, ...]] = ("mesh",)
+    kinds: ClassVar[dict[str, type[RigBase]]] = {}
     if TYPE_CHECKING:
 
         @property
@@ -38,10 +45,23 @@ class RigBase:
         @property
         def mesh(self) -> Mesh | None: ...
 
+    def __init_subclass__(cls) -> None:
+        RigBase.kinds[cls.kind] = cls
+
     @property
     def where(self) -> str:
         """How messages name it."""
         return f"{self.word} {self.id!r}"
+
+    @property
+    def handles(self) -> tuple[str, ...]:
+        """The names of what it is posed by: joints or control points. Nodes of a graph have numbers alone."""
+        return ()
+
+    @property
+    def parents(self) -> Int32:
+        """(H,) the handle that each handle hangs on by a bone; -1 where none is."""
+        return np.full(len(self.handles), -1, np.int32)
 
     @property
     def playing(self) -> tuple[Playing, ...]:
@@ -51,6 +71,10 @@ class RigBase:
     def with_playing(self, *layers: Playing) -> Self:
         """The same with other layers."""
         return self.with_changes(**{self.played: layers})
+
+    def without_layer(self, number: int) -> Self:
+        """The same without a layer; the take stays."""
+        return self.with_playing(*self.playing[:number], *self.playing[number + 1 :])
 
     def with_changes(self, **changes: object) -> Self:
         """A copy with some attributes changed; this one stays as it is."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int32
 from enliven.document.character import Character, SkinWeights
 from enliven.document.layers import STILL, Layer, Span
 from enliven.document.pin import Pin
@@ -78,6 +78,26 @@ class Shape(RigBase):
 
     kind = "bones"
     word = "shape"
+    drawn_by = ("mesh", "skin", "skeleton")
+
+    @property
+    def handles(self) -> tuple[str, ...]:
+        """The names of its joints."""
+        return self.skeleton.names
+
+    @property
+    def parents(self) -> Int32:
+        """(N,) the joint before each; -1 for the root."""
+        return self.skeleton.parents
+
+    def without_layer(self, number: int) -> Shape:
+        """The same without a layer, which no bone and no travel names any more."""
+        gone = self.layers[number].id
+        spans = tuple(
+            tuple(replace(one, refs=tuple(ref for ref in one.refs if ref.layer != gone)) for one in spans)
+            for spans in self.spans
+        )
+        return self.with_changes(spans=spans, travel=None if self.travel == gone else self.travel)
 
     def layer(self, layer_id: str) -> Layer:
         """The layer of an id.

@@ -194,12 +194,10 @@ class StudioWindow:
         renderer = self._viewport.renderer
         renderer.resize(size)
         self._viewport.draw(
-            editor.posed_shapes,
+            editor.standing,
             editor.lens,
             editor.selection,
             self.workspace.input.tool.overlay(),
-            possessed=editor.possessed if editor.show_meshes else (),
-            puppets=editor.puppets.standing if editor.show_meshes else (),
             over=picture_of(self.workspace.input.tool),
             meshes=editor.show_meshes,
             bones=editor.show_bones,
@@ -258,7 +256,6 @@ class StudioWindow:
         draw_dialogs(self.workspace)
         self._listen(places.viewport)
         self.workspace.store.autosave()
-        self.workspace.exporting.poll()
         if self.workspace.ended:
             self.workspace.store.close()
             self.close()

@@ -23,7 +23,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         InputError: for a time that is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=f"graph shape {shape.id!r}", mend="Give seconds.")
+        raise InputError(f"the time is {time}", where=shape.where, mend="Give seconds.")
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     for part, start in zip(shape.parts, shape.starts, strict=False):
         maps, places = _played(project.streams[part.take], part, time)

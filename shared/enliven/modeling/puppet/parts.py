@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.arrays import Bool, Float, Int, Int32
+from enliven.arrays import AnyArray, Bool, Float, Int, Int32
 from enliven.deformation.arap import PuppetSurface
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
@@ -24,7 +24,7 @@ from enliven.examples import (
 )
 from enliven.examples.baking import EdgeGraph
 from enliven.meshes import Mesh, weld
-from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
+from enliven.rotation import conjugate, from_rotation_vector, multiply, normalized, rotate
 
 
 def surface_of_puppet(puppet: Puppet) -> PuppetSurface:
@@ -47,6 +47,12 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
         if not missing(project, puppet):
             raise
     return state_of(project, puppet.with_changes(layers=()), time)
+
+
+def into_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
+    """(3,) metres in the mesh's frame of a place in the world: the inverse of ``in_world``."""
+    local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
+    return rotate(_about_y(-state.yaw), local)
 
 
 def shown(surface: PuppetSurface, places: Float) -> Float:

@@ -15,7 +15,7 @@ from enliven.document import Puppet
 from enliven.meshes import Mesh
 from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.puppets import PuppetCharacters
+from enliven_viewer.studio.puppets import puppet_meshes
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)
@@ -44,7 +44,7 @@ class Thumbnails:
         self._ctx = ctx
         self._renderer: Renderer | None = None
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="thumbnails")
-        self._solver, self._characters = _Solver(), PuppetCharacters()
+        self._solver, self._characters = _Solver(), puppet_meshes()
         self._solving: dict[_Key, tuple[Puppet, Future[Float]]] = {}
         self._done: dict[_Key, tuple[Mesh, moderngl.Texture]] = {}
         self._shown: dict[tuple[str, int], _Key] = {}
@@ -84,6 +84,7 @@ class Thumbnails:
         if self._renderer is None:
             self._renderer = Renderer(self._ctx, _SIZE, _SETTINGS)
         character = self._characters.of(puppet)
+        assert character is not None
         low = np.minimum(puppet.mesh.vertices.min(0), vertices.min(0))
         high = np.maximum(puppet.mesh.vertices.max(0), vertices.max(0))
         camera, aspect = OrbitCamera(0.5), _SIZE[0] / _SIZE[1]

@@ -75,24 +75,35 @@ class Tool:
 
     def overlay(self) -> Overlay:
         """The marks that the tool draws over the viewport."""
-        hovered = (self.hovered.shape, self.hovered.joint) if self.hovered else None
+        hovered = (self.hovered.character, self.hovered.handle) if self.hovered else None
         return Overlay(chain=self._chosen_chain(), hovered=hovered)
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
-        """The joint under the pointer, or else the bone; of two as near, the chosen shape's."""
-        reach, lens, posed_shapes = self.editor.settings.reach, self.editor.lens, self.editor.posed_shapes
-        chosen = [s for s in posed_shapes if s.shape.id == self.editor.selection.shape]
+        """The handle under the pointer, or else the bone; of two as near, the chosen character's."""
+        reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.handled
+        chosen = [one for one in stage if one.id == self.editor.selection.character]
         for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
-            hit, mine = pick(posed_shapes, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
+            hit, mine = pick(stage, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
             if hit is not None:
                 return mine if mine is not None and mine.pixels <= hit.pixels + _AS_NEAR else hit
         return None
 
-    def shape_at(self, pointer: Pointer) -> Hit | None:
-        """The joint, the bone or the surface under the pointer."""
-        hit = self.handle_at(pointer)
-        return hit or surface_at(self.editor.posed_shapes, self.editor.lens, pointer.at)
+    def character_at(self, pointer: Pointer, without: str = "") -> Hit | None:
+        """The handle, the bone or the surface of any character under the pointer, but for one's surface."""
+        hit = None if without else self.handle_at(pointer)
+        stage = [one for one in self.editor.standing if one.id != without]
+        return hit or surface_at(stage, self.editor.lens, pointer.at)
+
+    def on_bone(self, hit: Hit | None) -> Point | None:
+        """The pixel of a place on a bone, while the bone is there."""
+        if hit is None or hit.character not in self.editor.project.characters:
+            return None
+        posed = self.editor.posed(hit.character)
+        if hit.handle >= len(posed.handles):
+            return None
+        pixels = self.editor.lens.pixels_of(posed.on_bone(hit.handle, hit.along)[None])
+        return pixels[0] if pixels else None
 
     def _chosen_chain(self) -> tuple[str, tuple[int, ...]] | None:
         chosen = self.editor.selection
-        return (chosen.shape, chosen.chain) if chosen.shape and chosen.chain else None
+        return (chosen.character, chosen.chain) if chosen.character and chosen.chain else None

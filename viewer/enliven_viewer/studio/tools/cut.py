@@ -48,9 +48,9 @@ class CutTool(Tool):
         if np.hypot(pointer.at[0] - last[0], pointer.at[1] - last[1]) >= _APART:
             self._stroke.append(pointer.at)
             editor = self.editor
-            found = crossings(editor.posed_shapes, editor.lens, np.array(self._stroke))
+            found = crossings(editor.handled, editor.lens, np.array(self._stroke))
             # Where the chosen shape is crossed, what lies behind or before it is not meant.
-            mine = [hit for hit in found if hit.shape == editor.selection.shape]
+            mine = [hit for hit in found if hit.character == editor.selection.character]
             self._crossed = mine or found
 
     def release(self, pointer: Pointer) -> None:
@@ -59,7 +59,7 @@ class CutTool(Tool):
         self._stroke, self._crossed = [], []
         if not stroke:
             return
-        names = list(dict.fromkeys(hit.shape for hit in crossed)) or self._others(stroke)
+        names = list(dict.fromkeys(hit.character for hit in crossed)) or self._others(stroke)
         if not names:
             self.editor.toasts.say("The stroke crosses no bone", "Draw it across a limb, from side to side.")
             return
@@ -84,11 +84,11 @@ class CutTool(Tool):
 
     def _others(self, stroke: list[Point]) -> list[str]:
         """The characters without bones that a stroke may pass through: the chosen one, or all."""
-        project, chosen = self.editor.project, self.editor.selection
         if len(stroke) < 2:
             return []
-        wanted = chosen.graph or chosen.puppet
-        return [name for name in (*project.graphs, *project.puppets) if wanted in (None, name)]
+        boneless = [one.id for one in self.editor.standing if not one.bones]
+        chosen = self.editor.selection.character
+        return [chosen] if chosen in boneless else boneless
 
     def _surface(self, stroke: list[Point]) -> StrokeCut:
         """The stroke swept along the view; pixels, y up."""
@@ -106,10 +106,5 @@ class CutTool(Tool):
         if len(self._stroke) < 2:
             return Overlay()
         marks: list[Line | Disc] = [Line(tuple(self._stroke), CUT, 2.5)]
-        for hit in self._crossed:
-            posed = self.editor.posed(hit.shape)
-            start = posed.joints[posed.shape.skeleton.parents[hit.joint]]
-            place = start + hit.along * (posed.joints[hit.joint] - start)
-            pixel = self.editor.lens.project(place[None])[0][0]
-            marks.append(Disc((float(pixel[0]), float(pixel[1])), 5.0, CUT))
+        marks += [Disc(at, 5.0, CUT) for at in map(self.on_bone, self._crossed) if at is not None]
         return Overlay(tuple(marks))

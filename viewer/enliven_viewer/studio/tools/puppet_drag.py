@@ -23,7 +23,7 @@ class PointDrag:
     def __init__(self, editor: Editor, standing: StandingPuppet, point: int, part: str, at: Point) -> None:
         self.editor, self.point, self.part = editor, point, part
         self._standing, self._start = standing, at
-        self._from: Float = np.array(standing.points[point])
+        self._from: Float = np.array(standing.handles[point])
         # As it was when the button went down: the arrows go along with the point, the way is from here.
         self._manipulator = Manipulator(self._from, editor.lens)
         self.moved = False
@@ -39,5 +39,5 @@ class PointDrag:
     def drop(self) -> None:
         """The button went up: the pose is kept."""
         if self.moved:
-            puppet = self._standing.puppet
+            puppet = self._standing.character
             self.editor.puppets.drop(f"pose {puppet.points[self.point].name}")

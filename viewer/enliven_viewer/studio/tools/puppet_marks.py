@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-
-from enliven.arrays import Float
 from enliven_viewer.studio.puppets import (
     GHOST_RADIUS,
     POINT_RADIUS,
@@ -18,7 +15,7 @@ from enliven_viewer.studio.puppets import (
     partner_vertex,
 )
 from enliven_viewer.studio.tools.puppet_drag import PointDrag
-from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
+from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
 _WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
@@ -61,15 +58,15 @@ def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark
 
 def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """Rings at the ends of limbs; only before key poses are made, then they are in the way."""
-    if standing.puppet.poses or tool.puppets.posing:
+    if standing.character.poses or tool.puppets.posing:
         return []
     found: list[Mark] = []
-    for vertex in tool.suggested.of(standing.puppet):
+    for vertex in tool.suggested.of(standing.character):
         place = standing.vertices[vertex]
         # At the far side it is fainter.
-        seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.puppet.mesh)[vertex] > 0.0
+        seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex] > 0.0
         white, dark = ((1.0, 1.0, 1.0, 0.8), 0.35) if seen else ((1.0, 1.0, 1.0, 0.3), 0.12)
-        for pixel in _pixels(lens, place[None]):
+        for pixel in lens.pixels_of(place[None]):
             found.append(Disc(pixel, GHOST_RADIUS, (0.0, 0.0, 0.0, dark), 3.5))
             found.append(Disc(pixel, GHOST_RADIUS, white, 1.5))
             found.append(Disc(pixel, 1.6, white))
@@ -82,10 +79,10 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
         return []
     wanted = [tool.hovered_vertex]
     if tool.puppets.symmetric:
-        other = partner_vertex(standing.puppet, tool.hovered_vertex)
+        other = partner_vertex(standing.character, tool.hovered_vertex)
         wanted += [other] if other is not None and other != tool.hovered_vertex else []
     found: list[Mark] = []
-    for pixel in _pixels(lens, standing.vertices[wanted]):
+    for pixel in lens.pixels_of(standing.vertices[wanted]):
         found.append(Disc(pixel, 6.5, ACCENT, 2.0))
         found.append(Disc(pixel, 2.0, ACCENT))
     return found
@@ -94,11 +91,11 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
 def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """The names of the chosen control point and of the one under the pointer; a ring around the chosen."""
     found: list[Mark] = []
-    chosen, points = tool.puppets.point, standing.puppet.points
+    chosen, points = tool.puppets.point, standing.character.points
     for number in dict.fromkeys([chosen, tool.hovered_point]):
         if number is None or number >= len(points):
             continue
-        for pixel in _pixels(lens, standing.points[[number]]):
+        for pixel in lens.pixels_of(standing.handles[[number]]):
             if number == chosen:
                 found.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, _WHITE, 1.5))
             point = points[number]
@@ -107,10 +104,3 @@ def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
             if point.joint:
                 found.append(Label((at[0], at[1] + 16), point.joint, QUIET))
     return found
-
-
-def _pixels(lens: Lens, points: Float) -> list[Point]:
-    """The pixels of places (N, 3) that are before the eye."""
-    if not len(points):
-        return []
-    return [(float(x), float(y)) for x, y in lens.project(points)[0] if np.isfinite(x) and np.isfinite(y)]

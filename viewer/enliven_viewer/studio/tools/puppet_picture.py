@@ -40,8 +40,7 @@ def picture_of(tool: Tool) -> PuppetPicture:
     if not isinstance(tool, PuppetTool):
         return NOTHING
     puppets, lens = tool.puppets, tool.editor.lens
-    puppet = puppets.puppet
-    standing = puppets.stage.standing_of(puppet.id) if puppet is not None else None
+    puppet, standing = puppets.puppet, puppets.shown
     if puppet is None or standing is None:
         return NOTHING
     mesh, warned, ghost = puppet.mesh, puppets.crossing.faces, puppets.stage.ghost
@@ -53,7 +52,7 @@ def picture_of(tool: Tool) -> PuppetPicture:
         away = float(np.linalg.norm(manipulator.place - lens.view.eye))
         tubes.append((manipulator.rows(part or tool.hovered_part, part), _ALWAYS * away))
     return PuppetPicture(
-        (standing.drawn, mesh.faces[warned]) if puppets.warn and len(warned) else None,
-        (ghost.drawn, mesh.faces, size_of(mesh)) if ghost is not None else None,
+        (standing.solved, mesh.faces[warned]) if puppets.warn and len(warned) else None,
+        (ghost.solved, mesh.faces, size_of(mesh)) if ghost is not None else None,
         tuple(tubes),
     )

@@ -66,8 +66,8 @@ class SketchTool(Tool):
             return project.with_characters(shape_from_stroke(points, plane, id=name))
 
         if self.editor.edit("sketch part", change):
-            self.editor.select(shape=made[-1])
-            bones = len(self.editor.project.shapes[made[-1]].skeleton) - 1
+            self.editor.choose(made[-1])
+            bones = len(self.editor.project.characters[made[-1]].handles) - 1
             said = f"A part with {bones} bone{'s' * (bones != 1)}"
             self.editor.toasts.say(said, "G moves it, M gives it motion, and you can rename it at the right.")
 

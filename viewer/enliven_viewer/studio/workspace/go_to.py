@@ -27,9 +27,9 @@ def go_to(workspace: WorkspaceViews, take: str, seconds: float) -> None:
     if puppet is None:
         return
     editor.puppets.accept()
-    number = layer_of(puppet, editor.selection.puppet_layer, take)
+    number = layer_of(puppet, editor.selection.layer, take)
     if number is not None:
-        editor.select(puppet_layer=number)
+        editor.select(layer=number)
         editor.scrub(puppet.layers[number].time_of(seconds, editor.project.takes[take].duration))
     workspace.performer.show(take)
 
@@ -57,7 +57,7 @@ def begin_pose(workspace: WorkspaceViews, take: str, seconds: float) -> None:
 def bring_into_view(workspace: WorkspaceViews) -> None:
     """Move the camera to the chosen puppet where it is not wholly in the picture: it may have walked away."""
     editor = workspace.editor
-    standing = editor.puppets.stage.standing_of(editor.selection.puppet or "")
+    standing = editor.puppets.shown
     if standing is None:
         return
     pixels = editor.lens.project(standing.vertices[:: max(len(standing.vertices) // 2000, 1)])[0]

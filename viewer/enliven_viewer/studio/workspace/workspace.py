@@ -8,7 +8,6 @@ from pathlib import Path
 from enliven.document import Project
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import Exporting
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.timeline import TimelineInput
@@ -22,7 +21,7 @@ from enliven_viewer.studio.workspace.files import (
     TAKES,
     add_file,
     export,
-    moves,
+    exportable,
     save_session,
 )
 from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
@@ -49,13 +48,12 @@ class Workspace:
         self.editor = editor
         self.input = ViewportInput(editor, Commands(editor, self.ask))
         self.timeline = TimelineInput(editor)
-        self.timeline.puppets.edit_pose = lambda number: edit_pose(self, number)
-        self.timeline.puppets.begin_pose = lambda take, seconds: begin_pose(self, take, seconds)
-        self.input.first = self.timeline.type
+        self.timeline.rows.edit_pose = lambda number: edit_pose(self, number)
+        self.timeline.rows.begin_pose = lambda take, seconds: begin_pose(self, take, seconds)
+        self.input.first = self.timeline.rows.type
         self.puppets = editor.puppets
-        self.performer, self.coverages = PerformerView(editor), self.timeline.puppets.coverages
+        self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
         self.store = ProjectStore(editor, folder)
-        self.exporting = Exporting(editor.toasts)
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
@@ -112,7 +110,7 @@ class Workspace:
         elif dialogue == "export":
             self._export(path)
         elif dialogue == "session":
-            save_session(self.editor.project, self.editor.selection.puppet or "", path)
+            save_session(self.editor.project, self.editor.selection.character or "", path)
             self.editor.toasts.say(f"Saved {path.name}", "`enliven examples fit` plays it without a window.")
         else:
             try:
@@ -167,12 +165,15 @@ class Workspace:
         self.widgets[name] = (low.x, low.y, high.x, high.y)
 
     def _export(self, path: Path) -> None:
-        """Write the GLB: at once, or beside the window where a puppet is to be baked."""
-        project = self.editor.project
-        if any(moves(project, puppet) for puppet in project.puppets.values()):
-            self.exporting.begin(path.name, lambda: export(project, path))
-        else:
-            self.editor.toasts.say(export(project, path))
+        """Write the GLB beside the window, since surfaces may have to be solved for it."""
+        project, toasts = self.editor.project, self.editor.toasts
+        chosen = exportable(project)
+
+        def tell(said: str) -> None:
+            first, _, rest = said.partition(". ")
+            toasts.say(first, rest)
+
+        self.editor.beside.begin(f"Writing {path.name}", lambda: export(project, path, chosen), tell)
 
     def _browse(self, dialogue: str) -> None:
         folder = self.store.path.parent if self.store.path else Path.cwd()
@@ -182,9 +183,9 @@ class Workspace:
             "export": (".glb",),
             "session": SESSIONS,
         }[dialogue]
-        puppet, unnamed = self.editor.selection.puppet, self.store.path is None
-        about_it = dialogue == "session" or (dialogue == "export" and unnamed and puppet is not None)
-        stem = puppet if about_it else self.store.name
+        puppet, unnamed = self.editor.puppets.puppet, self.store.path is None
+        about_it = dialogue == "session" or (dialogue == "export" and unnamed)
+        stem = puppet.id if puppet is not None and about_it else self.store.name
         name = "" if dialogue == "open" else f"{stem}{endings[0]}"
         own = self.store.path if dialogue == "save as" else None
         self.browser = FileBrowser(folder, endings, name, dialogue != "open", own)

@@ -9,6 +9,7 @@ from enliven.modeling.puppet import remove_key_pose
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
+from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.places import Area
@@ -86,7 +87,7 @@ def _said(coverage: TakeCoverage, count: int) -> str:
 def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """Draw the buttons for the edited key pose."""
     labels = ("Done", "Cancel", "Duplicate", "Mirror", "Here", "Remove")
-    told = {
+    meant = {
         "Done": "Keep it, and let the puppet play (Enter)",
         "Cancel": "Put it back as it was",
         "Duplicate": "The same pose for a moment half a second on",
@@ -103,8 +104,7 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
         if label == "Done":
             imgui.pop_style_color()
         workspace.remember(f"pose {label}")
-        if imgui.is_item_hovered():
-            imgui.set_tooltip(told[label])
+        told(meant[label])
         if pressed:
             run_pose_command(workspace, puppet, number, label)
 
