@@ -46,10 +46,35 @@ def cast(
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    settings = settings or ActorSettings()
-    mesh, size = _prepared(spec, settings, up)
+    for made in MADE:
+        if spec == made:
+            return cast_mesh(load_sample(made), name or made, nodes, settings, fit=False)
+    from enliven.meshes import load_mesh
+
+    mesh, notes = load_mesh(spec)
+    for note in notes:
+        log.info("%s: %s", spec, note)
+    return cast_mesh(mesh, name or name_of(spec), nodes, settings, up)
+
+
+def cast_mesh(
+    mesh: Mesh,
+    name: str,
+    nodes: int = 128,
+    settings: ActorSettings | None = None,
+    up: str = "y",
+    fit: bool = True,
+) -> EmbeddedActor:
+    """Returns the actor of a mesh, as :func:`cast` does; without ``fit`` the mesh is taken as modelled.
+
+    Raises:
+        InputError: for a mesh that cannot be used.
+    """
+    settings, size = settings or ActorSettings(), 1.0
+    if fit and settings.place != "fixed":
+        mesh, size = _fitted(mesh, name, settings, up)
     graph = DeformationGraph.build(mesh, nodes=nodes)
-    return EmbeddedActor(character_from(mesh, graph, name or name_of(spec)), graph, settings, size)
+    return EmbeddedActor(character_from(mesh, graph, name), graph, settings, size)
 
 
 def parts_for(spec: str) -> str:
@@ -62,24 +87,11 @@ def name_of(spec: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(spec).stem)[:40].strip("-") or "mesh"
 
 
-def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]:
-    """Returns the mesh as it goes on stage, and how many metres of the file are one metre of it.
-
-    Repairs are logged.
-    """
-    for name in MADE:
-        if spec == name:
-            return load_sample(name), 1.0
-    from enliven.meshes import load_mesh
-
-    mesh, notes = load_mesh(spec)
-    for note in notes:
-        log.info("%s: %s", spec, note)
-    if settings.place == "fixed":
-        return mesh, 1.0
+def _fitted(mesh: Mesh, name: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]:
+    """Returns the mesh as it meets a performer, and how many of its own units are one metre of it."""
     size = float(np.ptp(mesh.vertices[:, "xyz".index(up)])) / _HEIGHT
     mesh = fit_height(mesh, _HEIGHT, up)  # type: ignore[arg-type]
     if settings.stand == "fitted":
         mesh, fit = fit_standing_person(mesh)
-        log.info("%s: moved to where a standing person fits into it (%.0f %%)", spec, 100 * fit)
+        log.info("%s: moved to where a standing person fits into it (%.0f %%)", name, 100 * fit)
     return refine(mesh, _LONGEST_EDGE), size
