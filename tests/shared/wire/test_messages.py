@@ -46,6 +46,7 @@ EXAMPLES = [
     messages.MatchesMessage(
         "spider", "choosing", 3, 7, 0, [messages.PackedMatch("2-1", 4, 1.5, b"\2\1", bytes(18))], 45, 0.5
     ),
+    messages.StageMessage(5, [messages.Revision("chair", 2), messages.Revision("lamp", 1)]),
     messages.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),
 ]
 ASKS = [
@@ -63,10 +64,14 @@ ASKS = [
     messages.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (0.0, 1.0, 3.0)),
     messages.Browse("spider", -1),
     messages.Ping("v", 1),
+    messages.PutCharacter("chair", 2, bytes(32), 5, True),
+    messages.CharacterPart("chair", bytes(32), 3, b"abc"),
+    messages.RemoveCharacter("chair"),
 ]
 ANSWERS = [
     messages.Welcome(EXAMPLES[3], [messages.Revision("chair", 2)], [b"x"]),
     messages.Done("ok"),
+    messages.Awaited(7),
     messages.Refused("no"),
     messages.Pong(1, 2),
 ]

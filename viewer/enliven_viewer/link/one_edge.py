@@ -281,10 +281,10 @@ class EdgeConnection:
                 self._waiting.append((message, received_ns))
             return
         shown = self._label(self.name, message.character)
-        pose = message_to_pose(message, self.held[shown].codec)
+        held = self.held[shown]
+        pose = replace(message_to_pose(message, held.codec), character=shown)
         times = (message.captured_ns, message.published_ns, received_ns, self.clock.offset_ns)
-        pose = replace(pose, character=shown)
-        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times))
+        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, held.character))
 
     def _ask(self) -> None:
         """Say hello until welcomed, ask for characters that are missing, and for the time."""

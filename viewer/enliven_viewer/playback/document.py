@@ -14,7 +14,7 @@ from enliven.health import HealthState
 from enliven.matching import Board
 from enliven.person import Body
 from enliven.wire import Topic
-from enliven_viewer.playback.timeline import CueFrame, Timeline
+from enliven_viewer.playback.timeline import CueFrame, Timeline, TimelineMoment
 
 
 @dataclass(frozen=True)
@@ -56,9 +56,13 @@ class Document:
         """Forget a character; the timeline keeps its poses."""
         self.characters.pop(character_id, None)
 
-    def add_pose(self, pose: Pose) -> None:
-        """Put a pose on the timeline."""
-        self.timeline.add_pose(pose)
+    def add_pose(self, pose: Pose, character: Character | None = None) -> None:
+        """Put a pose, of a revision of its character, on the timeline."""
+        self.timeline.add_pose(pose, character)
+
+    def characters_at(self, moment: TimelineMoment | None) -> dict[str, Character]:
+        """The characters by id, each in the revision that the poses of a moment are of."""
+        return {**self.characters, **(moment.characters if moment else {})}
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
         """Put the bodies of one moment on the timeline."""
