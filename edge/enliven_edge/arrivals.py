@@ -39,6 +39,8 @@ _MOST_NODES = 1024
 """Nodes of a possessed mesh that is sent: their distances are a matrix, and each frame moves all."""
 _FARTHEST = 1e3
 """Metres from the origin within which a sent mesh lies: farther away is no place on any stage."""
+_FARTHEST_UNFITTED = 1e9
+"""Units of its own within which a mesh that is to be fitted lies: a house in micrometres."""
 _MOST_REFUSED = 32
 """Refusals that are remembered, so that equal data is not prepared again."""
 
@@ -204,8 +206,9 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings) -> Actor
     mesh = one.mesh
     if mesh is None or not len(mesh.faces):
         raise InputError("it has no mesh", where=where, mend="Give it one.")
-    if not (np.abs(mesh.vertices) < _FARTHEST).all() and not order.fit:
-        what = f"a vertex is {_FARTHEST:g} m from the origin, or not finite"
+    farthest = _FARTHEST_UNFITTED if order.fit else _FARTHEST
+    if not (np.abs(mesh.vertices) < farthest).all():
+        what = f"a vertex is {farthest:g} from the origin, or not finite"
         raise InputError(what, where=where, mend="Scale it to metres.")
     actor = _actor_of(project, one.with_changes(id=order.id), order, settings)
     character_to_message(actor.character, 0)  # what no viewer can be sent is said now
@@ -220,7 +223,7 @@ def _actor_of(project: Project, one: RigBase, order: PutCharacter, settings: Edg
         if nodes > _MOST_NODES:
             mend = f"Give it {_MOST_NODES} at most."
             raise InputError(f"it has {nodes} nodes", where=one.where, mend=mend)
-        return cast_mesh(one.mesh, one.id, nodes, settings.actor, settings.up, fit=order.fit)
+        return cast_mesh(one.mesh, one.id, nodes, settings.actor, fit=order.fit)
     if isinstance(one, Shape):
         from enliven_edge.stage.rig import RigActor
 

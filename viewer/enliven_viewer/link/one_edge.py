@@ -169,6 +169,12 @@ class EdgeConnection:
         """The revision of a character that the edge says it has, by the edge's own id; 0 for none."""
         return self._wanted.get(character, 0)
 
+    @property
+    def complete(self) -> bool:
+        """Whether it is known what stands on the stage, and all of it is here."""
+        known = self.status is not None and self._known_revision == self.status.revision
+        return known and self._revisions == self._wanted
+
     def close(self) -> None:
         """Let the sockets go."""
         self.stage.close()
