@@ -38,12 +38,12 @@ def cast_puppet(
     """
     project, puppet = _read(spec)
     named = puppet.with_changes(id=unused(name or puppet.id, taken or {}))
-    actor = puppet_actor(project, named, settings, f"puppet {puppet.id!r} of {spec}")
+    actor = cast_from_project(project, named, settings, f"puppet {puppet.id!r} of {spec}")
     character_to_message(actor.character, 0)  # what no viewer can be sent is said now
     return actor
 
 
-def puppet_actor(
+def cast_from_project(
     project: Project, puppet: Puppet, settings: PuppetSettings | None = None, where: str = ""
 ) -> PuppetActor:
     """Returns the actor of a puppet with its takes in the project; ``where`` is named in errors.
