@@ -137,6 +137,7 @@ def character_of(shape: Shape) -> Character:
         edges=_drawn(skeleton),
         kind="bones",
         colours=shape.mesh.colours,
+        names=skeleton.names,
     )
 
 

@@ -16,7 +16,7 @@ from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven.rotation import conjugate, multiply, normalized, to_rotation_vector
-from enliven.wire import convert, envelope, messages, quaternions, topics
+from enliven.wire import convert, convert_characters, envelope, messages, quaternions, topics
 from enliven.wire.envelope import Malformed, OtherVersion
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.sockets import Endpoint, parse_endpoint
@@ -75,6 +75,16 @@ ANSWERS = [
     messages.Refused("no"),
     messages.Pong(1, 2),
 ]
+
+
+def test_a_joints_name_is_carried_and_one_that_is_there_twice_is_refused() -> None:
+    named = replace(chair(), names=("hip", "left knee", "\u9996"))
+    message = convert_characters.character_to_message(named, 1)
+    assert convert_characters.message_to_character(message).names == named.names
+    long = convert_characters.character_to_message(replace(named, names=("hip", "knee", "x" * 200)), 1)
+    assert long.names is None, "what receivers refuse is not sent"
+    with pytest.raises(InputError, match="2 different names for 3 bones"):
+        convert_characters.message_to_character(msgspec.structs.replace(message, names=["a", "b", "b"]))
 
 
 def chair(colours: bool = False) -> Character:
