@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -29,6 +29,8 @@ class EdgeState:
         sensor_to_pose_ms: milliseconds from the sensor's frame to its published pose, or None.
         pose_to_screen_ms: milliseconds from publishing to here, or None.
         health: problems that the edge reports, the gravest first.
+        signal: how the frames arrive of late: "live"; "slow": fewer than the edge says that it sends;
+            "damaged": some cannot be read; "silent": none.
     """
 
     connected: bool = False
@@ -38,6 +40,7 @@ class EdgeState:
     sensor_to_pose_ms: float | None = None
     pose_to_screen_ms: float | None = None
     health: tuple[HealthState, ...] = ()
+    signal: Literal["live", "slow", "damaged", "silent"] = "live"
 
 
 @dataclass
