@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.meshes import Mesh, fit_height, refine
+from enliven.meshes import Axis, Mesh, fit_height, refine
 from enliven.possession import ActorSettings, EmbeddedActor, fit_standing_person
 from enliven.samples import load_sample
 
@@ -27,7 +27,7 @@ _LONGEST_EDGE = 0.04
 
 
 def cast(
-    spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y", name: str = ""
+    spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: Axis | None = None, name: str = ""
 ) -> EmbeddedActor:
     """The actor of a mesh file, or of a mesh that ships.
 
@@ -38,16 +38,41 @@ def cast(
     Args:
         spec: a path, or a name of :data:`MADE`.
         nodes: of the deformation graph.
-        up: "x", "y" or "z", the mesh's own axis that points up.
+        up: the mesh's own axis that points up; None guesses it.
         name: the character's id; empty: the file's stem.
 
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    settings = settings or ActorSettings()
-    mesh, size = _prepared(spec, settings, up)
+    for made in MADE:
+        if spec == made:
+            return cast_mesh(load_sample(made), name or made, nodes, settings, fit=False)
+    from enliven.meshes import load_upright
+
+    mesh, notes = load_upright(spec, up)
+    for note in notes:
+        log.info("%s: %s", spec, note)
+    return cast_mesh(mesh, name or name_of(spec), nodes, settings)
+
+
+def cast_mesh(
+    mesh: Mesh,
+    name: str,
+    nodes: int = 128,
+    settings: ActorSettings | None = None,
+    *,
+    fit: bool = True,
+) -> EmbeddedActor:
+    """Returns the actor of a mesh, as :func:`cast` does; without ``fit`` the mesh is taken as modelled.
+
+    Raises:
+        InputError: for a mesh that cannot be used.
+    """
+    settings, size = settings or ActorSettings(), 1.0
+    if fit and settings.place != "fixed":
+        mesh, size = _fitted(mesh, name, settings)
     graph = DeformationGraph.build(mesh, nodes=nodes)
-    return EmbeddedActor(character_from(mesh, graph, name or name_of(spec)), graph, settings, size)
+    return EmbeddedActor(character_from(mesh, graph, name), graph, settings, size)
 
 
 def parts_for(spec: str) -> str:
@@ -60,24 +85,11 @@ def name_of(spec: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(spec).stem)[:40].strip("-") or "mesh"
 
 
-def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]:
-    """Returns the mesh as it goes on stage, and how many metres of the file are one metre of it.
-
-    Repairs are logged.
-    """
-    for name in MADE:
-        if spec == name:
-            return load_sample(name), 1.0
-    from enliven.meshes import load_mesh
-
-    mesh, notes = load_mesh(spec)
-    for note in notes:
-        log.info("%s: %s", spec, note)
-    if settings.place == "fixed":
-        return mesh, 1.0
-    size = float(np.ptp(mesh.vertices[:, "xyz".index(up)])) / _HEIGHT
-    mesh = fit_height(mesh, _HEIGHT, up)  # type: ignore[arg-type]
+def _fitted(mesh: Mesh, name: str, settings: ActorSettings) -> tuple[Mesh, float]:
+    """Returns the mesh as it meets a performer, and how many of its own units are one metre of it."""
+    size = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT
+    mesh = fit_height(mesh, _HEIGHT)
     if settings.stand == "fitted":
         mesh, fit = fit_standing_person(mesh)
-        log.info("%s: moved to where a standing person fits into it (%.0f %%)", spec, 100 * fit)
+        log.info("%s: moved to where a standing person fits into it (%.0f %%)", name, 100 * fit)
     return refine(mesh, _LONGEST_EDGE), size

@@ -19,6 +19,7 @@ from .possessed import (
     PoseStream as PoseStream,
     Ride as Ride,
     character_of_graph as character_of_graph,
+    graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_of as graph_shape_of,
 )
 from .project import Project as Project, same as same

@@ -171,10 +171,30 @@ class GraphShape(RigBase):
         mend = "Mute it, or cut that part off."
         raise InputError("its nodes have no other motion", where=self.where, mend=mend)
 
+    def at_rest(self, mesh: Mesh | None) -> tuple[GraphShape, tuple[PoseStream, ...]]:
+        """A possessed mesh that stands still; its skin is made anew from the mesh on the stage."""
+        shape, stream = graph_shape_at_rest(self.id, self.positions, self.edges, mesh or self.mesh)
+        return shape, (stream,)
+
     @property
     def starts(self) -> tuple[int, ...]:
         """The number of the first node of each part, and N."""
         return tuple(np.cumsum([0, *(len(part.nodes) for part in self.parts)]).tolist())
+
+
+_REST = "rest"
+"""The id of the stream of a possessed mesh at rest."""
+
+
+def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tuple[GraphShape, PoseStream]:
+    """A mesh with nodes (N, 3) that stand still, every vertex on the first of them, and the nodes' stream."""
+    count = len(mesh.vertices)
+    skin = SkinWeights(
+        np.zeros((count, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1))
+    )
+    stream = PoseStream(_REST, np.tile(np.eye(3), (1, len(nodes), 1, 1)), nodes[None], 1.0)
+    part = GraphPart(_REST, np.arange(len(nodes)))
+    return GraphShape(name, nodes, edges, mesh, skin, (part,)), stream
 
 
 def graph_shape_of(

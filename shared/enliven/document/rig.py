@@ -84,6 +84,10 @@ class RigBase:
         """The same, playing ``delay`` seconds later."""
         return self.with_playing(*(layer.later(delay) for layer in self.playing))
 
+    def at_rest(self, mesh: Mesh | None) -> tuple[Self, tuple[Any, ...]]:
+        """The same without motion, with another mesh of as many vertices, and the streams that it needs."""
+        return self.with_playing().with_changes(mesh=mesh), ()
+
     def needed(self) -> Mapping[str, set[str]]:
         """The ids that it refers to in each map of takes of the project: "takes" and "streams"."""
         found: dict[str, set[str]] = {"takes": set(), "streams": set()}

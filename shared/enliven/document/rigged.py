@@ -76,6 +76,11 @@ class Shape(RigBase):
         if problem:
             raise InputError(problem, where=f"shape {self.id!r}", mend="Build the shape again.")
 
+    def at_rest(self, mesh: Mesh | None) -> tuple[Shape, tuple[PoseStream, ...]]:
+        """The same without motion, travel and pins."""
+        spans = (STILL,) * len(self.skeleton)
+        return self.with_changes(mesh=mesh, spans=spans, layers=(), travel=None, pins=()), ()
+
     kind = "bones"
     word = "shape"
     drawn_by = ("mesh", "skin", "skeleton")
@@ -157,6 +162,7 @@ def character_of(shape: Shape) -> Character:
         edges=_drawn(skeleton),
         kind="bones",
         colours=shape.mesh.colours,
+        names=skeleton.names,
     )
 
 

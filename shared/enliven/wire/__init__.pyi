@@ -27,6 +27,7 @@ from .envelope import (
     unpack_control as unpack_control,
     unpack_stream as unpack_stream,
 )
+from .fields import MAX_PART_BYTES as MAX_PART_BYTES, MAX_SENT_BYTES as MAX_SENT_BYTES
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
 from .ports import free_ports as free_ports
 from .posecode import PoseCodec as PoseCodec, warm_up as warm_up
@@ -35,7 +36,9 @@ from .requests import (
     SUPERSEDED as SUPERSEDED,
     Answer as Answer,
     Ask as Ask,
+    Awaited as Awaited,
     Browse as Browse,
+    CharacterPart as CharacterPart,
     Done as Done,
     GetState as GetState,
     Hello as Hello,
@@ -46,11 +49,12 @@ from .requests import (
     Ping as Ping,
     Pong as Pong,
     Possess as Possess,
+    PutCharacter as PutCharacter,
     Refused as Refused,
     Release as Release,
+    RemoveCharacter as RemoveCharacter,
     Reply as Reply,
     Request as Request,
-    Revision as Revision,
     Smooth as Smooth,
     Welcome as Welcome,
 )
@@ -67,6 +71,8 @@ from .streams import (
     MatchesMessage as MatchesMessage,
     PoseMessage as PoseMessage,
     PropsMessage as PropsMessage,
+    Revision as Revision,
+    StageMessage as StageMessage,
     StatusMessage as StatusMessage,
 )
 from .topics import (
@@ -80,6 +86,7 @@ from .topics import (
     PROPS as PROPS,
     REPLY as REPLY,
     REQUEST as REQUEST,
+    STAGE as STAGE,
     STATUS as STATUS,
     STREAMS as STREAMS,
     TOPICS as TOPICS,

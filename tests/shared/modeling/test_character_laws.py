@@ -26,7 +26,8 @@ from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples import in_world
 from enliven.exporters import performance_of
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project import character_bytes, project_of, project_of_mesh
+from enliven.formats.project.file import project_bytes
 from enliven.modeling.edits import (
     change_layers,
     copy_character,
@@ -403,3 +404,33 @@ def test_what_cannot_be_done_is_said(rig):
         with pytest.raises(InputError, match=words):
             edit()
     assert rename_character(project, name, name) is project
+
+
+@rigs
+@laws
+@given(seed=SEEDS, cut=st.floats(0, 1, exclude_max=True))
+def test_what_is_sent_of_a_character_is_that_character_at_rest_and_a_part_of_it_is_refused(rig, seed, cut):
+    project, name = WORLDS[rig]
+    random = np.random.default_rng(seed)
+    project = move_character(
+        project, name, random.normal(size=3), random_turns(random), random.normal(size=3)
+    )
+    data = character_bytes(project, name)
+    sent, one = project_of(data), project.characters[name]
+    (got,) = sent.characters.values()
+    near(got.mesh.vertices, one.mesh.vertices.astype(np.float32).astype(float), 0)
+    assert type(got) is type(one) and got.id == name and np.array_equal(got.mesh.faces, one.mesh.faces)
+    assert not got.playing or rig == "graph"
+    assert not sent.takes or rig == "points"
+    assert all(len(stream.positions) == 1 for stream in sent.streams.values())
+    assert same(sent, project_of(character_bytes(sent, name))), "what is sent again is the same"
+    with pytest.raises(InputError):
+        project_of(data[: int(cut * len(data))])
+
+
+def test_a_mesh_alone_is_sent_as_what_it_is():
+    mesh = tube()
+    sent = project_of(character_bytes(project_of_mesh(mesh, "post"), "post"))
+    near(sent.graph("post").mesh.vertices, mesh.vertices, 1e-6)
+    with pytest.raises(InputError, match="unpack"):
+        project_of(character_bytes(sent, "post"), most=1000)
