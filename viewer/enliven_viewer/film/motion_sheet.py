@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import Float, Float32, Int, UInt8
+from enliven.arrays import Float, Float32, UInt8
 from enliven.deformation import skin_vertices
-from enliven.document import Character, Pose, Project, Shape, Skeleton, SkinWeights, character_of, still_shape
+from enliven.document import Character, Clip, Pose, Project, Shape, Skeleton, character_of, still_shape
+from enliven.exporters import sticks
 from enliven.formats.rig import playing
 from enliven.mapping import Retargeted
-from enliven.meshes import Mesh
 from enliven.motion.layers import Player
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.render import Box, OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
@@ -60,13 +61,29 @@ def write_motion_sheet(
     """
     times = np.linspace(0.0, made.duration, frames)
     rows = [_take(made, times), _model(made, times)]
+    write_rows(path, rows, times, title, f"{made.duration:.1f} s, {len(made.plan.chains)} chains", size)
+
+
+def write_rows(
+    path: Path, rows: Sequence[MotionRow], times: Float, title: str, said: str, size: tuple[int, int]
+) -> None:
+    """Draw rows of pictures of ``size`` pixels, one below the other, each at the same times."""
     renderer = Renderer(offscreen_context(), size)
     tiles = [
         Tile(second, picture)
-        for film in rows
-        for second, picture in zip(times, pictures_of(renderer, film), strict=True)
+        for row in rows
+        for second, picture in zip(times, pictures_of(renderer, row), strict=True)
     ]
-    write_sheet(path, tiles, frames, title, f"{made.duration:.1f} s, {len(made.plan.chains)} chains")
+    write_sheet(path, tiles, len(times), title, said)
+
+
+def performer_row(clip: Clip, facing: float, travels: bool, seconds: Sequence[float] | Float) -> MotionRow:
+    """The row of a take's own skeleton at seconds of it; ``facing`` radians is where it looks."""
+    project, shape = playing(Project(), stick_shape("performer", clip.skeleton), clip)
+    if not travels:
+        project = project.with_characters(shape.with_changes(travel=None))
+    player = Player(project, shape.id)
+    return MotionRow(character_of(shape), [player.pose(second) for second in seconds], facing + SIDE)
 
 
 def _model(made: Retargeted, times: Float) -> MotionRow:
@@ -76,48 +93,15 @@ def _model(made: Retargeted, times: Float) -> MotionRow:
 
 
 def _take(made: Retargeted, times: Float) -> MotionRow:
-    shape = stick_shape("performer", made.clip.skeleton)
-    project, shape = playing(Project(), shape, made.clip)
-    if not made.plan.travel:
-        project = project.with_characters(shape.with_changes(travel=None))
-    player = Player(project, shape.id)
-    return MotionRow(character_of(shape), [player.pose(t) for t in times], made.take_facing + SIDE)
+    return performer_row(made.clip, made.take_facing, made.plan.travel, times)
 
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:
-    """A shape that shows a skeleton: a slender double pyramid for every bone."""
-    size = float(np.ptp(skeleton.positions, axis=0).max())
-    vertices, faces, bones = list[Float](), list[Int](), list[int]()
-    for j in range(1, len(skeleton)):
-        if skeleton.lengths[j] < 1e-3 * size:
-            continue
-        start = len(bones)
-        vertices.append(_double_pyramid(skeleton.positions[skeleton.parents[j]], skeleton.vectors[j], size))
-        faces.append(_PYRAMID + start)
-        bones += [j] * 6
-    mesh = Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), name)
+    """A shape that shows a skeleton: an octahedron for every bone."""
+    mesh, skin = sticks(skeleton)
+    assert mesh is not None
     mesh = replace(mesh, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
-    indices = np.zeros((len(bones), 4), np.uint16)
-    indices[:, 0] = bones
-    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(bones), 1))
-    return still_shape(name, skeleton, mesh, SkinWeights(indices, weights))
-
-
-_PYRAMID = np.array(
-    [[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [5, 1, 2], [5, 2, 3], [5, 3, 4], [5, 4, 1]], np.int64
-)
-
-
-def _double_pyramid(start: Float, along: Float, size: float) -> Float:
-    """(6, 3) the first end, four corners a fifth of the way on, the last end."""
-    length = float(np.linalg.norm(along))
-    radius = min(0.16 * length, 0.02 * size) + 0.004 * size
-    other = np.eye(3)[np.abs(along).argmin()]
-    u = np.cross(along, other)
-    u *= radius / np.linalg.norm(u)
-    v = np.cross(along / length, u)
-    waist = start + 0.2 * along
-    return np.stack([start, waist + u, waist + v, waist - u, waist - v, start + along])
+    return still_shape(name, skeleton, mesh, skin)
 
 
 def pictures_of(renderer: Renderer, film: MotionRow) -> list[UInt8]:
