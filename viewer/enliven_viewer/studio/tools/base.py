@@ -134,7 +134,7 @@ class Tool:
 
 
 class StrokeTool(Tool):
-    """A tool that draws a stroke, which is given to :meth:`drawn` when the button goes up."""
+    """A tool that draws a stroke, and takes it when the button goes up."""
 
     apart: ClassVar[float] = 4.0
     """Pixels between two points of a stroke: finer than a hand draws."""
@@ -143,8 +143,10 @@ class StrokeTool(Tool):
         super().__init__(editor)
         self._stroke: list[Point] = []
 
-    def drawn(self, stroke: list[Point]) -> None:
-        """A stroke of one point or more is done."""
+    def taken(self) -> list[Point]:
+        """The points of the stroke, which begins anew."""
+        stroke, self._stroke = self._stroke, []
+        return stroke
 
     def hover(self, pointer: Pointer) -> None:
         """Nothing is picked while drawing."""
@@ -157,11 +159,6 @@ class StrokeTool(Tool):
     def drag(self, pointer: Pointer) -> None:
         if self._stroke and math.dist(pointer.at, self._stroke[-1]) >= self.apart:
             self._stroke.append(pointer.at)
-
-    def release(self, pointer: Pointer) -> None:
-        stroke, self._stroke = self._stroke, []
-        if stroke:
-            self.drawn(stroke)
 
     def cancel(self) -> None:
         super().cancel()

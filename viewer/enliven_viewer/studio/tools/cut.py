@@ -45,9 +45,11 @@ class CutTool(StrokeTool):
         # Where the chosen shape is crossed, what lies behind or before it is not meant.
         self._crossed = [hit for hit in found if hit.character == editor.selection.character] or found
 
-    def drawn(self, stroke: list[Point]) -> None:
+    def release(self, pointer: Pointer) -> None:
         """Cuts what the stroke crosses, at the time that is shown."""
-        crossed, self._crossed = self._crossed, []
+        stroke, crossed, self._crossed = self.taken(), self._crossed, []
+        if not stroke:
+            return
         names = list(dict.fromkeys(hit.character for hit in crossed)) or self._others(stroke)
         if not names:
             self.editor.toasts.say("The stroke crosses no bone", "Draw it across a limb, from side to side.")

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, unused
 from enliven.modeling.sketching import SketchPlane, shape_from_stroke
-from enliven_viewer.studio.tools.base import StrokeTool
+from enliven_viewer.studio.tools.base import Pointer, StrokeTool
 from enliven_viewer.studio.viewport import Disc, Line, Overlay, Point
 from enliven_viewer.theme import GOOD, STROKE
 
@@ -30,8 +30,11 @@ class SketchTool(StrokeTool):
             return "Draw around the part, back to where you began."
         return "Draw the outline of a part: a limb, a body, a tentacle. It becomes a shape with bones."
 
-    def drawn(self, stroke: list[Point]) -> None:
+    def release(self, pointer: Pointer) -> None:
         """A closed stroke becomes a part."""
+        stroke = self.taken()
+        if not stroke:
+            return
         if len(stroke) < _FEWEST:
             self.editor.toasts.say("The stroke is too short", "Draw all around the part.")
             return
