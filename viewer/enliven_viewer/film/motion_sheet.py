@@ -97,10 +97,10 @@ def _take(made: Retargeted, times: Float) -> MotionRow:
 
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:
-    """A shape that shows a skeleton: an octahedron for every bone."""
+    """A shape that shows a skeleton: a slender double pyramid for every bone."""
     mesh, skin = sticks(skeleton)
-    assert mesh is not None
-    mesh = replace(mesh, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
+    if mesh is not None:
+        mesh = replace(mesh, name=name, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
     return still_shape(name, skeleton, mesh, skin)
 
 
