@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, Int, Int32
+from enliven.arrays import Float, Int, Int32, freeze, frozen
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.rig import RigBase
 from enliven.document.time_map import Playing
@@ -40,7 +40,7 @@ class PoseStream:
     step: float
 
     def __post_init__(self) -> None:
-        _freeze(self, "linear", "positions")
+        freeze(self, "linear", "positions")
         frames, nodes = self.positions.shape[:2] if self.positions.ndim == 3 else (0, 0)
         problem = ""
         if frames == 0 or nodes == 0:
@@ -78,7 +78,7 @@ class Ride:
     place: Float
 
     def __post_init__(self) -> None:
-        _freeze(self, "turn", "place")
+        freeze(self, "turn", "place")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +111,8 @@ class GraphPart(Playing):
     muted: bool = False
 
     def __post_init__(self) -> None:
-        nodes = np.array(self.nodes, np.int64)
-        nodes.setflags(write=False)
-        object.__setattr__(self, "nodes", nodes)
-        _freeze(self, "axes", "turn", "place")
+        freeze(self, "nodes", kind=np.int64)
+        freeze(self, "axes", "turn", "place")
         self.check_time(f"part {self.take!r}")
         if not self.size > 0.0:
             raise InputError(f"it cannot be {self.size} times as large", where=f"part {self.take!r}")
@@ -144,10 +142,8 @@ class GraphShape(RigBase):
     parts: tuple[GraphPart, ...]
 
     def __post_init__(self) -> None:
-        _freeze(self, "positions")
-        edges = np.array(self.edges, np.int32).reshape(-1, 2)
-        edges.setflags(write=False)
-        object.__setattr__(self, "edges", edges)
+        freeze(self, "positions")
+        object.__setattr__(self, "edges", frozen(np.reshape(self.edges, (-1, 2)), np.int32))
         object.__setattr__(self, "parts", tuple(self.parts))
         problem = _problem_of(self)
         if problem:
@@ -236,16 +232,6 @@ def character_of_graph(shape: GraphShape) -> Character:
         "graph",
         shape.mesh.colours,
     )
-
-
-def _freeze(part: object, *names: str) -> None:
-    """Make the named attributes read-only float64 arrays."""
-    for name in names:
-        array: AnyArray = getattr(part, name)
-        if not (isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable):
-            array = np.array(array, np.float64)
-            array.setflags(write=False)
-        object.__setattr__(part, name, array)
 
 
 def _problem_of(shape: GraphShape) -> str:

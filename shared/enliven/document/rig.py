@@ -1,4 +1,12 @@
-"""The rig of a character: what every kind of it has, whatever moves its mesh."""
+"""The rig of a character: what every kind of it has, whatever moves its mesh.
+
+A character is one value, and its rig is its class: it is not put together of a mesh, a rig, layers and a
+placement. Only the mesh could be taken out of all three. The layers of a skeleton are named by the spans of
+its bones, and go when no span names them; those of a deformation graph are its nodes, each part with its own
+place in the world and what it rides on; so neither is whole without the other. The placement of a skeleton is
+the first of its modeling rotations, and that of a graph is in every part. What is common is here, and the
+edits are written once against :class:`enliven.modeling.rig.RigEdits`.
+"""
 
 from __future__ import annotations
 

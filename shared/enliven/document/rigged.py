@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from enliven.arrays import Float, Int32
+from enliven.arrays import Float, Int32, freeze
 from enliven.document.character import Character, SkinWeights
 from enliven.document.layers import STILL, Layer, Span
 from enliven.document.pin import Pin
@@ -63,8 +63,7 @@ class Shape(RigBase):
     layers: tuple[Layer, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("modeling", "place"):
-            object.__setattr__(self, name, _frozen(getattr(self, name)))
+        freeze(self, "modeling", "place")
         object.__setattr__(self, "spans", tuple(tuple(spans) for spans in self.spans))
         named = names_of_layers(self)
         layers = {layer.id: layer for layer in self.layers if layer.id in named}
@@ -171,15 +170,6 @@ def _drawn(skeleton: Skeleton):  # type: ignore[no-untyped-def]
     # The pivot of transform j is its parent joint, so a bone is drawn from its own pivot to a child's.
     pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]
     return np.array(pairs, np.int32).reshape(-1, 2)
-
-
-def _frozen(array: Float) -> Float:
-    """The array, read-only: itself where it is so already, since shapes share arrays."""
-    if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
-        return array
-    copied = np.array(array, np.float64)
-    copied.setflags(write=False)
-    return copied
 
 
 def _problem_of(shape: Shape) -> str:

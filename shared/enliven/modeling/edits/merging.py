@@ -43,12 +43,7 @@ def merge_characters(
     take was played once; a loop goes on for ever where it ends as it began, and else for 20 seconds.
 
     Args:
-        node: what the graft rides on: a joint of the host, by number or name, or a node of its graph; None
-            takes the nearest.
-        at: where on the host's bone that ends at ``node``, where both have bones: 1 is its end.
-        loose: where no union of the meshes can be made, put both shells into one mesh.
-        seam: how the seam is smoothed.
-        notes: takes sentences about how the meshes were united, and what was recorded.
+        node, at, loose, seam, notes: as :class:`enliven.modeling.rig.Merge` has them.
 
     Raises:
         InputError: for a character merged with itself, a node that is not there, or meshes without a union.

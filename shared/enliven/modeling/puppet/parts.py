@@ -89,13 +89,13 @@ def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: in
     ]
     if frame in known:
         return puppet
-    pose = KeyPose(layer.take, frame * take.step, motion.places_at(frame))
+    return _with_example(project, puppet, KeyPose(layer.take, frame * take.step, motion.places_at(frame)))
+
+
+def _with_example(project: Project, puppet: Puppet, pose: KeyPose) -> Puppet:
+    """The puppet with one more key pose, unless its examples no longer differ then."""
     more = puppet.with_changes(poses=(*puppet.poses, pose))
-    try:
-        examples_of(project, more)
-    except InputError:
-        return puppet
-    return more
+    return more if _examples_differ(project, more) else puppet
 
 
 def unfolded(project: Project, puppet: Puppet) -> Puppet:
@@ -112,12 +112,7 @@ def unfolded(project: Project, puppet: Puppet) -> Puppet:
     for image in examples.sources[len(puppet.poses) :]:
         frame = int(((took.poses - image) ** 2).sum((1, 2)).argmin())
         pose = KeyPose(layer.take, frame * motion.step, motion.places_at(frame))
-        more = plain.with_changes(poses=(*plain.poses, pose))
-        try:
-            examples_of(project, more)
-        except InputError:
-            continue
-        plain = more
+        plain = _with_example(project, plain, pose)
     return plain
 
 

@@ -20,7 +20,7 @@ from enliven.document import (
 from enliven.examples import in_world, missing, pose_of_state
 from enliven.modeling.puppet.baking import baked
 from enliven.modeling.puppet.dragging import drag_point
-from enliven.modeling.puppet.layers import checked_layer
+from enliven.modeling.puppet.edits import checked_layer
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import state_at, surface_of_puppet
 from enliven.modeling.puppet.surgery import cut_puppet

@@ -13,7 +13,7 @@ from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
 from enliven_viewer.studio.puppets import PuppetOverlay
-from enliven_viewer.studio.tools import NOTHING, PuppetPicture
+from enliven_viewer.studio.tools import NOTHING, ToolPicture
 from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StandingCharacter
 
 _SEEN_THROUGH = 0.4
@@ -40,7 +40,7 @@ class Viewport:
         selection: Selection,
         overlay: Overlay,
         *,
-        over: PuppetPicture = NOTHING,
+        over: ToolPicture = NOTHING,
         meshes: bool = True,
         bones: bool = True,
     ) -> None:
@@ -57,7 +57,7 @@ class Viewport:
             near = min(float(((one.handles - lens.view.eye) @ lens.forward).min()) for one in handled)
             self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
 
-    def _draw_puppet(self, over: PuppetPicture) -> None:
+    def _draw_puppet(self, over: ToolPicture) -> None:
         """Draw what the puppet tool shows over the picture."""
         if over is NOTHING:
             return

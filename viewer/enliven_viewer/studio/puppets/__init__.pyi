@@ -11,3 +11,4 @@ from .posing import PuppetEditor as PuppetEditor
 from .shades import PuppetOverlay as PuppetOverlay
 from .stage import StandingPuppet as StandingPuppet, puppet_meshes as puppet_meshes
 from .suggested import PointSuggestions as PointSuggestions
+from .surfaces import PuppetSurfaces as PuppetSurfaces

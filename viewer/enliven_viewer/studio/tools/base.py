@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
+from enliven.arrays import Float32, Int32
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Hit, Overlay, Point, bone_at, joint_at, surface_at
 
@@ -19,6 +21,24 @@ class Pointer:
     at: Point
     shift: bool = False
     ctrl: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPicture:
+    """What a tool draws into the picture, over the meshes.
+
+    Attributes:
+        crossing: vertices (V, 3) metres in the world and the faces (K, 3) of them that warn, or None.
+        ghost: vertices (V, 3), faces and size, metres, of what is outlined, or None.
+        tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes` and their bias, metres.
+    """
+
+    crossing: tuple[Float32, Int32] | None = None
+    ghost: tuple[Float32, Int32, float] | None = None
+    tubes: tuple[tuple[Float32, float], ...] = ()
+
+
+NOTHING = ToolPicture()
 
 
 class Tool:
@@ -78,6 +98,10 @@ class Tool:
         hovered = (self.hovered.character, self.hovered.handle) if self.hovered else None
         return Overlay(chain=self._chosen_chain(), hovered=hovered)
 
+    def picture(self) -> ToolPicture:
+        """What the tool draws into the picture."""
+        return NOTHING
+
     def handle_at(self, pointer: Pointer) -> Hit | None:
         """The handle under the pointer, or else the bone; of two as near, the chosen character's."""
         reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.handled
@@ -107,3 +131,35 @@ class Tool:
     def _chosen_chain(self) -> tuple[str, tuple[int, ...]] | None:
         chosen = self.editor.selection
         return (chosen.character, chosen.chain) if chosen.character and chosen.chain else None
+
+
+class StrokeTool(Tool):
+    """A tool that draws a stroke, and takes it when the button goes up."""
+
+    apart: ClassVar[float] = 4.0
+    """Pixels between two points of a stroke: finer than a hand draws."""
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self._stroke: list[Point] = []
+
+    def taken(self) -> list[Point]:
+        """The points of the stroke, which begins anew."""
+        stroke, self._stroke = self._stroke, []
+        return stroke
+
+    def hover(self, pointer: Pointer) -> None:
+        """Nothing is picked while drawing."""
+
+    def press(self, pointer: Pointer) -> bool:
+        self.editor.playing = False
+        self._stroke = [pointer.at]
+        return True
+
+    def drag(self, pointer: Pointer) -> None:
+        if self._stroke and math.dist(pointer.at, self._stroke[-1]) >= self.apart:
+            self._stroke.append(pointer.at)
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._stroke = []

@@ -9,22 +9,18 @@ from enliven.errors import EnlivenError
 from enliven.modeling.edits import cut_character
 from enliven.modeling.mesh import StrokeCut
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.tools.base import Pointer, StrokeTool
 from enliven_viewer.studio.viewport import Disc, Hit, Line, Overlay, Point, crossings
 from enliven_viewer.theme import CUT
 
-_APART = 3.0
-"""Pixels between two points of a stroke."""
 
-
-class CutTool(Tool):
+class CutTool(StrokeTool):
     """A stroke; every bone that it crosses is cut there, at the playhead's time."""
 
     name, label, key, icon = "cut", "Cut", "c", "\uf0c4"
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
-        self._stroke: list[Point] = []
         self._crossed: list[Hit] = []
 
     @property
@@ -37,26 +33,21 @@ class CutTool(Tool):
         return "Draw a stroke across a limb. Both parts keep their pose now, and their motion."
 
     def press(self, pointer: Pointer) -> bool:
-        self.editor.playing = False
-        self._stroke, self._crossed, self.hovered = [pointer.at], [], None
-        return True
+        self._crossed, self.hovered = [], None
+        return super().press(pointer)
 
     def drag(self, pointer: Pointer) -> None:
-        if not self._stroke:
+        count, editor = len(self._stroke), self.editor
+        super().drag(pointer)
+        if len(self._stroke) == count:
             return
-        last = self._stroke[-1]
-        if np.hypot(pointer.at[0] - last[0], pointer.at[1] - last[1]) >= _APART:
-            self._stroke.append(pointer.at)
-            editor = self.editor
-            found = crossings(editor.handled, editor.lens, np.array(self._stroke))
-            # Where the chosen shape is crossed, what lies behind or before it is not meant.
-            mine = [hit for hit in found if hit.character == editor.selection.character]
-            self._crossed = mine or found
+        found = crossings(editor.handled, editor.lens, np.array(self._stroke))
+        # Where the chosen shape is crossed, what lies behind or before it is not meant.
+        self._crossed = [hit for hit in found if hit.character == editor.selection.character] or found
 
     def release(self, pointer: Pointer) -> None:
         """Cuts what the stroke crosses, at the time that is shown."""
-        stroke, crossed = self._stroke, self._crossed
-        self._stroke, self._crossed = [], []
+        stroke, crossed, self._crossed = self.taken(), self._crossed, []
         if not stroke:
             return
         names = list(dict.fromkeys(hit.character for hit in crossed)) or self._others(stroke)
@@ -100,7 +91,7 @@ class CutTool(Tool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._stroke, self._crossed = [], []
+        self._crossed = []
 
     def overlay(self) -> Overlay:
         if len(self._stroke) < 2:

@@ -12,9 +12,8 @@ from enliven_viewer.studio.puppets import (
     StandingPuppet,
     ghost_at,
 )
-from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.puppet_drag import PointDrag
-from enliven_viewer.studio.tools.puppet_marks import marks_of
+from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
+from enliven_viewer.studio.tools.puppet_marks import PointDrag, marks_of, picture_of
 from enliven_viewer.studio.viewport import Overlay, Point, joint_at, surface_at, vertex_hit
 
 _STILL = 4.0
@@ -151,6 +150,10 @@ class PuppetTool(Tool):
         if standing is None:
             return Overlay()
         return Overlay(marks_of(self, standing, self.editor.lens))
+
+    def picture(self) -> ToolPicture:
+        standing = self.puppets.shown
+        return NOTHING if standing is None else picture_of(self, standing, self.editor.lens)
 
     def manipulator(self) -> Manipulator | None:
         """The manipulator at the chosen control point; None while the puppet plays, or just after a click.

@@ -1,9 +1,13 @@
-"""What the puppet tool draws over the picture."""
+"""What the puppet tool draws, and dragging a control point from pressing the button to letting it go."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets import (
     GHOST_RADIUS,
     POINT_RADIUS,
@@ -11,18 +15,56 @@ from enliven_viewer.studio.puppets import (
     PointSuggestions,
     PuppetEditor,
     StandingPuppet,
+    middle_of,
     normals_of,
     partner_vertex,
+    point_rows,
+    size_of,
 )
-from enliven_viewer.studio.tools.puppet_drag import PointDrag
-from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line
+from enliven_viewer.studio.tools.base import Pointer, ToolPicture
+from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
 _WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
 """Names and rings around what is chosen: readable on every mesh."""
-
+_SEEN_THROUGH = 0.08
+"""Of the eye's distance: control points are seen clearly through whatever covers them by less."""
+_ALWAYS = 0.8
+"""Likewise: the manipulator is covered by nothing."""
 
 Mark = Line | Disc | Fill | Label
+
+
+class PointDrag:
+    """Drags one control point.
+
+    Attributes:
+        point: its number.
+        part: of the manipulator that was taken: "x", "xy", "view", ...
+        moved: whether it went anywhere.
+    """
+
+    def __init__(self, editor: Editor, standing: StandingPuppet, point: int, part: str, at: Point) -> None:
+        self.editor, self.point, self.part = editor, point, part
+        self._standing, self._start = standing, at
+        self._from: Float = np.array(standing.handles[point])
+        # As it was when the button went down: the arrows go along with the point, the way is from here.
+        self._manipulator = Manipulator(self._from, editor.lens)
+        self.moved = False
+
+    def drag(self, pointer: Pointer) -> None:
+        """The pointer moved: the surface follows."""
+        way = self._manipulator.dragged(self.part, self._start, pointer.at, snap=pointer.shift)
+        if way is None or (not self.moved and not way.any()):
+            return
+        self.moved = True
+        self.editor.puppets.drag(self.point, self._standing.into(self._from + way))
+
+    def drop(self) -> None:
+        """The button went up: the pose is kept."""
+        if self.moved:
+            puppet = self._standing.character
+            self.editor.puppets.drop(f"pose {puppet.points[self.point].name}")
 
 
 class Pointing(Protocol):
@@ -104,3 +146,21 @@ def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
             if point.joint:
                 found.append(Label((at[0], at[1] + 16), point.joint, QUIET))
     return found
+
+
+def picture_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> ToolPicture:
+    """Control points, arrows, the outline of another key pose, and faces that cross."""
+    puppets, mesh = tool.puppets, standing.character.mesh
+    warned, ghost = puppets.crossing.faces, puppets.stage.ghost
+    near = float(np.linalg.norm(standing.out(middle_of(mesh)[None])[0] - lens.view.eye))
+    tubes = [(point_rows(standing, lens, puppets.point, tool.hovered_point), _SEEN_THROUGH * max(near, 0.05))]
+    manipulator = tool.manipulator()
+    if manipulator is not None:
+        part = tool.held.part if tool.held is not None else ""
+        away = float(np.linalg.norm(manipulator.place - lens.view.eye))
+        tubes.append((manipulator.rows(part or tool.hovered_part, part), _ALWAYS * away))
+    return ToolPicture(
+        (standing.solved, mesh.faces[warned]) if puppets.warn and len(warned) else None,
+        (ghost.solved, mesh.faces, size_of(mesh)) if ghost is not None else None,
+        tuple(tubes),
+    )

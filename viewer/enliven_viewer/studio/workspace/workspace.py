@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from enliven.document import Project
+from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.timeline import TimelineInput
@@ -24,12 +25,13 @@ from enliven_viewer.studio.workspace.files import (
     exportable,
     save_session,
 )
-from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
 from enliven_viewer.studio.workspace.input import ViewportInput
 from enliven_viewer.studio.workspace.project_store import PROJECT, ProjectStore
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in the window's pixels."""
+_ROOM = 1.35
+"""How much air is left around a puppet that is brought into the picture."""
 
 
 class Workspace:
@@ -48,8 +50,7 @@ class Workspace:
         self.editor = editor
         self.input = ViewportInput(editor, Commands(editor, self.ask))
         self.timeline = TimelineInput(editor)
-        self.timeline.rows.edit_pose = lambda number: edit_pose(self, number)
-        self.timeline.rows.begin_pose = lambda take, seconds: begin_pose(self, take, seconds)
+        self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = self.timeline.rows.type
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
@@ -135,6 +136,45 @@ class Workspace:
     def cancel(self) -> None:
         """Close the dialogue; nothing goes on."""
         self.asking, self._after, self._wanted = "", "", None
+
+    def edit_pose(self, number: int) -> None:
+        """Edit a key pose at its moment: playhead, tool and second view go there together."""
+        puppet = self.puppets.puppet
+        if puppet is not None and 0 <= number < len(puppet.poses):
+            self._go_to(puppet, puppet.poses[number].take, puppet.poses[number].time)
+            self.puppets.edit_pose(number)
+            self._bring_into_view()
+
+    def begin_pose(self, take: str, seconds: float) -> None:
+        """Make a key pose for a second of a take, and edit it."""
+        clip, puppet = self.editor.project.takes[take], self.puppets.puppet
+        frame = min(max(round(seconds / clip.step), 0), len(clip.turns) - 1)
+        if puppet is not None:
+            self._go_to(puppet, take, frame * clip.step)
+            self.puppets.begin_pose(take, frame * clip.step)
+            self._bring_into_view()
+
+    def _go_to(self, puppet: Puppet, take: str, seconds: float) -> None:
+        """The playhead to a second of a take, where the puppet plays it; the second view shows that take."""
+        if self.input.tool.name != "puppet":
+            self.input.take("puppet")
+        self.puppets.accept()
+        number = layer_of(puppet, self.editor.selection.layer, take)
+        if number is not None:
+            self.editor.select(layer=number)
+            length = self.editor.project.takes[take].duration
+            self.editor.scrub(puppet.layers[number].time_of(seconds, length))
+        self.performer.show(take)
+
+    def _bring_into_view(self) -> None:
+        """Move the camera to the puppet where it is not wholly in the picture: it may have walked away."""
+        editor, standing = self.editor, self.puppets.shown
+        if standing is None:
+            return
+        pixels = editor.lens.project(standing.vertices[:: max(len(standing.vertices) // 2000, 1)])[0]
+        if not ((pixels >= 0) & (pixels <= editor.size)).all():
+            box = standing.vertices.min(0), standing.vertices.max(0)
+            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
 
     def attempt(self, command: Callable[[], object]) -> bool:
         """Call a function; show its EnlivenError as a message and return False where it raises one."""
