@@ -16,7 +16,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
-from enliven_edge.commands.interrupts import interruptible
+from enliven_edge.commands.progress import interruptible
 from enliven_edge.sensors import sensor_options
 
 if TYPE_CHECKING:

@@ -144,8 +144,8 @@ def serve(
     wait_for_sensor: bool = False,
 ) -> None:
     """Opens everything, runs the loop, and closes everything; heavy modules are imported only here."""
-    from enliven_edge.commands.interrupts import at_signals
     from enliven_edge.commands.preparing import prepared
+    from enliven_edge.commands.progress import at_signals
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
     from enliven_edge.network import Outlet, need_free

@@ -1,12 +1,43 @@
-"""What commands show on a terminal: frames as they are counted, and facts."""
+"""What commands show on a terminal, frames as they are counted and facts, and what Ctrl-C does meanwhile."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+
+
+@contextlib.contextmanager
+def at_signals(act: Callable[[], None], *signals: int) -> Iterator[None]:
+    """Calls ``act`` at these signals; on another thread than the main one, which gets none, does nothing."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {each: signal.signal(each, lambda *_: act()) for each in signals}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[threading.Event]:
+    """Yields an event that Ctrl-C sets, so that the work is completed; a second Ctrl-C interrupts at once."""
+    stop = threading.Event()
+
+    def interrupted() -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    with at_signals(interrupted, signal.SIGINT):
+        yield stop
 
 
 def frame_progress(console: Console) -> Progress:

@@ -9,8 +9,7 @@ from types import TracebackType
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import Order
-from enliven_edge.controls.base import ControlReader, Device
-from enliven_edge.controls.commands import WORDS, Word, checked_map, orders
+from enliven_edge.controls.base import WORDS, ControlReader, Device, Word, checked_map, orders
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
 from enliven_edge.stage import Stage

@@ -17,8 +17,7 @@ from typing import Any, Literal
 
 from enliven.wire import ZmtpError, ZmtpSession
 from enliven_edge.network.connection import Connection
-from enliven_edge.network.descriptors import connections_allowed
-from enliven_edge.network.listening import listen, make_watchful
+from enliven_edge.network.listening import connections_allowed, listen, make_watchful
 
 log = logging.getLogger(__name__)
 

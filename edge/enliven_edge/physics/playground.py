@@ -13,8 +13,7 @@ from enliven.document import Character, Props
 from enliven.errors import InputError
 from enliven.person import Body
 from enliven_edge.physics.dodgeball import Dodgeball
-from enliven_edge.physics.ground import FIXED, StandingDetector, WorldGround
-from enliven_edge.physics.performers import body_spheres
+from enliven_edge.physics.ground import FIXED, StandingDetector, WorldGround, body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.towers import Towers
 from enliven_edge.physics.world import World

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from enliven.frames import BodyFrame
-from enliven_edge.controls.commands import WORDS
+from enliven_edge.controls.base import WORDS
 from enliven_edge.controls.control_set import Controls, open_controls
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings

@@ -12,7 +12,7 @@ from enliven_edge.fusion.live.blending import (
     side_costs,
     trunk_distances,
 )
-from enliven_edge.fusion.live.sides import LATERAL, MIDDLES, OTHER_SIDE, middle_weights, middles
+from enliven_edge.fusion.live.naming import LATERAL, MIDDLES, OTHER_SIDE, middle_weights, middles
 
 
 def slow_blend(x, w, predicted, known, before, d, share):

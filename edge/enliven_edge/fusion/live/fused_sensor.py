@@ -12,8 +12,8 @@ from enliven.frames import BodyFrame
 from enliven.health import HealthKind, HealthState, Severity, worst_first
 from enliven_edge.fusion.live.arrival import ArrivalClocks
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.health import SensorState, SensorWarning
 from enliven_edge.fusion.live.merge import OutputSchedule, eyes
+from enliven_edge.fusion.live.sensor_view import SensorState, SensorWarning
 from enliven_edge.fusion.live.watcher import SensorBodies, Watcher
 from enliven_edge.fusion.placement import Space
 from enliven_edge.fusion.settings import FusionSettings

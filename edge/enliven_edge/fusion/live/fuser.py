@@ -9,9 +9,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Body
 from enliven_edge.fusion.live.grouping import NEVER, Group, assigned, distances, grouped
-from enliven_edge.fusion.live.health import SENTENCE, SensorState, SensorWarning
 from enliven_edge.fusion.live.person import FusedPerson
-from enliven_edge.fusion.live.sensor_view import SensorView
+from enliven_edge.fusion.live.sensor_view import SENTENCE, SensorState, SensorView, SensorWarning
 from enliven_edge.fusion.settings import FusionSettings
 
 _SPEED = 1.5

@@ -9,10 +9,8 @@ from enliven.person import Body, Joint
 from enliven.rotation import normalized
 from enliven_edge.fusion.live.blending import blend, doubt_outliers, fuse_confidence
 from enliven_edge.fusion.live.grouping import Group
-from enliven_edge.fusion.live.health import SensorState
-from enliven_edge.fusion.live.naming import SideKeeper, walks_backward
-from enliven_edge.fusion.live.sensor_view import SensorView
-from enliven_edge.fusion.live.sides import OTHER_SIDE
+from enliven_edge.fusion.live.naming import OTHER_SIDE, SideKeeper, walks_backward
+from enliven_edge.fusion.live.sensor_view import SensorState, SensorView
 from enliven_edge.fusion.settings import FusionSettings
 
 _GLIDE = 0.5

@@ -18,7 +18,6 @@ from enliven.arrays import Int
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.importing.bags.fields import Fields
 from enliven_edge.importing.bags.images import (
     checked_step,
     checked_time,
@@ -27,7 +26,7 @@ from enliven_edge.importing.bags.images import (
     plain_lens,
     rational_places,
 )
-from enliven_edge.importing.bags.ros1 import messages
+from enliven_edge.importing.bags.ros1 import Fields, messages
 
 PREFIX = "/cam/"
 _IMAGES, _STREAM, _DEVICE, _PROPERTY = (

@@ -17,7 +17,7 @@ from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical, within
 from enliven_edge.sensors.drivers.orbbec_library import depth_mode, opened_device, orbbec_library
-from enliven_edge.sensors.drivers.orbbec_rehearsal import playbacks
+from enliven_edge.sensors.drivers.playback import playbacks
 from enliven_edge.sensors.drivers.refusals import refused
 
 _STILL = 100

@@ -13,13 +13,16 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import kind_of
-from enliven_edge.sensors.drivers.realsense_colour import (
+from enliven_edge.sensors.drivers.realsense_library import (
     AlignedColour,
     RehearsedColour,
     colour_mode,
+    depth_mode,
+    intrinsics,
     lens_of,
+    realsense_library,
+    whole,
 )
-from enliven_edge.sensors.drivers.realsense_library import depth_mode, intrinsics, realsense_library, whole
 from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 

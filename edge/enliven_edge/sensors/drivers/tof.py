@@ -18,10 +18,10 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.kernels import njit
+from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import known_or_typical, limits
 from enliven_edge.sensors.drivers.rehearsal import Rehearsal
-from enliven_edge.sensors.extras import library
 
 _PROFILE = "arducam-tof"
 _MODES = {2: 2000, 4: 4000}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from enliven_edge.sensors.extras import library
+from enliven_edge.sensors.attached_cameras import library
 
 
 def opencv() -> Any:

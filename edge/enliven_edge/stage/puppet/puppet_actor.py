@@ -17,10 +17,9 @@ from enliven_edge.stage.actor import Actor, Mode
 from enliven_edge.stage.easing import Easing
 from enliven_edge.stage.highlights import Cues, cues_of
 from enliven_edge.stage.puppet.bones import Bones
-from enliven_edge.stage.puppet.feet import Feet, side_of_foot
 from enliven_edge.stage.puppet.hold import ControlPointHold
 from enliven_edge.stage.puppet.live import Live, Sample
-from enliven_edge.stage.puppet.locomotion import Locomotion
+from enliven_edge.stage.puppet.locomotion import Feet, Locomotion, side_of_foot
 from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.stage.puppet.settings import PuppetSettings
 

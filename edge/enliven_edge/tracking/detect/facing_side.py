@@ -69,7 +69,7 @@ class Facing:
 
 
 def backward(posture: Posture) -> float:
-    """See :func:`chest.leaning_back`."""
+    """See :func:`posture.leaning_back`."""
     return float(_backward(posture.rotations))
 
 

@@ -12,4 +12,4 @@ from .observation import (
     surface_samples as surface_samples,
     world_points as world_points,
 )
-from .view import FrameView as FrameView
+from .observation import FrameView as FrameView

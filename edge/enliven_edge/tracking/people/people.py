@@ -12,11 +12,10 @@ from enliven.arrays import Bool, Float, Int, UInt8
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.people.duplicates import Duplicates
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.people_finder import PeopleFinder
 from enliven_edge.tracking.people.person import Person
-from enliven_edge.tracking.people.roster import Roster
+from enliven_edge.tracking.people.roster import Duplicates, Roster
 from enliven_edge.tracking.people.visibility import hidden_shares
 from enliven_edge.tracking.scene import RoomModel, ZoneLock
 from enliven_edge.tracking.segment import Segments, segmented

@@ -7,9 +7,8 @@ import numpy as np
 from enliven.arrays import Bool, Float, UInt8
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.people.recognition import recognise
 from enliven_edge.tracking.people.roster import Roster
-from enliven_edge.tracking.people.search import Search
+from enliven_edge.tracking.people.search import Search, recognise
 from enliven_edge.tracking.people.spread_search import FoundBody, SpreadSearch
 from enliven_edge.tracking.scene import ROOM, RoomModel
 from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, Segments, segmented

@@ -5,8 +5,13 @@ import pytest
 from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 
 from enliven_edge.tracking.body_model import joint_limits, model
-from enliven_edge.tracking.body_model.chest import ahead_in_plan, chest_axes, chest_axes_about
-from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.body_model.posture import (
+    Posture,
+    ahead_in_plan,
+    chest_axes,
+    chest_axes_about,
+    rotation,
+)
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing_score, turned_about
 from enliven_edge.tracking.detect.facing_side import Facing, _advantage, backward
 

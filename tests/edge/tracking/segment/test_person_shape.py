@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import FrameView
+from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.segment.columns import parted
 from enliven_edge.tracking.segment.person_shape import _flattened, shape_of
 from enliven_edge.tracking.segment.shape_kernels import outline
