@@ -19,8 +19,7 @@ from fusion_measures import agreement, fused, jitter_mm
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven_edge.fusion.calibration.calibration import calibrate
-from enliven_edge.fusion.calibration.collecting import Collector
-from enliven_edge.fusion.calibration.tracks import stream_of
+from enliven_edge.fusion.calibration.tracks import Collector, stream_of
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.merge import eyes, in_world, settings_before_fusion
 from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved

@@ -13,7 +13,7 @@ from typing import Literal, cast, get_args
 
 from enliven.errors import InputError
 from enliven.wire import Browse, Lock, Order, Possess, Release
-from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.stage import Stage
 
 Word = Literal["possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock"]

@@ -10,7 +10,7 @@ from types import TracebackType
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import Order
 from enliven_edge.controls.base import WORDS, ControlReader, Device, Word, checked_map, orders
-from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
 from enliven_edge.stage import Stage
 

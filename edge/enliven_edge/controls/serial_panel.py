@@ -6,8 +6,7 @@ import logging
 import time
 
 from enliven.errors import ResourceError
-from enliven_edge.controls.lamps import Lamps
-from enliven_edge.controls.panel_protocol import ASK, VERSION, PanelKeys, encode, lamps_body
+from enliven_edge.controls.panel_protocol import ASK, VERSION, Lamps, PanelKeys, encode, lamps_body
 from enliven_edge.controls.serial_pedal import SerialPedal
 from enliven_edge.controls.settings import ControlSettings
 

@@ -12,10 +12,9 @@ from enliven.deformation import SphereProxies, pack_spheres
 from enliven.document import Character, Props
 from enliven.errors import InputError
 from enliven.person import Body
-from enliven_edge.physics.dodgeball import Dodgeball
+from enliven_edge.physics.games import Dodgeball, Towers
 from enliven_edge.physics.ground import FIXED, StandingDetector, WorldGround, body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
-from enliven_edge.physics.towers import Towers
 from enliven_edge.physics.world import World
 from enliven_edge.stage import Tick
 from enliven_edge.stage.puppet import roughly_skinned

@@ -13,7 +13,7 @@ import pytest
 from enliven.frames import BodyFrame
 from enliven_edge.controls.base import WORDS
 from enliven_edge.controls.control_set import Controls, open_controls
-from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.base import SensorFault

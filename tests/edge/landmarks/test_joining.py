@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.person.body import Body, Joint
-from enliven_edge.landmarks.joining import join, join_people
+from enliven_edge.landmarks.eye import join, join_people
 
 ASIDE = np.array([1.0, 0.0, 0.0])
 

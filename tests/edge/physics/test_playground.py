@@ -16,10 +16,10 @@ from .conftest import FRAME, UNBOUND, person
 
 pytest.importorskip("mujoco", reason="the physics engine is an extra: pip install ./edge[physics]")
 
+from enliven_edge.physics.games import tower_places, tower_props
 from enliven_edge.physics.ground import BODY_SPHERES, WorldGround, body_spheres, ground_under
 from enliven_edge.physics.playground import Playground
 from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings, PhysicsSettings
-from enliven_edge.physics.towers import tower_places, tower_props
 from enliven_edge.stage.tick import Tick
 
 NS = round(1e9 * FRAME)

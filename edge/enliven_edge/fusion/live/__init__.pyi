@@ -2,4 +2,4 @@ from .fused_sensor import FusedSensors as FusedSensors
 from .merge import in_world as in_world, settings_before_fusion as settings_before_fusion
 from .watcher import PATIENCE as PATIENCE, SensorThread as SensorThread
 from .naming import OTHER_SIDE as OTHER_SIDE, middle_weights as middle_weights, middles as middles
-from .warmup import warm_up_fusion as warm_up_fusion
+from .fuser import warm_up_fusion as warm_up_fusion

@@ -10,9 +10,8 @@ from collections.abc import Mapping
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind, HealthState, Severity, worst_first
-from enliven_edge.fusion.live.arrival import ArrivalClocks
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.merge import OutputSchedule, eyes
+from enliven_edge.fusion.live.merge import ArrivalClocks, OutputSchedule, eyes
 from enliven_edge.fusion.live.sensor_view import SensorState, SensorWarning
 from enliven_edge.fusion.live.watcher import SensorBodies, Watcher
 from enliven_edge.fusion.placement import Space

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import Body
+from enliven.rotation import IDENTITY
 from enliven_edge.fusion.live.grouping import NEVER, Group, assigned, distances, grouped
 from enliven_edge.fusion.live.person import FusedPerson
 from enliven_edge.fusion.live.sensor_view import SENTENCE, SensorState, SensorView, SensorWarning
 from enliven_edge.fusion.settings import FusionSettings
+from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
 
 _SPEED = 1.5
 """Metres a second by which the gate of an unseen person grows: they may walk on."""
@@ -188,3 +191,19 @@ def _is_duplicate(group: Group, others: list[Group]) -> bool:
             if float(np.hypot(apart[0], apart[1])) < _DUPLICATE:
                 return True
     return False
+
+
+@cache
+def warm_up_fusion() -> None:
+    """Fuses a few frames of a standing person from two sensors, with orientations."""
+    fuser = Fuser({"a": np.zeros(3), "b": np.ones(3)})
+    turns = np.tile(IDENTITY, (20, 1))
+    for n in range(3):
+        for sensor in ("a", "b"):
+            fuser.update(sensor, [Body(1, standing_person() + 1e-3 * n, np.ones(20), turns)], n * 33_333_333)
+        fuser.bodies(n * 33_333_333)
+
+
+def standing_person() -> Float:
+    """Returns (20, 3) metres: a standing person."""
+    return Posture(np.array([0.0, 0.95, -2.0]), standing(elbow=0.5), lengths_for_height(1.75)).joints()

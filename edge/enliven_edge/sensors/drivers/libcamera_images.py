@@ -12,8 +12,7 @@ import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
-from enliven_edge.sensors.drivers.libcamera_formats import COLOUR, GREY, Layout, image_of
-from enliven_edge.sensors.drivers.libcamera_library import libcamera_library
+from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, Layout, image_of, libcamera_library
 from enliven_edge.sensors.stereo import CameraImage
 
 _BUFFERS = 4

@@ -1,6 +1,6 @@
 from .board import CalibrationBoard as CalibrationBoard
 from .calibration import load_calibration as load_calibration, save_calibration as save_calibration
-from .collecting import Keeper as Keeper
+from .judging import Keeper as Keeper
 from .judging import Judgement as Judgement, judge as judge
 from .matching import StereoMatcher as StereoMatcher
 from .opencv_library import opencv as opencv

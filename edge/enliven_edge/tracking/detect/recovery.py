@@ -14,8 +14,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_edge.tracking.body_model import Posture, mirrored, model, rotation, standing
 from enliven_edge.tracking.detect.appearance import DISAGREEMENT, EstimateAtPoints, agreement, turned_about
-from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE
-from enliven_edge.tracking.detect.posing import aligned_to, posed
+from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE, aligned_to, posed
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
 

@@ -1,6 +1,6 @@
-from .depth_survey import DepthSurvey as DepthSurvey, survey as survey
+from .reduction import DepthSurvey as DepthSurvey, survey as survey
 from .frame_check import FrameCheck as FrameCheck, flaw_of as flaw_of
-from .frame_timing import FrameTiming as FrameTiming
+from .frame_check import FrameTiming as FrameTiming
 from .observation import (
     ImageView as ImageView,
     Observation as Observation,

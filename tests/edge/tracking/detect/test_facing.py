@@ -13,7 +13,7 @@ from enliven_edge.tracking.body_model.posture import (
     rotation,
 )
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing_score, turned_about
-from enliven_edge.tracking.detect.facing_side import Facing, _advantage, backward
+from enliven_edge.tracking.detect.fit_quality import Facing, _advantage, backward
 
 
 def forward_in_plan(posture):

@@ -12,8 +12,8 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.health import HealthKind, Severity
 from enliven.person.body import Body, Joint
-from enliven_edge.tracking.frame.depth_survey import survey
-from enliven_edge.tracking.frame.frame_timing import FrameTiming
+from enliven_edge.tracking.frame.frame_check import FrameTiming
+from enliven_edge.tracking.frame.reduction import survey
 from enliven_edge.tracking.health.alarm import HEALTH_MESSAGES, Alarm
 from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings, TrackerState
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.segment.columns import parted
 from enliven_edge.tracking.segment.person_shape import _flattened, shape_of
+from enliven_edge.tracking.segment.pieces import parted
 from enliven_edge.tracking.segment.shape_kernels import outline
 
 CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
