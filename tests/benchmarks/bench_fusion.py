@@ -130,7 +130,8 @@ def _in_space(frames: list[BodyFrame], space: Space, name: str) -> list[BodyFram
 def _real(study: int) -> Iterator[Figure]:
     """Two Kinects: how well they fit, who is who, how calm."""
     (path,) = MULTITRACK.glob(f"Study_{study}_*.csv")
-    reader = MultiTrackReader(own_clock=True)
+    reader = MultiTrackReader()
+    reader.clock = "Skeleton_Time"
     seen = {name: list(reader.read([path], ImportOptions(device=name))) for name in KINECTS}
     made = calibrate([stream_of(name, frames) for name, frames in seen.items()])
     space = made.space()

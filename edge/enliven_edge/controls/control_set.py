@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import Order
+from enliven_edge.closing import Closing
 from enliven_edge.controls.base import WORDS, ControlReader, Device, Word, checked_map, orders
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
@@ -17,7 +17,7 @@ from enliven_edge.stage import Stage
 log = logging.getLogger(__name__)
 
 
-class Controls:
+class Controls(Closing):
     """Carries out the commands of several controls on the stage."""
 
     def __init__(self, controls: Sequence[ControlReader]) -> None:
@@ -57,14 +57,6 @@ class Controls:
         """Releases all devices."""
         for control in self._controls:
             control.close()
-
-    def __enter__(self) -> Controls:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None = None) -> Controls:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 from enliven.arrays import Float, UInt8
+from enliven_edge.closing import Closing
 
 NAMES: tuple[str, ...] = (
     "nose", "left eye inner", "left eye", "left eye outer", "right eye inner", "right eye", "right eye outer",
@@ -35,8 +35,8 @@ class Landmarks:
     offsets: Float
 
 
-class LandmarkSource(Protocol):
-    """Finds people in colour images; a context manager that closes itself."""
+class LandmarkSource(Closing, Protocol):
+    """Finds people in colour images."""
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
         """Returns the people in an (h, w, 3) uint8 sRGB image.
@@ -48,15 +48,3 @@ class LandmarkSource(Protocol):
             ResourceError: where the source has failed for good.
         """
         ...
-
-    def close(self) -> None:
-        """Releases everything; a second call does nothing."""
-        ...
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from enliven.document import Character
@@ -19,6 +18,7 @@ from enliven.wire import (
     health_to_messages,
     props_to_message,
 )
+from enliven_edge.closing import Closing
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.control_socket import Command
 from enliven_edge.network.frame_rate import FrameRate
@@ -43,7 +43,7 @@ def need_free(wire: WireSettings) -> None:
         pass
 
 
-class Outlet:
+class Outlet(Closing):
     """Publishes characters, poses and bodies, answers viewers, and writes the take where one was asked for.
 
     Args:
@@ -164,14 +164,6 @@ class Outlet:
         if self._take is not None:
             self._take.close()
         self._publisher.close()
-
-    def __enter__(self) -> Outlet:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _write(self, message: Any, time_ns: int) -> None:
         """Writes to the take what its topic says is recorded."""

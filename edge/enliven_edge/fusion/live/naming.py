@@ -14,8 +14,6 @@ from enliven_edge.fusion.live.blending import side_costs
 
 OTHER_SIDE = np.array(MIRROR)
 """(20,) the joint of the other side; the trunk's joints are their own."""
-LATERAL = np.arange(J) != OTHER_SIDE
-"""(20,) whether a joint has a side."""
 MIDDLES = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
 """(12, 2) joints with a midpoint that does not depend on the naming of sides."""
 _ABOUT_FACE = np.array([0.0, 0.0, 1.0, 0.0])
