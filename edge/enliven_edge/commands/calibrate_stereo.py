@@ -74,7 +74,6 @@ def calibrate_stereo(
 
 
 def _print(board: CalibrationBoard, path: Path) -> None:
-    """Writes the sheet."""
     if path.suffix.lower() != ".pdf":
         raise InputError(f"it ends in {path.suffix!r}", where=str(path), mend="Give a name with .pdf.")
     try:
@@ -168,7 +167,6 @@ def _take(
 
 
 def _tell(judgement: Judgement) -> None:
-    """Prints the result on the terminal."""
     advice = [("to do", sentence) for sentence in judgement.advice]
     Console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
 

@@ -204,8 +204,7 @@ def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourPose
 
 
 def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool) -> Playground | None:
-    """Returns the physics, ready for the first frame, or None; a recording gives the same result every
-    time."""
+    """Returns the physics, ready for the first frame, or None; a recording gives the same each time."""
     if chosen.world == "none":
         return None
     from enliven_edge.physics import Playground

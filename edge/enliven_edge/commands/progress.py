@@ -12,11 +12,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
-
 from enliven.errors import InputError, ResourceError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+    from rich.table import Table
+
+    from enliven.frames import Frame
 
 
 @contextlib.contextmanager
@@ -49,6 +52,8 @@ def interruptible() -> Iterator[threading.Event]:
 
 def frame_progress(console: Console) -> Progress:
     """Returns a bar with the share done, the frames and the time; tasks need the field ``count``."""
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
     return Progress(
         SpinnerColumn(),
         TextColumn("{task.description}: {task.fields[count]} frames"),
@@ -60,14 +65,12 @@ def frame_progress(console: Console) -> Progress:
 
 def facts_table(facts: Iterable[tuple[str, str]]) -> Table:
     """Returns facts, each with its name, as a table without lines."""
+    from rich.table import Table
+
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for fact in facts:
         table.add_row(*fact)
     return table
-
-
-if TYPE_CHECKING:
-    from enliven.frames import Frame
 
 
 @dataclass

@@ -197,8 +197,7 @@ class ControlReader:
                     self._press(key)
 
     def _press(self, key: str) -> None:
-        """Queues the command of a key; an unknown key is logged once, so that it can be written into the
-        map."""
+        """Queues the command of a key; an unknown key is logged once, to be written into the map."""
         word = self._words.get(key)
         if word is not None:
             log.debug("control %s: %r, %s", self.name, key, word)

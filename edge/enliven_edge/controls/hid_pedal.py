@@ -58,8 +58,7 @@ def keys_down(report: bytes) -> frozenset[str] | None:
 
 
 def buttons_down(report: bytes) -> frozenset[str]:
-    """Returns the bits that are set, as "byte.bit", both from 0: "0.2" is the third button of the first
-    byte."""
+    """Returns the bits that are set, as "byte.bit", both from 0: "0.2" is the first byte's third button."""
     return frozenset(
         f"{place}.{bit}" for place, byte in enumerate(report) for bit in range(8) if byte >> bit & 1
     )

@@ -135,7 +135,6 @@ def _statures(bodies: Sequence[Body]) -> dict[int, float]:
 
 
 def _floor(bodies: Sequence[Body], where: str) -> float:
-    """Returns the height of the floor under these bodies."""
     lowest = [height for height in map(_sole, bodies) if np.isfinite(height)]
     if not lowest:
         raise InputError("no joint of any person was seen", where=where, mend="Choose another recording.")

@@ -1,10 +1,10 @@
-"""Estimates bodies from a camera's colour: finds landmarks, lifts and numbers them, and joins them with
-depth."""
+"""Estimates bodies from a camera's colour: finds, lifts and numbers landmarks, joined with depth."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,9 +13,19 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.person import Body, Joint
+from enliven.settings import setting
 from enliven_edge.landmarks.lifting import Lifter, LiftSettings
-from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource
-from enliven_edge.landmarks.source import LandmarkSource
+from enliven_edge.landmarks.source import LandmarkSource, MediaPipeSettings, MediaPipeSource
+
+
+@dataclass(frozen=True)
+class ColourSettings:
+    """Landmarks from the colour image of a depth sensor, joined with the bodies from depth."""
+
+    use: bool = setting(False, "Look at the colour image too, where there is one; costs its time per frame.")
+    mediapipe: MediaPipeSettings = setting(MediaPipeSettings, "What finds the landmarks.")
+    lift: LiftSettings = setting(LiftSettings, "How landmarks become bodies.")
+
 
 _TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]
 _SAME_PERSON = 0.5
@@ -94,8 +104,7 @@ class ColourPoseEstimator:
         self._next = 1
 
     def improve(self, bodies: list[Body], frame: DepthFrame, world_from_camera: Float) -> list[Body]:
-        """Returns a frame's depth bodies joined with those of its colour; unchanged where colour shows
-        none."""
+        """Returns a frame's depth bodies joined with those of its colour, if it shows any."""
         if frame.colour is None or not bodies:
             return bodies
         found = self._source.find(frame.colour, frame.time_ns)
@@ -138,7 +147,7 @@ class MonocularPoseEstimator:
         height: metres of the camera above the floor.
         tilt: degrees that it looks down.
         body_height: metres of the performers; a smaller one seems farther away.
-        python, model: of :class:`~enliven_edge.landmarks.mediapipe_source.MediaPipeSettings`.
+        python, model: of :class:`~enliven_edge.landmarks.source.MediaPipeSettings`.
         source: finds the landmarks, in place of MediaPipe; closed with this.
 
     Raises:

@@ -71,8 +71,7 @@ class CommandQueue:
                 del self._waiting[peer]
 
     def _next(self) -> tuple[Connection, int] | None:
-        """Returns the viewer of the next command and the number of the budget to charge; None where no budget
-        is left."""
+        """Returns the viewer of the next command and the budget to charge; None: none is left."""
         if self._budgets[0] > 0:
             budget, peers = 0, list(self._waiting)
         elif self._budgets[1] > 0:

@@ -39,8 +39,7 @@ def raise_descriptor_limit() -> int:
 
 
 def connections_allowed(most: int) -> int:
-    """Returns the connections that one of two servers may take, at most ``most``, so that descriptors are
-    left."""
+    """Returns the connections that one of two servers may take, at most ``most``: some descriptors stay."""
     if sys.platform == "win32":
         limit = _UNKNOWN
     else:

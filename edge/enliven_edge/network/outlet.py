@@ -185,7 +185,6 @@ def _messages(tick: Tick) -> Iterator[Any]:
 
 
 def _publisher(wire: WireSettings) -> Publisher:
-    """Returns the sockets of the settings."""
     return Publisher(
         name=wire.name,
         host=wire.host,

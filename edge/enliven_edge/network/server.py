@@ -216,7 +216,6 @@ class ZmtpServer:
                 self.drop(connection)
 
     def _accept(self, until: float) -> None:
-        """Accepts waiting connections."""
         for count in range(_ACCEPTED_AT_ONCE):
             if count >= _ACCEPTED_ANYHOW and time.monotonic() >= until:
                 return

@@ -140,8 +140,7 @@ class Dodgeball:
         self._next, self._turn, self._wait = 0, 0, 0.0
 
     def begin(self, world: World, ground: WorldGround) -> None:
-        """Puts the balls in a row on the floor, beside the place that they are thrown from; the score is
-        kept."""
+        """Puts the balls in a row on the floor beside the place of throwing; the score is kept."""
         settings = self.settings
         self._ground = ground
         row = (np.arange(settings.balls) - (settings.balls - 1) / 2) * 3 * settings.radius

@@ -92,12 +92,10 @@ def _radii() -> Float:
 _RADII = _radii()
 _SHARES = np.array([1 / 3, 2 / 3])
 """Shares of a bone's length at which its two spheres lie."""
-BODY_SPHERES = len(Joint) + len(_SHARES) * len(BONES)
-"""Spheres of one body: one at each joint, and two along each bone."""
 
 
 def body_spheres(body: Body) -> tuple[Float, Float]:
-    """Returns (BODY_SPHERES, 3) centres and (BODY_SPHERES,) radii, metres: each joint, and two along each
+    """Returns (S, 3) centres and (S,) radii, metres: each joint, and two along each
     bone.
 
     A joint that is not finite takes its spheres with it.

@@ -87,15 +87,6 @@ class World:
         """(P, 6) metres a second, and radians a second in the prop's own frame."""
         return self._data.qvel.reshape(-1, 6)
 
-    @property
-    def energy(self) -> float:
-        """Joules of motion and of height of all props."""
-        mass = self.props.masses
-        moving = 0.5 * (mass * np.square(self.velocities[:, :3]).sum(1)).sum()
-        inertia = self._model.body_inertia[1 : 1 + len(mass)]
-        turning = 0.5 * (inertia * np.square(self.velocities[:, 3:])).sum()
-        return float(moving + turning + self.settings.gravity * (mass * self.positions[:, 1]).sum())
-
     def put(
         self, which: Int | slice, positions: Float, turns: Float | None = None, speeds: Any = 0.0
     ) -> None:

@@ -134,7 +134,6 @@ class Take:
         self._end()
 
     def _end(self) -> None:
-        """Closes the file as it is."""
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             try:
@@ -176,5 +175,4 @@ class Take:
 
 @functools.cache
 def _schema(kind: Any) -> str:
-    """Returns the JSON schema of a kind of message."""
     return msgspec.json.encode(msgspec.json.schema(kind)).decode()

@@ -133,7 +133,6 @@ def attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[Attached]:
 
 
 def _camera(device: Path, nodes: Path) -> Attached | None:
-    """The camera that a USB device is, or None."""
     vendor, product, title = (_said(device, part) for part in ("idVendor", "idProduct", "product"))
     for kind in KINDS:
         if vendor == kind.vendor and re.fullmatch(kind.products, product) and kind.title in title:

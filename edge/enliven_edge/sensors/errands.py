@@ -81,7 +81,6 @@ class Errands:
         return not self._thread.is_alive()
 
     def _left(self) -> list[Any]:
-        """The answers that were not taken."""
         left = []
         while not self._answers.empty():
             left.append(self._answers.get()[0])

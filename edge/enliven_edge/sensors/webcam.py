@@ -107,7 +107,6 @@ class WebcamSensor(Sensor):
 
 
 def _opened(device: str, live: bool) -> Any:
-    """The video, opened by PyAV."""
     need("av", "film", "webcam")
     import av
 

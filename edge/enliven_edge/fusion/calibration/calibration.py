@@ -93,8 +93,7 @@ class Calibration:
 
     @property
     def advice(self) -> list[str]:
-        """What the user should do, one sentence for each pair that a loose sensor needs; empty where all is
-        good."""
+        """Advice, a sentence for each pair that a loose sensor needs; empty where all is good."""
         loose = self.loose(lambda pair: pair.good)
         return [p.quality.advice for p in self.pairs if p.quality.advice and {p.a, p.b} & set(loose)]
 

@@ -97,8 +97,7 @@ class BodyStream:
 
 
 def stream_of(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
-    """Returns the tracks of a sensor's body frames; frames out of order and frames of equal time are left
-    out."""
+    """Returns the tracks of a sensor's body frames, without those out of order or of equal time."""
     kept: list[BodyFrame] = []
     for frame in frames:
         if not kept or frame.time_ns > kept[-1].time_ns:

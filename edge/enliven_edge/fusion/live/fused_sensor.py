@@ -163,7 +163,6 @@ class FusedSensors(Sensor):
         return seen.time_ns + self._clocks.shift(seen.sensor)
 
     def _tell(self, why: str = "") -> None:
-        """Logs and keeps the warnings of the fuser."""
         for warning in self.fuser.take_warnings():
             self.warnings = [*self.warnings[-99:], warning]
             self._last[warning.sensor] = warning
@@ -172,7 +171,6 @@ class FusedSensors(Sensor):
             log.log(logging.INFO if quiet else logging.WARNING, "%s", text)
 
     def _check_all_lost(self) -> None:
-        """Raises ResourceError where every sensor failed."""
         failures = [w.failure for w in self._watchers if w.failure]
         if len(failures) == len(self._watchers):
             raise ResourceError("every sensor was lost", where=self.name, mend=failures[0])

@@ -47,8 +47,7 @@ class Fuser:
         self._now_ns: int | None = None
 
     def update(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
-        """Takes in a sensor's bodies at a time of the common clock; returns False where they came too late to
-        count."""
+        """Takes in a sensor's bodies at a time of the common clock; returns False if they came too late."""
         view = self.views[self._numbers[sensor]]
         before = view.state
         heard = view.update(bodies, time_ns, self.settings.silence, frozen=frozen)
@@ -114,8 +113,7 @@ class Fuser:
         return person
 
     def _costs(self, groups: list[Group], time_ns: int) -> Float:
-        """Returns (G, P) metres between groups and people, less for groups that were the person a moment
-        ago."""
+        """Returns (G, P) metres between groups and people, less for groups that just were the person."""
         s = self.settings
         cost = distances(
             np.array([g.mean for g in groups]),

@@ -68,7 +68,6 @@ class SensorThread(ABC):
         """Reads until the end, or until :attr:`_stopped` is set."""
 
     def _end(self) -> None:
-        """Marks the end of the frames."""
         self.ended = True
 
 

@@ -155,7 +155,6 @@ def _check_depth(about: _About, path: Path) -> None:
 
 
 def _value(about: _About, number: int, kind: str, otherwise: float) -> float:
-    """Returns a property as a number."""
     data = about.properties.get(number, b"")
     size = struct.calcsize(kind)
     return float(struct.unpack("<" + kind, data[:size])[0]) if len(data) >= size else otherwise
@@ -169,8 +168,7 @@ def _step(about: _About, path: Path) -> float:
 
 
 def _camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
-    """Reads ``custom_msg/OBStreamProfileInfo``: the lens, and the undistortion where the model is not
-    ours."""
+    """Reads ``custom_msg/OBStreamProfileInfo``: the lens, and the undistortion of a foreign model."""
     fields.numbers("BB12f")
     width, height, _fps = (int(each) for each in fields.numbers("HHH"))
     fx, fy, cx, cy, k1, k2, k3, k4, k5, k6, p1, p2 = fields.numbers("12f")

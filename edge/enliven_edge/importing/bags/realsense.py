@@ -90,7 +90,6 @@ def _numbered(frame: DepthFrame, said: dict[str, str]) -> DepthFrame:
 
 
 def _about(path: Path, read: Read) -> _About:
-    """Reads the small messages."""
     about = _About()
     for topic, fields in read(path, _is_small):
         if topic.endswith("camera_info"):

@@ -142,7 +142,6 @@ class RealSenseSensor(Sensor):
             self._open(motion[0], min(rates, key=lambda p: p.fps()), self._felt)
 
     def _open(self, sensor: Any, profile: Any, queue: Any) -> None:
-        """Starts one stream into a queue."""
         try:
             sensor.open(profile)
             sensor.start(queue)
@@ -151,7 +150,6 @@ class RealSenseSensor(Sensor):
         self._streams.append(sensor)
 
     def _set(self, option: str, word: Any, value: float | None) -> None:
-        """Sets an option of a camera that has it."""
         if value is None:
             raise InputError(
                 f"there is no preset {word!r}",

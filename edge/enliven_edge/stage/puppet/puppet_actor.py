@@ -138,7 +138,6 @@ class PuppetActor(Actor):
                 rehearsal.possess(body)
 
     def _new(self, body: int, points: frozenset[int]) -> ControlPointHold:
-        """Returns the hold of a performer who held nothing."""
         how = self._puppet.locomotion
         feet = Feet(how.contact, how.runner)
         return ControlPointHold(body, points, Bones(self.settings.ease), feet, seen_ns=self._time_ns)
@@ -173,7 +172,6 @@ class PuppetActor(Actor):
             self._rest()
 
     def _rest(self) -> None:
-        """Sets the rest shape, where the puppet is."""
         still = State(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
         if self._locomotion.goes:
             by = self._locomotion.stands(self._state) - self._locomotion.stands(still)

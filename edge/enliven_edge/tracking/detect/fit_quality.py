@@ -78,13 +78,9 @@ class Facing:
         return wrong
 
 
-def backward(posture: Posture) -> float:
-    """See :func:`posture.leaning_back`."""
-    return float(_backward(posture.rotations))
-
-
 @njit(cache=True, nogil=True)
-def _backward(rotations):  # type: ignore[no-untyped-def]
+def backward(rotations):  # type: ignore[no-untyped-def]
+    """See :func:`posture.leaning_back`; of (13, 3, 3) rotations."""
     left, up = chest_axes(rotations)
     return leaning_back(left, up)
 
@@ -152,7 +148,7 @@ def oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height:
     and a stature far from the likeliest.
     """
     unlike = ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2
-    stature = _STATURE * unlike / (unlike + 2.0) + _BACKWARD * backward(posture)
+    stature = _STATURE * unlike / (unlike + 2.0) + _BACKWARD * float(backward(posture.rotations))
     if seen is None:
         return stature
     facing = facing_score(seen, posture, eye)

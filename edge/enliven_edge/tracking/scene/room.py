@@ -252,14 +252,12 @@ def _guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
                 guarded[v, u], guard_z[v, u] = ids[owner[v, u]], z[v, u]
 
 
-def widened(mask: Bool, pixels: int) -> Bool:
-    """The mask grown by a square of ``pixels`` to every side."""
-    return np.asarray(_widened(mask, pixels))
-
-
 @njit(cache=True, nogil=True)
-def _widened(mask, pixels):  # type: ignore[no-untyped-def]
-    """Unites each row with the rows around it, and then with itself moved by up to so many pixels."""
+def widened(mask, pixels):  # type: ignore[no-untyped-def]
+    """The (h, w) mask grown by a square of ``pixels`` to every side.
+
+    Unites each row with the rows around it, and then with itself moved by up to so many pixels.
+    """
     height, width = mask.shape
     out, row = np.zeros((height, width), np.bool_), np.empty(width + 2 * pixels, np.bool_)
     middle = row[pixels : pixels + width]

@@ -51,7 +51,7 @@ def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.nda
     room = RoomModel(view.z.shape)
     room.age = age
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
-    return tracker.find_new(view, kind, segmented(view, kind, []), room, believe=False)
+    return tracker.finder.find(view, kind, segmented(view, kind, []), room, believe=False)
 
 
 def test_a_shank_beside_somebody_is_held():
