@@ -172,11 +172,7 @@ def _tell(judgement: Judgement) -> None:
 
 
 def _size(words: str, where: str) -> tuple[int, int]:
-    """Parses the two numbers of 640x400.
-
-    Raises:
-        InputError: where it is none.
-    """
+    """Parses the two numbers of 640x400."""
     match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", words)
     if not match:
         raise InputError(f"{words!r} is not ACROSSxDOWN", where=where, mend="For example: 7x5")

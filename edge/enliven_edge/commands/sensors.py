@@ -176,11 +176,7 @@ def _condition_facts(condition, down) -> list[tuple[str, str]]:  # type: ignore[
 
 
 def _way(word: str) -> Way | None:
-    """Returns the image protocol of the terminal; None where no picture is to be drawn.
-
-    Raises:
-        InputError: for a word that names no way.
-    """
+    """Returns the image protocol of the terminal; None where no picture is to be drawn."""
     from enliven_edge.terminal import WAYS, image_protocol
 
     if word in ("auto", "none"):

@@ -24,11 +24,7 @@ class Controls(Closing):
         self._controls = list(controls)
 
     def apply_commands(self, stage: Stage, carry_out: Callable[[Order], None]) -> None:
-        """Carries out the commands since the last call; a command that fails is logged.
-
-        Args:
-            carry_out: carries out an order as if a viewer had given it.
-        """
+        """Carries out the commands since the last call; a command that fails is logged."""
         for control in self._controls:
             for word in control.poll():
                 log.info("%s: %s", control.name, word)

@@ -62,8 +62,7 @@ _PRESSES = re.compile(r"P([0-9A-F]{4})([0-9A-F]{1,16})")
 
 
 def encode(body: str) -> bytes:
-    """Returns a message: ``$``, the body, ``*``, the body's CRC-16 (XMODEM) as four hexadecimal digits, a
-    line feed.
+    """Returns a message: ``$``, the body, ``*``, its CRC-16 (XMODEM) as four hexadecimal digits, a line feed.
 
     Args:
         body: printable ASCII without ``$`` and ``*``.

@@ -84,11 +84,7 @@ class SerialPanel(SerialPedal):
             self._said, self._said_at = body, now
 
     def _judge_silence(self, began: float, heard: bool) -> None:
-        """Counts only time in which the port was read, so that a machine that slept keeps its panel.
-
-        Raises:
-            ResourceError: where the panel is silent, or speaks another protocol.
-        """
+        """Counts only time in which the port was read, so that a machine that slept keeps its panel."""
         self._quiet = 0.0 if heard else self._quiet + min(time.monotonic() - began, 2.0 * _WAIT)
         if self._quiet > (_SILENCE if self._keys.heard else _GREETING):
             mend = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"

@@ -197,8 +197,7 @@ class Recogniser:
 def _grammar(phrases: Sequence[str]) -> str:
     """Returns the phrases in the JSpeech Grammar Format, and similar talk with other first words.
 
-    A grammar must find something in whatever is said. Talk finds the phrases that begin otherwise, which
-    are no commands.
+    A grammar must find something in whatever is said. Talk finds what begins otherwise.
     """
     names = {phrase.split()[0] for phrase in phrases}
     rests = sorted({" ".join(phrase.split()[1:]) for phrase in phrases} - {""})

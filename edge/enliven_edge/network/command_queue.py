@@ -27,8 +27,7 @@ _SAVED = 50
 
 
 class CommandQueue:
-    """Orders the waiting commands: the viewer with the least recent cost is first, each viewer's keep their
-    order.
+    """Orders the waiting commands: the viewer of least recent cost first, each viewer's in their order.
 
     Those of viewers that have gone come last.
 

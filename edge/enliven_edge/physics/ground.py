@@ -95,8 +95,7 @@ _SHARES = np.array([1 / 3, 2 / 3])
 
 
 def body_spheres(body: Body) -> tuple[Float, Float]:
-    """Returns (S, 3) centres and (S,) radii, metres: each joint, and two along each
-    bone.
+    """Returns (S, 3) centres and (S,) radii, metres: each joint, two along each bone.
 
     A joint that is not finite takes its spheres with it.
     """

@@ -133,8 +133,7 @@ class Playground:
         return self._standing.find(bodies, time_ns)
 
     def _spheres(self, tick: Tick) -> tuple[Float, Float, list[str], list[int]]:
-        """Returns the spheres of all characters and bodies: centres, radii, names, and the index of each
-        sphere's owner.
+        """Returns the spheres of all characters and bodies: centres, radii, names, and owners' indices.
 
         A character or body keeps its slots while it is present; afterwards they are free for others.
         """

@@ -1,4 +1,4 @@
-"""The take of a performance: written meanwhile, and readable up to where the disk was full."""
+"""The take of a performance: readable up to the moment that the disk is full."""
 
 import lazy_loader
 

@@ -93,11 +93,7 @@ def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Ca
 
 
 def _checked(name: str, options: dict[str, Any]) -> Any:
-    """The class of a sensor that takes these options.
-
-    Raises:
-        InputError: for an unknown name or option.
-    """
+    """The class of a sensor that takes these options."""
     kind = _kind(name)
     known = inspect.signature(kind).parameters
     for option in options:

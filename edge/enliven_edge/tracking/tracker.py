@@ -68,8 +68,7 @@ class Tracker:
 
     @property
     def state(self) -> TrackerState | None:
-        """The state after the last frame, for the monitor of the tracker's health; None where the sensor
-        tracks people itself."""
+        """The state after the last frame, for the health; None where the sensor tracks people itself."""
         if not self._by_depth:
             return None
         age = self._room.age if self._room is not None else 0.0
@@ -130,8 +129,7 @@ class Tracker:
         self.output.forget()
 
     def track(self, frame: Frame) -> list[Body]:
-        """The bodies in a frame, world frame: found in its depth, or as the sensor found them; empty without
-        people."""
+        """The bodies in a frame, world frame: found in its depth, or by the sensor; empty without people."""
         if isinstance(frame, BodyFrame):
             self._by_depth = False
             self._people.roster.lock.open()

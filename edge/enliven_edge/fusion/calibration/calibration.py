@@ -179,8 +179,7 @@ def _finished(
 def _score(
     a: BodyStream, b: BodyStream, fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
 ) -> float:
-    """Returns metres of disagreement a body, with a cost for bodies that both should have seen and one did
-    not.
+    """Returns metres of disagreement a body, with a cost for bodies that only one saw of both.
 
     Short overlaps agree by chance more easily, so that they must agree better.
     """

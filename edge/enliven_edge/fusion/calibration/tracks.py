@@ -143,8 +143,7 @@ class Collector(SensorThread):
     def stream(self) -> BodyStream:
         """Returns all bodies so far, in the level frame as it is known now.
 
-        A sensor may find its floor only after some frames, or know it better later; what it said before is
-        put right.
+        A sensor may find its floor only after some frames, or know it better later: its past is put right.
         """
         return stream_of(self.name, self.frames_in_level())
 

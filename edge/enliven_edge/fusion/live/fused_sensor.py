@@ -177,11 +177,7 @@ class FusedSensors(Sensor):
 
 
 def _known(sensors: Mapping[str, Sensor], space: Space) -> None:
-    """Checks that the space has a place for each sensor.
-
-    Raises:
-        InputError: where it has none.
-    """
+    """Checks that the space has a place for each sensor."""
     for name in sensors:
         if name not in space.sensors:
             raise InputError(

@@ -28,12 +28,7 @@ _GUESS = 1e-3
 
 
 class FusedPerson:
-    """The state of one person.
-
-    Args:
-        number: the identity.
-        sensors: how many there are.
-    """
+    """The state of one person."""
 
     def __init__(self, number: int, sensors: int, settings: FusionSettings) -> None:
         self.id, self.settings = number, settings
@@ -83,8 +78,7 @@ class FusedPerson:
         return Body(self.id, joints, confidence, turns, _contacts(bodies, w), _stature(bodies, w))
 
     def _down_weight_unsteady(self, x: Float, w: Float, expected: Float, seconds: float) -> None:
-        """Lowers the weights (S, 20) of a sensor with surprising joints over the last seconds, against the
-        others.
+        """Lowers the weights (S, 20) of a sensor with surprising joints over the last seconds.
 
         A constant difference of a sensor is no surprise.
         """

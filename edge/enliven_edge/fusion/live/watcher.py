@@ -29,9 +29,6 @@ PATIENCE = 0.1
 class SensorThread(ABC):
     """Runs :meth:`_read` for one sensor; a failure is kept for the user, and the other sensors go on.
 
-    Args:
-        name: the sensor's identity.
-
     Attributes:
         ended: no more frames will come.
         failure: the reason, where it was no ordinary end.

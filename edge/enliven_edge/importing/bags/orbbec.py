@@ -112,11 +112,7 @@ def check_playback(path: Path) -> None:
 
 
 def _about(path: Path) -> _About:
-    """Reads the small messages.
-
-    Raises:
-        InputError: where the depth camera is missing, or the file is of another version.
-    """
+    """Reads the small messages."""
     about = _About()
     for topic, fields in messages(path, lambda topic: topic in (_STREAM, _DEVICE, _PROPERTY)):
         fields.numbers("III")
@@ -139,11 +135,7 @@ def _about(path: Path) -> _About:
 
 
 def _check_depth(about: _About, path: Path) -> None:
-    """Checks that the images are depth.
-
-    Raises:
-        InputError: where they are disparities, or may be.
-    """
+    """Checks that the images are depth, and no disparities."""
     made = about.properties.get(_IN_DEVICE)
     if made is not None and not any(made):
         what = "it holds the camera's disparities in place of depth"

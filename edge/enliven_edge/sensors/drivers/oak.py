@@ -191,11 +191,7 @@ class OakSensor(Sensor):
             raise refused("oak", error) from None
 
     def _frame(self, image: Any) -> DepthFrame:
-        """An image as a frame.
-
-        Raises:
-            InputError: for one that is none.
-        """
+        """An image as a frame."""
         colour = None
         try:
             if self._coloured:

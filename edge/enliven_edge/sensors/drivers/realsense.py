@@ -161,11 +161,7 @@ class RealSenseSensor(Sensor):
             self._depth.set_option(key, float(value))
 
     def _frame(self, image: Any) -> DepthFrame:
-        """An image as a frame; the library does not look whether it has all its bytes.
-
-        Raises:
-            InputError: for one that is none.
-        """
+        """An image as a frame; the library does not look whether it has all its bytes."""
         self._held, seconds = image, 1e-3 * image.get_timestamp()
         size = width, height = image.get_width(), image.get_height()
         there = image.get_data_size() or 2 * width * height  # A device of software does not say it.

@@ -153,9 +153,6 @@ def colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: s
 class RehearsedColour:
     """The colour stream of a device of software, with the camera of a recording.
 
-    Args:
-        first: the recording's first image.
-
     Raises:
         InputError: where it has no colour.
     """

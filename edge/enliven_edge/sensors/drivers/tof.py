@@ -171,11 +171,7 @@ class TofSensor(Sensor):
             self._camera.releaseFrame(frame)
 
     def _trusted(self, depth: Float32, confidence: Float32) -> UInt16:
-        """(H, W) uint16 millimetres, 0 where the confidence is too small or the depth is out of reach.
-
-        Raises:
-            InputError: where the image has another size than the camera said.
-        """
+        """(H, W) uint16 millimetres, 0 where the confidence is too small or the depth is out of reach."""
         lens: Intrinsics = self._lens
         if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:
             what = f"an image has the shapes {depth.shape} and {confidence.shape}"

@@ -25,9 +25,6 @@ def opencv() -> Any:
 class Rectification:
     """The maps from pixels of the rectified images to those of the cameras; computed once.
 
-    Args:
-        calibration: of the pair.
-
     Attributes:
         intrinsics: of the rectified left camera; the right one's are the same.
         baseline: metres between the two.

@@ -152,11 +152,7 @@ def standing_starts(observation: Observation, eye: Float, lengths: Float) -> lis
 def banked_starts(
     observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
 ) -> list[Posture]:
-    """Returns the postures of the bank that are most like the points, brought to the extremities.
-
-    Args:
-        most: how many are returned.
-    """
+    """Returns so many postures of the bank, those most like the points, brought to the extremities."""
     points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _THINNED)])
     centre = np.median(points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)

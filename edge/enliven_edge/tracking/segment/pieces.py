@@ -44,8 +44,7 @@ _MET = 0.8
 def parted(points: Float, mask: Bool) -> list[Bool]:
     """[(h, w)] the mask, or its parts where several people stand in it side by side.
 
-    Seen from above, each person is a column that reaches from a head to the legs; a pixel belongs to the
-    nearest column.
+    Seen from above, each person is a column that reaches from a head to the legs; a pixel is the nearest's.
 
     Args:
         points: (h, w, 3) world frame.
