@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _EVERY = 4.0
-"""Seconds between two evaluations of what live sensors have seen: a calibration takes time that the trackers
-need."""
+"""Seconds between two evaluations of what live sensors have seen: a calibration takes the trackers' time."""
 
 
 def calibrate(

@@ -17,8 +17,7 @@ _WAIT = 0.03
 _BEAT = 0.25
 """Seconds between two messages to the panel, which takes 1 s without one for an edge that is gone."""
 _STALE = 1.0
-"""Seconds after which the state of the stage is too old to show: a hanging edge is as silent as a dead
-one."""
+"""Seconds after which the state of the stage is too old to show: a hanging edge is silent."""
 _SILENCE = 2.0
 """Seconds without a message of the panel until it is opened anew: noise has not spoilt eight in a row."""
 _STUCK = 1.0

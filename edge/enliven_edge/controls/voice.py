@@ -117,8 +117,7 @@ _TALK = (
     "will one there so just about out up if now then time look did could please hello yes no stop go come "
     "here more once again next week left right over who why"
 )
-"""Words that begin ordinary talk: an utterance that does not begin with a phrase's first word is recognised
-as talk."""
+"""Words that begin ordinary talk: an utterance that begins with no phrase's first word is talk."""
 
 
 class Recogniser:

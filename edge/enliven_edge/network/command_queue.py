@@ -15,13 +15,11 @@ _MOST = 1024
 _RESERVED = 0.4
 """Share of the time budget for viewers with few requests: a flood of others does not delay them."""
 _LITTLE = 0.06
-"""Seconds of recent cost up to which a viewer may use the reserve: ten small orders a second are half of
-it."""
+"""Seconds of recent cost up to which a viewer may use the reserve: half is ten small orders a second."""
 _KNOWN_AFTER = 1.0
 """Seconds of connection before a viewer may use the reserve, so that reconnecting does not help a flood."""
 _FEW = 4
-"""Waiting orders up to which a viewer may use the reserve: a person gives one at a time, a flood piles them
-up."""
+"""Waiting orders up to which a viewer may use the reserve: a person gives one at a time, a flood many."""
 _SAVED = 50
 """Frames of unused time that are saved up, so that a few orders in one frame need not wait."""
 

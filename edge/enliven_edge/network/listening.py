@@ -17,8 +17,7 @@ _OTHERS = 128
 _FEWEST = 4
 """Connections of a server at least, where hardly any descriptors are allowed."""
 _UNKNOWN = 512
-"""Descriptors assumed where the system does not state them, such as on Windows: the limit of ``select``
-there."""
+"""Descriptors assumed where the system does not state them, such as Windows: its limit of ``select``."""
 
 
 def raise_descriptor_limit() -> int:

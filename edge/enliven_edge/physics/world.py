@@ -29,8 +29,7 @@ _FLOOR = 4
 _PARKED = np.array([0.0, -60.0, 0.0])
 """(3,) metres: the place of unused spheres, far below the floor."""
 _SPARE = 64
-"""Spheres by which the model grows at a time: rebuilding it takes time, so a few newcomers do not cause
-it."""
+"""Spheres by which the model grows at a time: rebuilding takes time, so a few newcomers do not cause it."""
 _FASTEST_TURN = 40.0
 """Radians a second of a prop: a faster turn is an error of a contact."""
 _FARTHEST = 500.0

@@ -23,8 +23,7 @@ from enliven_edge.tracking.settings import TrackerSettings
 _YOUNG = 1.0
 """Seconds of a room's age up to which people may have been learnt as a part of it."""
 _SURFACE = 0.05
-"""Metres from a person's surface within which such a part of the room is the person: about the fit's
-error."""
+"""Metres from a person's surface within which such a part of the room is the person: the fit's error."""
 
 
 class Tracker:

@@ -142,8 +142,7 @@ def _both(angle: float) -> tuple[float, float]:
 
 
 _CARRY_ON = 0.8
-"""Share of a frame's motion that is predicted for the next one: a whole one would overshoot where people
-stop."""
+"""Share of a frame's motion that is predicted for the next one: a whole one would overshoot at stops."""
 _FASTEST_STEP = 0.1
 """Metres of predicted motion in a frame at most: 3 m/s at 30 frames a second."""
 _FASTEST_TURN = 0.25

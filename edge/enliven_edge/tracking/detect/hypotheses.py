@@ -246,8 +246,7 @@ _END_FRAMES, _ENDS = _end_anchors()
 _HIPS = np.zeros((1, 3, len(model.LENGTHS)))
 """(1, 3, 12) the offset of the hip centre in the pelvis: none."""
 _FARTHEST = 0.45
-"""Metres that a limb is brought to an extremity at most: a forearm and a hand; beyond, it is another
-limb's."""
+"""Metres that a limb is brought to an extremity at most: a forearm and a hand; beyond, it is another's."""
 
 
 def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:

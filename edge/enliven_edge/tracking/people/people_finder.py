@@ -26,8 +26,7 @@ _LEAST = 6
 _MEASURED = 1 / 3
 """Coarse fits: the cost of measuring the shape of one newcomer."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
-"""The part of a step of a newcomer's middle that moves its body: the height of the middle changes with what
-is seen of the person."""
+"""The part of a step of a newcomer's middle that moves its body: its height changes with what is seen."""
 
 
 class PeopleFinder:

@@ -19,14 +19,12 @@ BEFORE = 1
 UNSEEN = 2
 """Class of a pixel where the room was never seen, nearer than the room around it."""
 UNLIKELY = 3
-"""Class of a pixel where the room was never seen, about as far as the room around it: a person is
-unlikely."""
+"""Class of a pixel where the room was never seen, about as far as the room around it: hardly a person."""
 _FLICKERS = 6.0
 """Times that a pixel has come to the same nearer depth and gone: more often it is an edge of the room, which
 is as near as the nearer depth."""
 _FILL_EVERY_NS = 300_000_000
-"""Nanoseconds between two looks at how much of the room is known: counting and filling pass the whole
-image."""
+"""Nanoseconds between two looks at how much of the room is known: both pass the whole image."""
 _FILL_SHARE = 0.002
 """Share of the image by which the known part must have changed for the fill to be computed anew."""
 _FILL_AFTER = 6

@@ -24,8 +24,7 @@ from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_
 REACH = 0.22
 """Metres from the predicted surface within which a pixel is taken for the person's."""
 _REACH_UNLIKELY = 0.08
-"""Metres likewise where a person is unlikely, about as deep as the unseen room: only the body itself
-counts."""
+"""Metres likewise where a person is unlikely, about as deep as the unseen room: the body alone counts."""
 _LIMB_AREA = 0.12
 """Square metres seen up to which a group that touches a person is a limb: a leg seen from the front."""
 _LIMB_LENGTH = 0.95
