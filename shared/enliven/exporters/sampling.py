@@ -14,6 +14,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Project, Puppet, RigBase, Shape, Skeleton, SkinWeights
+from enliven.examples import joint_places
 from enliven.examples.baking import (
     BakeSettings,
     SurfaceFrames,
@@ -27,7 +28,7 @@ from enliven.meshes import Mesh
 from enliven.modeling.edits import rig_of
 from enliven.modeling.puppet import frame_times
 from enliven.motion.layers import Player
-from enliven.rotation import rotate, to_matrix
+from enliven.rotation import to_matrix
 
 _STICK = 0.08
 """Width of a drawn bone as a share of its length, as animation programs draw them."""
@@ -63,12 +64,7 @@ def performance_of_clip(clip: Clip) -> Performance:
     """Returns a clip as a performance of all its frames; its mesh is a stick for each bone."""
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     skeleton = clip.skeleton
-    joints = np.empty((len(times), len(skeleton), 3))
-    joints[:, 0] = clip.root
-    for j in range(1, len(skeleton)):
-        parent = skeleton.parents[j]
-        joints[:, j] = joints[:, parent] + rotate(clip.turns[:, j], skeleton.vectors[j])
-    return _of_bones(clip.id, skeleton, times, clip.turns, joints, *sticks(skeleton))
+    return _of_bones(clip.id, skeleton, times, clip.turns, joint_places(clip), *sticks(skeleton))
 
 
 def _of_bones(
