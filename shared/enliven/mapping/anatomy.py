@@ -84,7 +84,8 @@ class Anatomy:
 
     Attributes:
         facing: radians that its front is turned about +Y from +Z.
-        trunk: from the root to the last fork; the root alone where there is one fork at most.
+        trunk: from the root, or the hips below it, to the last fork; the root alone where there is one fork
+            at most.
         pairs: (left, right), the foremost and uppermost first.
         head, tail: chains on the middle plane, or None.
     """
@@ -175,7 +176,14 @@ def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
             ways[chain[-1]] = (*ways[chain[0]], *chain[1:])
             if _length(ways[chain[-1]], at) > _length(best, at):
                 best = ways[chain[-1]]
+    while len(best) > 2 and _turns_back(at[list(best)]):
+        best = best[1:]
     return best
+
+
+def _turns_back(points: Float) -> bool:
+    """Whether the first bone of a chain leads away from where the rest goes: from a belly to the hips."""
+    return bool((points[1] - points[0]) @ (points[-1] - points[1]) < 0.0)
 
 
 def _with_head(

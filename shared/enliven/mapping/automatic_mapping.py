@@ -44,6 +44,8 @@ _NEAR = 0.17
 """Arc length within which two joints of chains count as the same."""
 _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""
+_WRIST = 0.6
+"""Arc length along a limb after which a piece of it is a hand or a foot."""
 _TWINS = 0.02
 """Share of the size by which joints of twins are apart at most."""
 _STANDS = np.radians(45.0)
@@ -62,15 +64,16 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     chains = _whole(clip.skeleton, source, shape.skeleton, mode)
     for drive in assigned(source, target):
         # Where a shoulder or a hip sits is the model's own affair: pointed like the performer's, it would
-        # come off the trunk.
+        # come off the trunk. So is how a hand or a foot sits.
         girdle = drive.role.endswith("girdle") and not twins
         for piece in _pieces(drive, clip.skeleton, shape.skeleton):
+            moved = girdle or (not twins and _is_end(piece, drive, shape.skeleton))
             chains.append(
                 ChainPlan(
                     _named(clip.skeleton, piece.source),
                     _named(shape.skeleton, piece.target),
                     piece.role,
-                    "move" if girdle else mode,
+                    "move" if moved else mode,
                     mirrored=piece.mirrored,
                 )
             )
@@ -127,7 +130,16 @@ def _pinned(project: Project, shape: Shape) -> Project:
 
 
 def _pieces(drive: Drive, source: Skeleton, target: Skeleton) -> list[Drive]:
+    if "trunk" in drive.role or drive.role == "head":
+        return [drive]
     return split(drive, list(arc_of(source, drive.source)), list(arc_of(target, drive.target)), _NEAR)
+
+
+def _is_end(piece: Drive, drive: Drive, target: Skeleton) -> bool:
+    """Whether a piece of a limb is its hand or foot."""
+    if piece.target[0] == drive.target[0] or "trunk" in drive.role:
+        return False
+    return bool(arc_of(target, drive.target)[drive.target.index(piece.target[0])] > _WRIST)
 
 
 def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
