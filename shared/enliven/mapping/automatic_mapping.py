@@ -62,11 +62,12 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     mode = _mode(clip.skeleton, source, shape.skeleton, target)
     twins = _twins(clip.skeleton, shape.skeleton)
     chains = _whole(clip.skeleton, source, shape.skeleton, mode)
-    for drive in assigned(source, target):
+    drives = assigned(source, target)
+    for drive in drives:
         # Where a shoulder or a hip sits is the model's own affair: pointed like the performer's, it would
         # come off the trunk. So is how a hand or a foot sits.
         girdle = drive.role.endswith("girdle") and not twins
-        for piece in _pieces(drive, clip.skeleton, shape.skeleton):
+        for piece in _pieces(drive, drives, clip.skeleton, shape.skeleton):
             moved = girdle or (not twins and _is_end(piece, drive, shape.skeleton))
             chains.append(
                 ChainPlan(
@@ -129,10 +130,18 @@ def _pinned(project: Project, shape: Shape) -> Project:
     return project
 
 
-def _pieces(drive: Drive, source: Skeleton, target: Skeleton) -> list[Drive]:
+def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
+    """A limb cut where its joints correspond, on both sides at the same ones; a spine stays whole."""
     if "trunk" in drive.role or drive.role == "head":
         return [drive]
-    return split(drive, list(arc_of(source, drive.source)), list(arc_of(target, drive.target)), _NEAR)
+    there = {"left": "right", "right": "left"}.get(drive.role.split()[0], "")
+    role = " ".join([there, *drive.role.split()[1:]])
+    pair = [drive, *(one for one in drives if one.role == role)]
+    arcs = [(arc_of(source, one.source), arc_of(target, one.target)) for one in pair]
+    if any(len(a) != len(arcs[0][0]) or len(b) != len(arcs[0][1]) for a, b in arcs):
+        arcs = arcs[:1]
+    mine, theirs = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))
+    return split(drive, mine, theirs, _NEAR)
 
 
 def _is_end(piece: Drive, drive: Drive, target: Skeleton) -> bool:

@@ -40,9 +40,14 @@ def turned_level(points: Float, angle: float) -> Float:
 
 def side_of(name: str) -> int:
     """1 for the name of a left joint, -1 of a right one, 0 of others."""
-    plain = _WORDS.sub(" ", name)
+    plain = spaced(name)
     left, right = bool(_LEFT.search(plain)), bool(_RIGHT.search(plain))
     return int(left) - int(right)
+
+
+def spaced(name: str) -> str:
+    """A joint's name with a space between its words."""
+    return _WORDS.sub(" ", name)
 
 
 def _named_left(skeleton: Skeleton) -> Float | None:
@@ -52,7 +57,7 @@ def _named_left(skeleton: Skeleton) -> Float | None:
     for joint, name in enumerate(skeleton.names):
         side = side_of(name)
         if side:
-            plain = _WORDS.sub(" ", name)
+            plain = spaced(name)
             by_plain.setdefault((_LEFT if side > 0 else _RIGHT).sub("*", plain), {})[side] = joint
     for sides in by_plain.values():
         if len(sides) == 2:
