@@ -16,6 +16,7 @@ from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
+from enliven.mapping.ground import levelled
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import at_moment, first_heading, hanging_pose, mean_pose, posed, rebased
 from enliven.motion.layers import arc_of, bind_chain, branch, set_travel
@@ -107,6 +108,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
         for chain in plan.chains
     ]
     turns = _Turns(*facings(clip, shape, plan))
+    clip = levelled(clip, source_anatomy(clip).trunk[-1]) if plan.level else clip
     lines = [line for line in lines if plan.turn or line.theirs != (0,)]
     project = project.with_characters(shape)
     first: Clip | None = None

@@ -13,6 +13,7 @@ from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assigned, split
 from enliven.mapping.facing import turned_level
+from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of
@@ -61,7 +62,8 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     source, target = source_anatomy(clip), anatomy_of(shape.skeleton)
     mode = _mode(clip.skeleton, source, shape.skeleton, target)
     twins = _twins(clip.skeleton, shape.skeleton)
-    chains = _whole(clip.skeleton, source, shape.skeleton, mode)
+    level = mode == "move" and len(target.legs) > 1
+    chains = _whole(clip.skeleton, source, shape.skeleton, mode, level)
     drives = assigned(source, target)
     for drive in drives:
         # Where a shoulder or a hip sits is the model's own affair: pointed like the performer's, it would
@@ -78,19 +80,21 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
                     mirrored=piece.mirrored,
                 )
             )
-    return Plan(chains=tuple(chains))
+    return Plan(level=level, chains=tuple(chains))
 
 
-def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode) -> list[ChainPlan]:
+def _whole(
+    source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, level: bool
+) -> list[ChainPlan]:
     """The chain that turns the whole body: the performer's pelvis.
 
     A walker's pelvis and chest turn to and fro against one another; between them is where the body goes. What
     is of another build, with its trunk level, would swing it about with the pelvis alone: it takes half of
-    the turn from pelvis to chest as well.
+    the turn from pelvis to chest as well. What stands on four legs and more heads there and stays level.
     """
     root, hips = (target.names[0],), (source.names[0],)
     chains = [ChainPlan(hips, root, "whole", mode)]
-    if mode == "move" and len(theirs.trunk) > 1:
+    if mode == "move" and len(theirs.trunk) > 1 and not level:
         chains.append(ChainPlan(_named(source, theirs.trunk), root, "whole, towards the chest", weight=0.5))
     return chains
 
@@ -170,10 +174,12 @@ def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
     project, based = apply_plan(Project(), shape, clip, plan)
-    if plan.pin:
-        project = _pinned(project, shape)
     # What begins again at its end has none of its own: it plays as long as the take.
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
-    ends = [layer.end(based.duration) for layer in layers]
+    duration = max(layer.end(based.duration) for layer in layers)
+    if plan.floor and stands(shape):
+        project = kept_on_floor(project, shape.id, based, duration)
+    if plan.pin:
+        project = _pinned(project, shape)
     theirs, ours = facings(clip, shape, plan)
-    return Retargeted(project, shape.id, clip, plan, max(ends), ours, theirs)
+    return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)
