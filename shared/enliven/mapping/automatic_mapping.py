@@ -15,6 +15,7 @@ from enliven.mapping.assignment import Drive, assigned, split
 from enliven.mapping.facing import turned_level
 from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.plan import ChainPlan, Mode, Plan
+from enliven.mapping.softening import softened
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of
 
@@ -164,12 +165,12 @@ def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
     """A shape that moves by a take.
 
     Args:
-        plan: None finds one.
+        plan: None finds one, and softens it.
 
     Raises:
         InputError: as :func:`apply_plan`, or where nothing of the shape can be driven.
     """
-    plan = automatic(clip, shape) if plan is None else plan
+    plan = softened(automatic(clip, shape), clip, shape) if plan is None else plan
     if not plan.chains:
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
@@ -177,7 +178,8 @@ def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
     # What begins again at its end has none of its own: it plays as long as the take.
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
     duration = max(layer.end(based.duration) for layer in layers)
-    if plan.floor and stands(shape):
+    itself = plan.travel and _twins(clip.skeleton, shape.skeleton)
+    if plan.floor and stands(shape) and not itself:
         project = kept_on_floor(project, shape.id, based, duration)
     if plan.pin:
         project = _pinned(project, shape)
