@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float
+from enliven.arrays import AnyArray, Bool, Float
 from enliven.deformation import skin_vertices
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, character_of, unused
 from enliven.mapping.anatomy import anatomy_of
@@ -28,6 +28,12 @@ _ROLL = 0.04
 """Share of the performer's height that the lowest joint rises while a foot rolls from heel to toe."""
 _GROUND = 5.0
 """Per cent of a take's frames in which the lowest joint is below the floor that is taken for the take's."""
+_TOUCH = 0.01
+"""Share of the height within which what is above the lowest point stands as well."""
+_SHORTEST = 0.1
+"""Factor for a stride at least: what shuffles still goes."""
+_LONGEST = 1.5
+"""Factor for a stride at most, for what skates."""
 _UPSIDE = 0.2
 """Length of the upright part of a turn below which it has no heading: upside down."""
 
@@ -79,17 +85,51 @@ def kept_on_floor(project: Project, shape_id: str, clip: Clip, duration: float) 
     count = int(np.ceil(duration * min(_RATE, 1.0 / clip.step))) + 1
     times = np.linspace(0.0, duration, count)
     root = Player(project, shape_id).root(times)
-    low = np.array([points[:, 1].min() for points in surfaces(project, shape_id, times)])
+    low, steps = _watched(surfaces(project, shape_id, times), count)
     root[:, 1] += floor_of(shape) - low
     if shape.travel is not None:
         leapt = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip))
         root[:, 1] += travel_scale(shape, clip) * leapt
+        level = root[:, [0, 2]]
+        root[:, [0, 2]] = level[0] + _stride(np.diff(level, axis=0), steps, leapt > 0.0) * (level - level[0])
     still = Skeleton(("root",), np.array([-1], np.int32), shape.skeleton.positions[:1] + shape.place)
     step = duration / (count - 1) if count > 1 else clip.step
     way = Clip(unused(f"{clip.id}: way", project.takes), still, np.tile(IDENTITY, (count, 1, 1)), root, step)
     layer = Layer(unused(way.id, project.layer_names), way.id, (0,))
     moved = shape.with_changes(layers=(*shape.layers, layer), travel=layer.id)
     return set_travel(project.with_takes(way).with_characters(moved), shape_id, layer.id, 1.0)
+
+
+def _watched(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
+    """(F,) metres of the lowest point, and (F - 1, 2) how far, from each moment on, what is lowest goes."""
+    low, steps = np.empty(count), np.zeros((max(count - 1, 0), 2))
+    before = np.empty((0, 3))
+    for f, at in enumerate(moments):
+        if f:
+            touching = before[:, 1] < low[f - 1] + _TOUCH * np.ptp(before[:, 1])
+            steps[f - 1] = np.median((at - before)[touching][:, [0, 2]], axis=0)
+        low[f], before = at[:, 1].min(), at.copy()
+    return low, steps
+
+
+def _stride(ways: Float, steps: Float, leaping: Bool) -> float:
+    """The factor for the way (F - 1, 2) of a root with which what stands, having gone ``steps``, would stay.
+
+    A model's legs are swung by less than the performer's, or are of another build: its stride is its own.
+    It is the median over the way; what goes ahead of the root is a foot that scuffs as it swings.
+    """
+    far = np.linalg.norm(ways, axis=1)
+    far[leaping[:-1]] = 0.0
+    if far.sum() < 1e-9:
+        return 1.0
+    wanted = 1.0 - np.einsum("fc,fc->f", steps, ways) / np.maximum(far, 1e-12) ** 2
+    used = (far > 1e-3 * far.max()) & (wanted > 0.0)
+    if not used.any():
+        return 1.0
+    wanted = wanted[used]
+    order = np.argsort(wanted)
+    middle = np.searchsorted(np.cumsum(far[used][order]), far[used].sum() / 2.0)
+    return float(np.clip(wanted[order][middle], _SHORTEST, _LONGEST))
 
 
 def levelled(clip: Clip, chest: int) -> Clip:

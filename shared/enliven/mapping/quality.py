@@ -27,6 +27,8 @@ _TOUCH = 0.01
 """Share of the height within which a vertex touches the floor."""
 _APART = 1.0 / 60.0
 """Seconds between the two moments that a slide is measured over: a frame of common displays."""
+_STANDING = 25.0
+"""Per cent of the vertices at the floor that stand at least, while a foot that swings may scuff."""
 _EDGES = 4000
 """Edges that are looked at for parts in one another: enough for a thousandth of a surface."""
 _NEAREST = 24
@@ -47,7 +49,7 @@ class Quality:
         joints: where most edges are stretched beyond the bound, by name, the worst first.
         sunk: the lowest point at its lowest below the floor, in heights of the shape; None if it flies.
         afloat: the lowest point at its highest above the floor while the performer stands, in heights.
-        slide: cm/s that what touches the floor moves over it, in the performer's size; None in place.
+        slide: cm/s that what stands on the floor moves over it, in the performer's size; None in place.
         crossing: share of the edges that cut another part of the surface, beyond those that do at rest.
     """
 
@@ -138,7 +140,7 @@ def _torn(shape: Shape, edges: Int, stretch: Float) -> tuple[str, ...]:
 
 
 def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
-    """The mean over the moments of the median speed of the vertices that touch the floor."""
+    """The mean over the moments of the speed of what touches the floor: of its slower part, which stands."""
     tall = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
     bound, speeds = floor_of(shape) + _TOUCH * tall, []
     before = surfaces(project, shape.id, times[:-1])
@@ -147,7 +149,7 @@ def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
         touching = (one[:, 1] < bound) & (other[:, 1] < bound)
         if touching.any():
             moved = np.linalg.norm((other - one)[touching][:, [0, 2]], axis=1)
-            speeds.append(float(np.median(moved)) / _APART)
+            speeds.append(float(np.percentile(moved, _STANDING)) / _APART)
     scale = travel_scale(shape.with_changes(travel_scale=None), clip)
     return 100.0 * float(np.mean(speeds)) / scale if speeds else 0.0
 

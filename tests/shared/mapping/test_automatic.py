@@ -45,7 +45,8 @@ def test_on_oneself_it_is_the_identity(seed):
     for skeleton in (man(), horse()):
         clip = random_motion(random, skeleton)
         heading = first_heading(clip)
-        made = retarget(meshed("self", skeleton), clip)
+        shape = meshed("self", skeleton)
+        made = retarget(shape, clip, replace(automatic(clip, shape), floor=False))
         assert {chain.mode for chain in made.plan.chains} == {"pose"}
         back = heading * [1, -1, -1, -1]
         for frame in (0, 3, 7):
@@ -93,7 +94,8 @@ def test_travel_goes_where_the_performer_goes(seed):
     back = first_heading(clip) * [1, -1, -1, -1]
     np.testing.assert_allclose(way, rotate(back, clip.root[-1] - clip.root[0]), atol=1e-6)
     still = retarget(shape, clip)
-    np.testing.assert_allclose(made_joints(still, 0.7)[0], made_joints(still, 0.0)[0], atol=1e-12)
+    level = [0, 2]
+    np.testing.assert_allclose(made_joints(still, 0.7)[0, level], made_joints(still, 0.0)[0, level], atol=1e-12)
 
 
 @settings(max_examples=20, deadline=None)
@@ -200,7 +202,7 @@ def test_one_leg_poses_two(seed):
     other = replace(chain, target=("Right hip", "Right stifle"))
     moved = replace(chain, target=("dock", "tail"), mode="move")
     whole = ChainPlan(("hips",), ("croup",), mode="pose")
-    made = retarget(meshed("h", horse()), clip, Plan(chains=(whole, chain, other, moved)))
+    made = retarget(meshed("h", horse()), clip, Plan(floor=False, chains=(whole, chain, other, moved)))
     assert len(made.project.takes) == 3
     back = first_heading(clip) * [1, -1, -1, -1]
     knee, hip = man().index("Left knee"), man().index("Left hip")

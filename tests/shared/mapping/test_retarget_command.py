@@ -48,8 +48,8 @@ def test_a_horse_walks_as_the_man_does(files, capsys):
     rig = read_gltf(files / "out.glb")
     assert rig.shape.skeleton.names == read_gltf(files / "horse.glb").shape.skeleton.names
     assert np.ptp(rig.clips[0].turns, axis=0).max() > 0.05
-    # The whole model stays where it is.
-    assert np.ptp(rig.clips[0].root, axis=0).max() < 1e-6
+    # The whole model stays where it is, but for going up and down with its legs.
+    assert np.ptp(rig.clips[0].root, axis=0)[[0, 2]].max() < 1e-6
 
 
 def test_the_written_mapping_makes_the_same(files):
