@@ -43,7 +43,7 @@ class Retargeted:
     take_facing: float
 
 
-_NEAR = 0.17
+_NEAR = 0.21
 """Arc length within which two joints of chains count as the same."""
 _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""

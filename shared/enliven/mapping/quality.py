@@ -23,12 +23,12 @@ _MOMENTS = 24
 """Moments of a motion that are measured: a pose that lasts a twentieth of it is among them."""
 _SLIVER = 1e-3
 """Share of the size below which an edge is too short for its stretch to be seen."""
-_TOUCH = 0.01
-"""Share of the height within which a vertex touches the floor."""
+_TOUCH = 0.03
+"""Share of the height within which a vertex counts as on the floor."""
 _APART = 1.0 / 60.0
 """Seconds between the two moments that a slide is measured over: a frame of common displays."""
-_STANDING = 25.0
-"""Per cent of the vertices at the floor that stand at least, while a foot that swings may scuff."""
+_STANDING = 10.0
+"""Per cent of the vertices at the floor that stand at least, while a foot that swings may be as low."""
 _EDGES = 4000
 """Edges that are looked at for parts in one another: enough for a thousandth of a surface."""
 _NEAREST = 24
