@@ -47,7 +47,8 @@ def retarget(
         bool, typer.Option("--pin", help="With --travel: hold feet where they stand, against sliding.")
     ] = False,
     floor: Annotated[
-        bool, typer.Option(help="Keep what stands on the floor: its lowest point, while the performer stands.")
+        bool,
+        typer.Option(help="Keep what stands on the floor, by its lowest point."),
     ] = True,
     turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
     rate: Annotated[

@@ -9,5 +9,5 @@ from .automatic_mapping import (
 from .facing import facing_of as facing_of, turned_level as turned_level
 from .plan import Mode as Mode, Plan as Plan
 from .plan_file import read_plan as read_plan, write_plan as write_plan
-from .quality import BOUND as BOUND, Quality as Quality, quality_of as quality_of
+from .quality import BOUND as BOUND, MotionQuality as MotionQuality, quality_of as quality_of
 from .softening import limb_of as limb_of, softened as softened

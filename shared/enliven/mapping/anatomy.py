@@ -2,9 +2,9 @@
 by the names of twigs.
 
 Twigs are left out (fingers, ears, a jaw): at a fork, what is called so, or is short beside the whole, or
-beside the way from the root to the fork. What is left falls into chains between forks and ends. Those between forks are trunk;
-those to an end are limbs. Two limbs that mirror one another are a pair; of the others, the one that goes most
-ahead and up is the head, the one that goes most back and down the tail.
+beside the way from the root to the fork. What is left falls into chains between forks and ends. Those between
+forks are trunk; those to an end are limbs. Two limbs that mirror one another are a pair; of the others, the
+one that goes most ahead and up is the head, the one that goes most back and down the tail.
 """
 
 from __future__ import annotations

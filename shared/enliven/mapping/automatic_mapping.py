@@ -87,9 +87,7 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     return Plan(level=level, chains=tuple(chains))
 
 
-def _whole(
-    source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, level: bool
-) -> list[ChainPlan]:
+def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, level: bool) -> list[ChainPlan]:
     """The chain that turns the whole body: the performer's pelvis.
 
     A walker's pelvis and chest turn to and fro against one another; between them is where the body goes. What

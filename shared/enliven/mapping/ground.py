@@ -57,7 +57,10 @@ def surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float
     character = None if shape.mesh is None else character_of(shape)
     for seconds in times:
         at = player.at(float(seconds))
-        yield at.joints if character is None else skin_vertices(character, pose_from(shape, at, seconds))
+        if character is None:
+            yield at.joints
+        else:
+            yield skin_vertices(character, pose_from(shape, at, seconds)).astype(np.float64)
 
 
 def clearance(clip: Clip) -> Float:
@@ -69,7 +72,7 @@ def clearance(clip: Clip) -> Float:
         height[:, j] = height[:, parents[j]] + rotate(clip.turns[:, j], vectors[j])[:, 1]
     low = height.min(1)
     roll = _ROLL * float(np.ptp(height, axis=1).max())
-    return np.maximum(low - np.percentile(low, _GROUND) - roll, 0.0)
+    return np.asarray(np.maximum(low - np.percentile(low, _GROUND) - roll, 0.0))
 
 
 def kept_on_floor(project: Project, shape_id: str, clip: Clip, duration: float) -> Project:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Float, Int32
 from enliven.document import Clip, Project, Shape
 from enliven.mapping.ground import clearance, floor_of, stands, surfaces
 from enliven.motion.layers import travel_scale
@@ -40,7 +40,7 @@ _NAMED = 4
 
 
 @dataclass(frozen=True)
-class Quality:
+class MotionQuality:
     """What was measured of a motion on a shape.
 
     Attributes:
@@ -73,10 +73,10 @@ class Quality:
         return "; ".join([*told, f"{self.crossing:.1%} of the edges cut another part"])
 
 
-def edges_of(shape: Shape) -> tuple[Int, Float]:
-    """(E, 2) the edges of a shape's mesh that are no slivers, and (E,) metres at rest; none without a mesh."""
+def edges_of(shape: Shape) -> tuple[Int32, Float]:
+    """(E, 2) the edges of a mesh that are no slivers, and (E,) metres at rest; none without one."""
     if shape.mesh is None:
-        return np.empty((0, 2), np.int64), np.empty(0)
+        return np.empty((0, 2), np.int32), np.empty(0)
     faces, at = shape.mesh.faces, shape.mesh.vertices
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     lengths = _lengths(at, edges)
@@ -84,14 +84,14 @@ def edges_of(shape: Shape) -> tuple[Int, Float]:
     return edges[kept], lengths[kept]
 
 
-def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int, Float]:
+def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
     """(E, 2) the edges of a shape, and (T, E) their stretch at moments over a duration in seconds."""
     edges, rest = edges_of(project.shape(shape_id))
     times = np.linspace(0.0, duration, _MOMENTS)
     return edges, np.array([_lengths(at, edges) / rest for at in surfaces(project, shape_id, times)])
 
 
-def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> Quality:
+def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> MotionQuality:
     """How good a shape's motion is.
 
     Args:
@@ -101,7 +101,7 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
     shape = project.shape(shape_id)
     edges, stretch = stretches(project, shape_id, duration)
     if not len(edges):
-        return Quality(1.0, 1.0, (), None, None, None, 0.0)
+        return MotionQuality(1.0, 1.0, (), None, None, None, 0.0)
     times = np.linspace(0.0, duration, _MOMENTS)
     sunk = afloat = None
     moments = list(surfaces(project, shape_id, times))
@@ -111,7 +111,7 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
         standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
     most = moments[int(stretch.mean(1).argmax())]
-    return Quality(
+    return MotionQuality(
         float(np.percentile(stretch, 99)),
         float(stretch.max()),
         _torn(shape, edges, stretch),
@@ -122,12 +122,12 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
     )
 
 
-def _lengths(at: Float, edges: Int) -> Float:
+def _lengths(at: Float, edges: Int32) -> Float:
     return np.asarray(np.linalg.norm(at[edges[:, 0]] - at[edges[:, 1]], axis=1))
 
 
-def _torn(shape: Shape, edges: Int, stretch: Float) -> tuple[str, ...]:
-    """The joints whose bones move the ends of most edges that stretch beyond the bound."""
+def _torn(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
+    """The joints of the bones that move most ends of edges stretched beyond the bound."""
     count = np.bincount(edges.ravel(), np.repeat((stretch > BOUND).sum(0), 2).astype(float))
     if shape.skin is None or not count.any():
         return ()

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.arrays import Bool, Int
+from enliven.arrays import Bool, Int32
 from enliven.document import Clip, Project, Shape
 from enliven.mapping.applying import apply_plan
 from enliven.mapping.plan import ChainPlan, Plan
@@ -62,7 +62,7 @@ def _weight(plan: Plan, role: str) -> float:
     return min(chain.weight for chain in plan.chains if limb_of(chain) == role)
 
 
-def _blame(plan: Plan, shape: Shape, edges: Int, torn: Bool) -> dict[str, float]:
+def _blame(plan: Plan, shape: Shape, edges: Int32, torn: Bool) -> dict[str, float]:
     """How many torn edges (T, E) there are at the bones of each limb."""
     skeleton, skin = shape.skeleton, shape.skin
     if skin is None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))
-from made_gltf import Made, trs, unit  # noqa: E402
+from made_gltf import Made, trs, unit
 
 SIDES = 8
 """Corners of a tube's cross-section."""
@@ -65,7 +65,9 @@ def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.n
 
     def sided(name: str, fork: int, points) -> list[tuple[str, int, np.ndarray]]:
         places = vary(points)
-        return [(f"{side} {name}", fork, places * [sign, 1, 1]) for side, sign in (("Left", 1), ("Right", -1))]
+        return [
+            (f"{side} {name}", fork, places * [sign, 1, 1]) for side, sign in (("Left", 1), ("Right", -1))
+        ]
 
     down = float(random.uniform(0, 1.2))
     out = np.array([np.cos(down), -np.sin(down), 0.0])
@@ -76,20 +78,26 @@ def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.n
         trunk = ("Spine", 0, vary([(0, 0.95, 0), (0, 1.15, 0), (0, 1.35, 0)]))
         top = trunk[2][-1]
         shift = top - [0, 1.35, 0]
-        head = ("Head", -1, vary([top + [0, 0.12, 0], top + [0, 0.22, 0.02], top + [0, 0.42, 0.02]]))
+        head = ("Head", -1, vary([_on(top, 0, 0.12, 0), _on(top, 0, 0.22, 0.02), _on(top, 0, 0.42, 0.02)]))
         return [trunk, head, *sided("Arm", -1, arm + shift), *sided("Leg", 0, leg)]
     if build == "raptor":
         trunk = ("Spine", 0, vary([(0, 1.0, -0.1), (0, 1.05, 0.2), (0, 1.1, 0.5)]))
         top = trunk[2][-1]
-        head = ("Neck", -1, vary([top + [0, 0.1, 0.1], top + [0, 0.3, 0.2], top + [0, 0.3, 0.5]]))
+        head = ("Neck", -1, vary([_on(top, 0, 0.1, 0.1), _on(top, 0, 0.3, 0.2), _on(top, 0, 0.3, 0.5)]))
         tail = ("Tail", 0, vary([(0, 1.0, -0.3), (0, 0.95, -0.7), (0, 0.9, -1.1)]))
         arms = sided("Arm", -1, np.array([(0.12, -0.1, 0), (0.14, -0.25, 0.0), (0.14, -0.3, 0.15)]) + top)
-        legs = [(0.15, 0.95, -0.1), (0.16, 0.6, 0.1), (0.16, 0.25, -0.15), (0.16, 0.0, 0.05), (0.16, 0.0, 0.2)]
+        legs = [
+            (0.15, 0.95, -0.1),
+            (0.16, 0.6, 0.1),
+            (0.16, 0.25, -0.15),
+            (0.16, 0.0, 0.05),
+            (0.16, 0.0, 0.2),
+        ]
         return [trunk, head, tail, *arms, *sided("Leg", 0, legs)]
     pairs = 2 if build == "horse" else 3
     trunk = ("Spine", 0, vary([(0, 1.0, -0.6), (0, 1.02, -0.1), (0, 1.0, 0.5)], 0.05))
     top = trunk[2][-1]
-    head = ("Neck", -1, vary([top + [0, 0.1, 0.1], top + [0, 0.45, 0.3], top + [0, 0.4, 0.6]]))
+    head = ("Neck", -1, vary([_on(top, 0, 0.1, 0.1), _on(top, 0, 0.45, 0.3), _on(top, 0, 0.4, 0.6)]))
     tail = ("Tail", 0, vary([(0, 1.0, -0.75), (0, 0.75, -0.9), (0, 0.5, -0.95)]))
     made = [trunk, head, tail]
     for k in range(pairs):
@@ -99,6 +107,11 @@ def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.n
         legs = [(x, y, z), (x + wide, y * 0.6, z + 0.05), (x + wide, y * 0.25, z - 0.05), (x + wide, 0, z)]
         made += sided(f"Leg {'ABC'[k]}", fork, legs)
     return made
+
+
+def _on(place: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
+    """(3,) a place that is (x, y, z) metres from another."""
+    return place + np.array([x, y, z])
 
 
 def _split(seed: int, limb: tuple[str, int, np.ndarray]) -> tuple[str, int, np.ndarray]:

@@ -95,7 +95,9 @@ def test_travel_goes_where_the_performer_goes(seed):
     np.testing.assert_allclose(way, rotate(back, clip.root[-1] - clip.root[0]), atol=1e-6)
     still = retarget(shape, clip)
     level = [0, 2]
-    np.testing.assert_allclose(made_joints(still, 0.7)[0, level], made_joints(still, 0.0)[0, level], atol=1e-12)
+    np.testing.assert_allclose(
+        made_joints(still, 0.7)[0, level], made_joints(still, 0.0)[0, level], atol=1e-12
+    )
 
 
 @settings(max_examples=20, deadline=None)
