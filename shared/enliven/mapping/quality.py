@@ -118,7 +118,7 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
         sunk,
         afloat,
         _slide(project, shape, clip, times) if stands(shape) and shape.travel is not None else None,
-        max(0.0, _crossing(shape, most) - _crossing(shape, shape.mesh.vertices)) if shape.mesh else 0.0,
+        max(0.0, crossing(shape, most) - crossing(shape, shape.mesh.vertices)) if shape.mesh else 0.0,
     )
 
 
@@ -154,7 +154,7 @@ def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
     return 100.0 * float(np.mean(speeds)) / scale if speeds else 0.0
 
 
-def _crossing(shape: Shape, at: Float) -> float:
+def crossing(shape: Shape, at: Float) -> float:
     """The share of the edges of a mesh with vertices ``at`` (V, 3) that go through one of its faces."""
     edges, _ = edges_of(shape)
     assert shape.mesh is not None
