@@ -258,6 +258,18 @@ def test_a_map_is_symmetric_where_both_bodies_are_nearly(seed):
         assert left == right and left
 
 
+def test_an_elbow_that_is_a_little_off_is_cut_on_both_sides_or_on_neither():
+    """One elbow is near enough to the performer's to be the same, the other hardly not."""
+    crooked = man().positions.copy()
+    crooked[man().index("Left elbow"), 0] = 0.18 + 0.59 * 0.7
+    crooked[man().index("Right elbow"), 0] = -0.18 - 0.625 * 0.7
+    clip, body = random_motion(np.random.default_rng(0), man()), replace(man(), positions=crooked)
+    chains = automatic(clip, meshed("x", body)).chains
+    arms = {side: [c.target for c in chains if c.role == f"{side} arm"] for side in ("left", "right")}
+    assert [mirrored(target) for target in arms["left"]] == arms["right"]
+    assert ("Left shoulder", "Left elbow") in arms["left"]
+
+
 def test_a_spine_is_posed_as_one_and_a_foot_stays_flat():
     """The model's own hunch and flat feet stay while its performer stands at rest, whose foot bones slope."""
     hunched = man().positions.copy()

@@ -46,12 +46,15 @@ def test_a_leap_is_a_leap_and_a_handstand_stands():
     clip = replace(still, turns=turns, root=root)
     np.testing.assert_allclose(clearance(clip)[[0, 3, 5, 8]], 0.0)
     assert 0.35 < clearance(clip)[4] < 0.5
-    over = np.array([0.0, 1.0, 0.0, 0.0])
-    upside = replace(clip, turns=multiply(over, turns))
-    assert (clearance(upside)[:4] == 0.0).all()
+    over = turns.copy()
+    over[5:] = multiply(np.array([0.0, 1.0, 0.0, 0.0]), turns[5:])
+    upside = replace(still, turns=over, root=np.repeat(still.root, 9, 0))
     shape = meshed("horse", horse())
-    made = retarget(shape, upside, replace(automatic(clip, shape), level=False))
-    assert lowest(made, np.array([0.0, 0.2])) == pytest.approx(floor_of(shape), abs=1e-5)
+    made = retarget(shape, upside, replace(automatic(upside, shape), level=False, rest="first"))
+    top = max(horse().positions[:, 1])
+    upright, inverted = (Player(made.project, "horse").root(np.array([t]))[0, 1] for t in (0.0, 0.8))
+    assert inverted == pytest.approx(top - upright, abs=0.1)
+    assert lowest(made, np.array([0.0, 0.2, 0.5, 0.8])) == pytest.approx(floor_of(shape), abs=1e-5)
 
 
 def test_what_swims_or_flies_keeps_its_height():
