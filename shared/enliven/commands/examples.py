@@ -143,13 +143,16 @@ def fit(
       enliven examples fit SHOW.enliven --puppet cactus -o cactus.mcap
       enliven examples fit CACTUS.toml -o cactus.enliven
     """
-    from enliven.examples import missing, motion_of
+    from enliven.examples import missing, motion_of, unposed
 
     write = writer(output)
     draw = sheet_maker("puppet") if sheet else None
     found = opened(session, puppet)
     project, made = found.project, found.puppet
     lacking = missing(project, made)
+    if output.suffix.lower() != ".enliven":
+        # A project can be posed in the studio still; a film of it would show a statue that slides.
+        lacking = (*lacking, *unposed(made))
     if lacking:
         raise InputError("it cannot move yet", where=str(session), mend=" ".join(lacking))
     if not any(not layer.muted for layer in made.layers):

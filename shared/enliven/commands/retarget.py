@@ -12,7 +12,7 @@ from enliven.commands.example_files import sheet_maker
 if TYPE_CHECKING:
     from enliven.document import Clip
     from enliven.formats.rig import Rig
-    from enliven.mapping import Mode, Plan
+    from enliven.mapping import Mode, Plan, Retargeted
 
 
 def retarget(
@@ -44,6 +44,10 @@ def retarget(
     pin: Annotated[
         bool, typer.Option("--pin", help="With --travel: hold feet where they stand, against sliding.")
     ] = False,
+    floor: Annotated[
+        bool,
+        typer.Option(help="Keep what stands on the floor, by its lowest point."),
+    ] = True,
     turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
     rate: Annotated[
         float | None,
@@ -77,7 +81,7 @@ def retarget(
     draw = sheet_maker("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
-    plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin)
+    plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin, floor)
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
     made = retarget_shape(rig.shape, clip, plan)
@@ -94,6 +98,33 @@ def retarget(
         f"enliven: {len(made.plan.chains)} chains, {how.get(frozenset(modes), 'posed and moved')}, "
         f"{made.duration:.2f} s are in {output}"
     )
+    _tell_quality(made, rig, write_map)
+
+
+def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
+    """Prints how good the motion is, and warns with a better mapping where the surface stretches."""
+    from enliven.mapping import BOUND, limb_of, next_best, quality_of, write_plan
+
+    quality = quality_of(made.project, made.shape_id, made.clip, made.duration)
+    typer.echo(f"enliven: {quality}")
+    less = {limb_of(c): c.weight for c in made.plan.chains if c.weight < 1.0 and "whole" not in c.role}
+    if less:
+        told = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
+        typer.echo(f"enliven: moved less, so that the surface does not stretch: {told}")
+    if quality.stretch <= BOUND:
+        return
+    typer.echo(f"enliven: the surface stretches at {', '.join(quality.joints)}", err=True)
+    other = next_best(made, rig.shape)
+    if other is None:
+        typer.echo("enliven: no other mapping stretches it less: give those joints less weight", err=True)
+        return
+    how, plan, stretch = other
+    told = f"enliven: the next best mapping, {how}, stretches it {stretch:.2f}"
+    if write_map:
+        beside = write_map.with_suffix(f".next{write_map.suffix}")
+        write_plan(plan, beside)
+        told += f": --map {beside}"
+    typer.echo(told, err=True)
 
 
 _FAST_ENOUGH = 60.0
@@ -109,23 +140,26 @@ def _plan(
     travel: bool,
     turn: bool,
     pin: bool,
+    floor: bool,
 ) -> Plan:
     """Returns the mapping from the file, or the one found automatically, with the options of the command
     line."""
     from dataclasses import replace
 
-    from enliven.mapping import Plan, automatic
+    from enliven.mapping import Plan, automatic, softened
     from enliven.settings import load_settings
 
+    found = plan is None
     plan = automatic(clip, rig.shape) if plan is None else plan
     changes: dict[str, Any] = {"travel": travel or plan.travel, "turn": turn and plan.turn}
-    changes["pin"] = pin or plan.pin
+    changes |= {"pin": pin or plan.pin, "floor": floor and plan.floor}
     if rest is not None:
         value = float(rest) if _is_number(rest) else rest
         changes["rest"] = load_settings(Plan, {"rest": value}, where="--rest").rest
     if mode != "auto":
         changes["chains"] = tuple(replace(chain, mode=mode) for chain in plan.chains)
-    return replace(plan, **changes)
+    plan = replace(plan, **changes)
+    return softened(plan, clip, rig.shape) if found else plan
 
 
 def _is_number(text: str) -> bool:

@@ -31,6 +31,10 @@ _DEPTH = 0.3
 """How much depth counts beside width and height."""
 _SIDE = 0.3
 """What it costs to follow a side from the middle or the middle from a side; twice that, the other side."""
+_NARROW = 0.1
+"""Half the width, in heights, up to which a mesh is a post and has no sides."""
+_BASE = 0.1
+"""Share of the height below which a control point is at a mesh's foot."""
 _DEEPER = 1.5
 """So many times deeper than wide, a mesh is looked at from the side."""
 _ASIDE = 0.15
@@ -66,16 +70,34 @@ def guess_joints(
     level = _arms_out(level, anatomy)
     found = [one for one in _candidates(anatomy, skeleton) if skeleton.names[one.joint] not in taken]
     found = found or _candidates(anatomy, skeleton)
-    joints = [one.joint for one in found]
     rows_wanted = list(range(len(rest))) if wanted is None else list(wanted)
-    theirs, ours = _normal(level, level[joints]), _normal(rest, rest[rows_wanted])
+    whole, ours = level, _normal(rest, rest[rows_wanted])
+    if not _on_feet(_normal(rest, rest)):
+        # What stands on one foot, as a chess piece does, has a head and hips, and no legs.
+        kept = _upper(found, anatomy, skeleton)
+        if len(kept) >= len(ours):
+            found, whole = kept, level[[one.joint for one in kept]]
+    joints = [one.joint for one in found]
+    theirs = _normal(whole, level[joints])
     away = np.abs(ours[:, None] - theirs[None]) @ [1.0, 1.0, _DEPTH]
-    sides = np.sign(ours[:, 0]) * (np.abs(ours[:, 0]) > _ASIDE)
-    apart = np.abs(sides[:, None] - [one.side for one in found])
+    apart = np.abs(_sides(ours)[:, None] - [one.side for one in found])
     cost = away + [one.cost for one in found] + _SIDE * apart
     times = max(-(-len(ours) // len(joints)), 1)
     rows, columns = linear_sum_assignment(np.concatenate([cost + 10.0 * k for k in range(times)], axis=1))
     return tuple(skeleton.names[joints[column % len(joints)]] for column in columns[np.argsort(rows)])
+
+
+def _on_feet(points: Float) -> bool:
+    """Whether there are points (N, 3), as shares, at the foot on both sides; or none at the foot at all."""
+    low = _sides(points[points[:, 1] < _BASE])
+    return not len(low) or {1.0, -1.0} <= set(low.tolist())
+
+
+def _upper(found: list[_Candidate], anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
+    """The candidates without legs, of which the hips cost nothing."""
+    legs = {joint for pair in anatomy.legs for limb in pair for joint in skeleton.below(limb.chain[1])}
+    kept = [one for one in found if one.joint not in legs]
+    return [one._replace(cost=0.0) if one.joint == anatomy.trunk[0] else one for one in kept]
 
 
 def _arms_out(level: Float, anatomy: Anatomy) -> Float:
@@ -118,6 +140,12 @@ def _normal(all_points: Float, points: Float) -> Float:
     low, high = all_points.min(0), all_points.max(0)
     tall = max(float(high[1] - low[1]), 1e-9)
     middle = (low + high) / 2
-    # Whoever is as good as flat across, a post, has no sides; dividing by its width would make some.
-    wide = max(float(high[0] - low[0]) / 2, 0.05 * tall)
-    return np.asarray((points - [middle[0], low[1], middle[2]]) / [wide, tall, tall])
+    wide = float(high[0] - low[0]) / 2
+    # What is narrow, a post, has no sides; dividing by its width would make some.
+    across = 1.0 / wide if wide > _NARROW * tall else 0.0
+    return np.asarray((points - [middle[0], low[1], middle[2]]) * [across, 1.0 / tall, 1.0 / tall])
+
+
+def _sides(points: Float) -> Float:
+    """(N,) 1 at the left, -1 at the right, 0 in the middle."""
+    return np.asarray(np.sign(points[:, 0]) * (np.abs(points[:, 0]) > _ASIDE))

@@ -1,21 +1,31 @@
-"""The anatomy of a skeleton: a trunk, pairs of limbs on its sides, a head and a tail; by geometry alone.
+"""The anatomy of a skeleton: a trunk, pairs of limbs on its sides, a head and a tail; by geometry, and
+by the names of twigs.
 
-Twigs are left out (fingers, ears, a jaw): at a fork, what is short beside the whole, or beside the way from
-the root to the fork. What is left falls into chains between forks and ends. Those between forks are trunk;
-those to an end are limbs. Two limbs that mirror one another are a pair; of the others, the one that goes most
-ahead and up is the head, the one that goes most back and down the tail.
+Twigs are left out (fingers, ears, a jaw): at a fork, what is called so, or is short beside the whole, or
+beside the way from the root to the fork. What is left falls into chains between forks and ends. Those between
+forks are trunk; those to an end are limbs. Two limbs that mirror one another are a pair; of the others, the
+one that goes most ahead and up is the head, the one that goes most back and down the tail.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
-from enliven.mapping.facing import facing_of, side_of, turned_about_y
+from enliven.mapping.facing import facing_of, side_of, spaced, turned_about_y
 
+_TWIGS = re.compile(
+    r"(?<![a-z])(eye|eye ?lid|(eye ?)?brow|ear|jaw|mouth|lip|tongue|tooth|teeth|nose|cheek|hair|finger|thumb)"
+    r"s?(?![a-z])",
+    re.IGNORECASE,
+)
+"""What parts of a face or a hand are called in the names of joints."""
+_SAME_PLACE = 0.02
+"""Share of the size by which two joints are off one another's mirror image and still are partners."""
 _SHORT = 0.15
 """Share of the longest branch below which a branch is a twig, not a limb."""
 _TWIG = 0.5
@@ -25,6 +35,8 @@ _SIDE_TWIG = 0.6
 """The same, for a branch that leads off the middle plane: a big ear is longer than other twigs."""
 _MANY = 5
 """Branches of a fork, other than the root, that make a face or a hand of it."""
+_PALM = 0.02
+"""Share of the longest branch that the way to the first joint of a finger has at least, to be a palm."""
 _ASIDE = 0.15
 """Share of the longest branch that a fork is off the middle plane by to be a hand: its longest goes on."""
 _ALIKE = 0.15
@@ -84,7 +96,8 @@ class Anatomy:
 
     Attributes:
         facing: radians that its front is turned about +Y from +Z.
-        trunk: from the root to the last fork; the root alone where there is one fork at most.
+        trunk: from the root, or the hips below it, to the last fork; the root alone where there is one fork
+            at most.
         pairs: (left, right), the foremost and uppermost first.
         head, tail: chains on the middle plane, or None.
     """
@@ -113,7 +126,7 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
         facing: radians that its front is turned about +Y from +Z; None finds it.
     """
     facing = facing_of(skeleton) if facing is None else facing
-    at = turned_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
+    at = _evened(turned_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing))
     below = _major(skeleton, at)
     chains = _chains(below)
     limbs = [_limb(chain, at) for chain in chains if not below[chain[-1]]]
@@ -126,28 +139,44 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
     return Anatomy(facing, trunk, tuple(pairs), head, tail)
 
 
+def _evened(at: Float) -> Float:
+    """(N, 3) the joints, each in the middle between its place and its partner's in the mirror.
+
+    So what is decided by lengths is decided alike on both sides.
+    """
+    seen = at * [-1.0, 1.0, 1.0]
+    apart = np.linalg.norm(at[:, None] - seen, axis=2)
+    partner = apart.argmin(1)
+    mutual = partner[partner] == np.arange(len(at))
+    near = apart.min(1) < _SAME_PLACE * np.ptp(at, axis=0).max()
+    return np.where((mutual & near)[:, None], (at + seen[partner]) / 2.0, at)
+
+
 def _major(skeleton: Skeleton, at: Float) -> list[list[int]]:
-    """The children of each joint that are no twigs."""
-    count = len(skeleton)
+    """The children of each joint that are no twigs; a limb ends with the first joint of a finger."""
+    count, parents = len(skeleton), np.maximum(skeleton.parents, 0)
+    lengths = np.linalg.norm(at - at[parents], axis=1)
+    named = [bool(_TWIGS.search(spaced(name))) for name in skeleton.names]
     reach, way, end = np.zeros(count), np.zeros(count), np.arange(count)
     for j in range(count - 1, 0, -1):
-        up, long = skeleton.parents[j], reach[j] + skeleton.lengths[j]
+        up, long = parents[j], reach[j] + lengths[j]
         if long >= reach[up]:
             reach[up], end[up] = long, end[j]
     for j in range(1, count):
-        way[j] = way[skeleton.parents[j]] + skeleton.lengths[j]
+        way[j] = way[parents[j]] + lengths[j]
     below: list[list[int]] = []
     for j, children in enumerate(skeleton.children):
         kept = []
         for c in children:
-            long = reach[c] + skeleton.lengths[c]
+            long = reach[c] + lengths[c]
             aside = abs(at[end[c], 0] - at[j, 0]) > _TWIG * long
             least = max(_SHORT * reach[0], (_SIDE_TWIG if aside else _TWIG) * way[j])
-            if long >= least or len(children) == 1:
+            if (long >= least and not named[c]) or len(children) == 1:
                 kept.append(c)
         if j > 0 and children and abs(at[j, 0]) > _ASIDE * reach[0]:
-            kept = [max(children, key=lambda c: reach[c] + skeleton.lengths[c])]
-        below.append(kept if j == 0 or len(kept) < _MANY else [])
+            kept = [max(children, key=lambda c: reach[c] + lengths[c])]
+        over = j > 0 and ((named[j] and lengths[j] > _PALM * reach[0]) or len(kept) >= _MANY)
+        below.append([] if over else kept)
     return below
 
 
@@ -175,7 +204,14 @@ def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
             ways[chain[-1]] = (*ways[chain[0]], *chain[1:])
             if _length(ways[chain[-1]], at) > _length(best, at):
                 best = ways[chain[-1]]
+    while len(best) > 2 and _turns_back(at[list(best)]):
+        best = best[1:]
     return best
+
+
+def _turns_back(points: Float) -> bool:
+    """Whether the first bone of a chain leads away from where the rest goes: from a belly to the hips."""
+    return bool((points[1] - points[0]) @ (points[-1] - points[1]) < 0.0)
 
 
 def _with_head(
@@ -271,9 +307,10 @@ def _ahead(pair: Pair, at: Float) -> float:
 
 
 def _ends(single: list[SkeletonLimb], at: Float) -> tuple[SkeletonLimb | None, SkeletonLimb | None]:
-    """Head and tail of the limbs that have no partner."""
-    ways = {limb: np.array(limb.end) - at[limb.chain[0]] for limb in single}
+    """Head and tail of the limbs that have no partner: the one goes up and ahead, the other back."""
+    ways = {limb: np.array(limb.end) - at[0] for limb in single}
     scored = sorted(single, key=lambda limb: float(ways[limb][1] + ways[limb][2]))
     head = scored[-1] if scored and ways[scored[-1]][1:].sum() > 0 else None
-    tail = scored[0] if scored and scored[0] is not head else None
+    back = [limb for limb in scored if limb is not head and limb.end[2] < at[limb.chain[0], 2]]
+    tail = back[0] if back else None
     return head, tail

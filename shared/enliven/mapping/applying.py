@@ -16,6 +16,7 @@ from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
+from enliven.mapping.ground import levelled
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import at_moment, first_heading, hanging_pose, mean_pose, posed, rebased
 from enliven.motion.layers import arc_of, bind_chain, branch, set_travel
@@ -23,6 +24,10 @@ from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply
 
 _OPPOSITE = -0.94
 """Cosine below which two ways count as opposite."""
+_MIDDLE = 0.1
+"""Share of its length by which a spine or a neck is off the middle plane at most."""
+_ANKLE = 0.15
+"""Share of the height within which a foot lies above the lowest joint."""
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
@@ -70,6 +75,12 @@ class _Turns:
     def __init__(self, theirs: float, ours: float) -> None:
         self.plain, self.mirrored = _level(ours - theirs), _level(ours + theirs)
         self.across = rotate(_level(ours), np.array([1.0, 0.0, 0.0]))
+        self._side = rotate(_level(theirs), np.array([1.0, 0.0, 0.0]))
+
+    def middle(self, source: Skeleton, line: _Line) -> bool:
+        """Whether a chain of the take lies in the plane that parts the performer's left from their right."""
+        off = (source.positions[list(line.mine)] - source.positions[0]) @ self._side
+        return bool(np.abs(off).max() < _MIDDLE * source.lengths[list(line.mine[1:])].sum())
 
     def of(self, line: _Line) -> Float:
         """(4,) model_from_take of a chain, after its mirror."""
@@ -97,6 +108,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
         for chain in plan.chains
     ]
     turns = _Turns(*facings(clip, shape, plan))
+    clip = levelled(clip, source_anatomy(clip).trunk[-1]) if plan.level else clip
     lines = [line for line in lines if plan.turn or line.theirs != (0,)]
     project = project.with_characters(shape)
     first: Clip | None = None
@@ -132,6 +144,13 @@ def _rests(
         if line.plan.mode == "pose":
             claimed |= line.bones
             _pose_like(since, clip, line, target, turns)
+    for line in group:
+        posed_before = [one for one in group if one.plan.mode == "pose" and _follows(one, line)]
+        if line.plan.mode == "move" and posed_before and not _on_floor(target, line.theirs):
+            # A hand rests in its forearm as it does in the take; a foot rests flat, however its shin slopes.
+            arm = posed_before[0].mine[-1]
+            carried = multiply(since[arm], conjugate(plain[arm]))
+            since[list(line.bones)] = multiply(carried, plain[list(line.bones)])
     made = [(since, [line for line in lines if line in group])]
     for line in apart:
         other = since.copy()
@@ -141,6 +160,12 @@ def _rests(
             other[list(line.bones)] = plain[list(line.bones)]
         made.append((other, [line]))
     return made
+
+
+def _on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
+    """Whether a chain lies along the floor at rest, as a foot does."""
+    height = skeleton.positions[:, 1]
+    return bool(height[list(chain)].max() < height.min() + _ANKLE * np.ptp(height))
 
 
 def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float) -> Project:
@@ -181,18 +206,19 @@ def _pose_like(since: Float, clip: Clip, line: _Line, target: Skeleton, turns: _
     """Let the bones of a source chain rest as the target's do: ``since`` (N, 4) is changed.
 
     The take's own zero pose, turned to its heading, is bent by the least there is to point the same way, so
-    twist about a bone stays as the performer has it.
+    twist about a bone stays as the performer has it. Limbs are bent bone by bone. A spine or a neck, in the
+    middle, is turned as one: how it curves is the model's own affair.
     """
-    heading = first_heading(clip)
+    heading, skeleton = first_heading(clip), clip.skeleton
+    since[list(line.bones)] = heading
     if len(line.mine) == 1:
-        since[line.mine[0]] = heading
         return
-    arc, ends = arc_of(clip.skeleton, line.mine), target.positions[list(line.theirs)]
+    arc, ends = arc_of(skeleton, line.mine), target.positions[list(line.theirs)]
     at = np.stack([np.interp(arc, arc_of(target, line.theirs), ends[:, k]) for k in range(3)], 1)
-    ways = turns.back(line, np.diff(at, axis=0))
-    for joint, way in zip(line.mine[1:], ways, strict=True):
-        bone = rotate(heading, clip.skeleton.vectors[joint])
-        since[joint] = heading
+    ways, bones = turns.back(line, np.diff(at, axis=0)), skeleton.vectors[list(line.mine[1:])]
+    if turns.middle(skeleton, line):
+        ways[:], bones[:] = ways.sum(0), bones.sum(0)
+    for joint, way, bone in zip(line.mine[1:], ways, rotate(heading, bones), strict=True):
         if np.linalg.norm(bone) > 1e-6 and np.linalg.norm(way) > 1e-6:
             bent = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
             since[joint] = multiply(bent, heading)

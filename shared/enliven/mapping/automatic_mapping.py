@@ -11,9 +11,12 @@ from enliven.document import Clip, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
-from enliven.mapping.assignment import assigned, split
+from enliven.mapping.assignment import Drive, assigned, split
 from enliven.mapping.facing import turned_about_y
+from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.plan import ChainPlan, Mode, Plan
+from enliven.mapping.quality import stretches
+from enliven.mapping.softening import softened
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of
 
@@ -40,10 +43,14 @@ class Retargeted:
     take_facing: float
 
 
-_NEAR = 0.17
+_NEAR = 0.21
 """Arc length within which two joints of chains count as the same."""
 _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""
+_WRIST = 0.6
+"""Arc length along a limb after which a piece of it is a hand or a foot."""
+_LESS = 0.98
+"""Share of the stretch that another mapping has at most, to be worth offering."""
 _TWINS = 0.02
 """Share of the size by which joints of twins are apart at most."""
 _STANDS = np.radians(45.0)
@@ -59,35 +66,37 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     source, target = source_anatomy(clip), anatomy_of(shape.skeleton)
     mode = _mode(clip.skeleton, source, shape.skeleton, target)
     twins = _twins(clip.skeleton, shape.skeleton)
-    chains = _whole(clip.skeleton, source, shape.skeleton, mode)
-    for drive in assigned(source, target):
+    level = mode == "move" and len(target.legs) > 1
+    chains = _whole(clip.skeleton, source, shape.skeleton, mode, level)
+    drives = assigned(source, target)
+    for drive in drives:
         # Where a shoulder or a hip sits is the model's own affair: pointed like the performer's, it would
-        # come off the trunk.
+        # come off the trunk. So is how a hand or a foot sits.
         girdle = drive.role.endswith("girdle") and not twins
-        theirs, ours = arc_of(clip.skeleton, drive.source), arc_of(shape.skeleton, drive.target)
-        for piece in split(drive, list(theirs), list(ours), _NEAR):
+        for piece in _pieces(drive, drives, clip.skeleton, shape.skeleton):
+            moved = girdle or (not twins and _is_end(piece, drive, shape.skeleton))
             chains.append(
                 ChainPlan(
                     _named(clip.skeleton, piece.source),
                     _named(shape.skeleton, piece.target),
                     piece.role,
-                    "move" if girdle else mode,
+                    "move" if moved else mode,
                     mirrored=piece.mirrored,
                 )
             )
-    return Plan(chains=tuple(chains))
+    return Plan(level=level, chains=tuple(chains))
 
 
-def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode) -> list[ChainPlan]:
+def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, level: bool) -> list[ChainPlan]:
     """The chain that turns the whole body: the performer's pelvis.
 
     A walker's pelvis and chest turn to and fro against one another; between them is where the body goes. What
     is of another build, with its trunk level, would swing it about with the pelvis alone: it takes half of
-    the turn from pelvis to chest as well.
+    the turn from pelvis to chest as well. What stands on four legs and more heads there and stays level.
     """
     root, hips = (target.names[0],), (source.names[0],)
     chains = [ChainPlan(hips, root, "whole", mode)]
-    if mode == "move" and len(theirs.trunk) > 1:
+    if mode == "move" and len(theirs.trunk) > 1 and not level:
         chains.append(ChainPlan(_named(source, theirs.trunk), root, "whole, towards the chest", weight=0.5))
     return chains
 
@@ -127,6 +136,27 @@ def _pinned(project: Project, shape: Shape) -> Project:
     return project
 
 
+def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
+    """A limb cut where its joints correspond, on both sides at the same ones; a spine stays whole."""
+    if "trunk" in drive.role or drive.role == "head":
+        return [drive]
+    there = {"left": "right", "right": "left"}.get(drive.role.split()[0], "")
+    role = " ".join([there, *drive.role.split()[1:]])
+    pair = [drive, *(one for one in drives if one.role == role)]
+    arcs = [(arc_of(source, one.source), arc_of(target, one.target)) for one in pair]
+    if any(len(a) != len(arcs[0][0]) or len(b) != len(arcs[0][1]) for a, b in arcs):
+        arcs = arcs[:1]
+    mine, theirs = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))
+    return split(drive, mine, theirs, _NEAR)
+
+
+def _is_end(piece: Drive, drive: Drive, target: Skeleton) -> bool:
+    """Whether a piece of a limb is its hand or foot."""
+    if piece.target[0] == drive.target[0] or "trunk" in drive.role:
+        return False
+    return bool(arc_of(target, drive.target)[drive.target.index(piece.target[0])] > _WRIST)
+
+
 def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
     """First and last, which is enough where the chain is the way between them."""
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
@@ -136,20 +166,42 @@ def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
     """A shape that moves by a take.
 
     Args:
-        plan: None finds one.
+        plan: None finds one, and softens it.
 
     Raises:
         InputError: as :func:`apply_plan`, or where nothing of the shape can be driven.
     """
-    plan = automatic(clip, shape) if plan is None else plan
+    plan = softened(automatic(clip, shape), clip, shape) if plan is None else plan
     if not plan.chains:
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
     project, based = apply_plan(Project(), shape, clip, plan)
-    if plan.pin:
-        project = _pinned(project, shape)
     # What begins again at its end has none of its own: it plays as long as the take.
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
-    ends = [layer.end(based.duration) for layer in layers]
+    duration = max(layer.end(based.duration) for layer in layers)
+    itself = plan.travel and _twins(clip.skeleton, shape.skeleton)
+    if plan.floor and stands(shape) and not itself:
+        project = kept_on_floor(project, shape.id, based, duration)
+    if plan.pin:
+        project = _pinned(project, shape)
     theirs, ours = facings(clip, shape, plan)
-    return Retargeted(project, shape.id, clip, plan, max(ends), ours, theirs)
+    return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)
+
+
+def next_best(made: Retargeted, shape: Shape) -> tuple[str, Plan, float] | None:
+    """Another mapping of what was made that stretches the surface less: how it differs, itself, its stretch.
+
+    None where none does.
+    """
+    found = []
+    for mode, how in ((None, "moved less"), ("move", "with --mode move"), ("pose", "with --mode pose")):
+        chains = tuple(replace(chain, mode=mode or chain.mode) for chain in made.plan.chains)
+        if mode and chains == made.plan.chains:
+            continue
+        plan = softened(replace(made.plan, chains=chains), made.clip, shape)
+        other = retarget(shape, made.clip, plan)
+        _, stretch = stretches(other.project, shape.id, other.duration)
+        found.append((how, plan, float(np.percentile(stretch, 99))))
+    _, stretch = stretches(made.project, shape.id, made.duration)
+    best = min(found, key=lambda one: one[2])
+    return best if best[2] < _LESS * float(np.percentile(stretch, 99)) else None

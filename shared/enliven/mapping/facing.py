@@ -15,6 +15,8 @@ _WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 """Where one word of a name ends and the next begins without a sign between them."""
 _SURE = 0.03
 """Share of the size that feet must point ahead by, all together, to say where the front is."""
+_NARROW = 0.01
+"""Share of the size that the sides are apart by at least, to say which way is left."""
 _LOW = 0.12
 """Share of the height that a foot is above the floor at most."""
 
@@ -41,26 +43,40 @@ def turned_about_y(vectors: Float, angles: Float | float) -> Float:
 
 def side_of(name: str) -> int:
     """1 for the name of a left joint, -1 of a right one, 0 of others."""
-    plain = _WORDS.sub(" ", name)
+    plain = spaced(name)
     left, right = bool(_LEFT.search(plain)), bool(_RIGHT.search(plain))
     return int(left) - int(right)
 
 
+def spaced(name: str) -> str:
+    """A joint's name with a space between its words."""
+    return _WORDS.sub(" ", name)
+
+
 def _named_left(skeleton: Skeleton) -> Float | None:
-    """(3,) horizontal, towards the left, by the names of joints; None where they do not say."""
-    total = np.zeros(3)
+    """(3,) horizontal, towards the left, by the names of joints; None where they do not say.
+
+    Hips and shoulders say it, two joints that hang on one; hands and feet do where there are none: they may
+    be anywhere in a file that rests in mid-stride.
+    """
+    parents, total, roots = skeleton.parents, np.zeros(3), np.zeros(3)
     by_plain: dict[str, dict[int, int]] = {}
     for joint, name in enumerate(skeleton.names):
         side = side_of(name)
         if side:
-            plain = _WORDS.sub(" ", name)
+            plain = spaced(name)
             by_plain.setdefault((_LEFT if side > 0 else _RIGHT).sub("*", plain), {})[side] = joint
     for sides in by_plain.values():
         if len(sides) == 2:
-            total += skeleton.positions[sides[1]] - skeleton.positions[sides[-1]]
-    total[1] = 0.0
-    length = float(np.linalg.norm(total))
-    return total / length if length > 1e-3 * _size(skeleton) else None
+            across = (skeleton.positions[sides[1]] - skeleton.positions[sides[-1]]) * [1.0, 0.0, 1.0]
+            total += across
+            if parents[sides[1]] == parents[sides[-1]]:
+                roots += across
+    for way in (roots, total):
+        length = float(np.linalg.norm(way))
+        if length > _NARROW * _size(skeleton):
+            return np.asarray(way / length)
+    return None
 
 
 def _mirrored_left(skeleton: Skeleton) -> Float:

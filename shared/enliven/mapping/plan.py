@@ -50,6 +50,8 @@ class Plan:
     )
     turn: bool = setting(True, "Turn the whole model as the performer turns: chains onto its root alone.")
     travel: bool = setting(False, "Move the whole model as the performer moves.")
+    level: bool = setting(False, "Keep the model level: its whole turns as the performer heads, and no more.")
+    floor: bool = setting(True, "Keep what stands on the floor, by its lowest point.")
     pin: bool = setting(False, "Hold feet where they stand while they do not move (with travel).")
     take_facing: float | None = setting(
         None, "Where the performer looks at first, from +Z to the left; found where not given.", unit="deg"

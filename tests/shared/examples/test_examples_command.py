@@ -56,6 +56,11 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
     # Nothing is posed yet, and that is said.
     assert examples(folder, "check", "s/made.toml") == 3
     assert "All key poses are alike: say where the control points are to be." in capsys.readouterr().out
+    # Nor is a film of it made, of a statue that slides; the studio can pose the project.
+    assert examples(folder, "fit", "s/made.toml", "-o", "out.glb", "--end", 1) == 3
+    assert "All key poses are alike" in capsys.readouterr().err and not (folder / "out.glb").exists()
+    assert examples(folder, "fit", "s/made.toml", "-o", "unposed.enliven") == 0
+    capsys.readouterr()
     text = (folder / "s" / "made.toml").read_text()
     name = puppet.points[0].name
     posed = text.replace(f'"{name}" = [0.0, 0.0, 0.0]', f'"{name}" = [0.1, 0.2, 0.0]', 1)

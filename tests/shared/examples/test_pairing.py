@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -55,6 +56,11 @@ def test_a_head_that_is_too_short_for_a_limb_is_still_the_head():
         clip_of_bodies([Body(1, STANDING, np.ones(20))] * 2, [0.0, 1.0], "one").skeleton, CACTUS
     )
     assert joints == ("hand left", "hand right", "head", "foot left", "foot right")
+
+
+@pytest.mark.parametrize("rest", [[(0, 1, 0), (0, 0, 0)], [(0.02, 1, 0.1), (0.15, 0, 0)]])
+def test_a_chess_piece_has_a_head_and_hips(rest):
+    assert guess_joints(man(), np.array(rest, float)) == ("top", "hips")
 
 
 def test_more_points_than_joints_share_them():

@@ -165,3 +165,21 @@ def bvh_text(skeleton: Skeleton, frames: np.ndarray, seconds=0.05) -> str:
             row += list(frame[j])
         lines.append(" ".join(f"{x:.6f}" for x in row))
     return "\n".join(lines) + "\n"
+
+
+def webbed(name: str, skeleton: Skeleton):
+    """A still shape: a band across every joint, from the bone before it to the bone after it."""
+    vertices, faces, indices = [], [], []
+    wide = np.array([0.1, 0.0, 0.1])
+    for j in range(1, len(skeleton)):
+        above, first = int(skeleton.parents[j]), len(vertices)
+        start = skeleton.positions[above]
+        after = start + 0.2 * skeleton.vectors[j]
+        vertices += [start - wide, start + wide, after - wide, after + wide]
+        faces += [[first, first + 1, first + 3], [first, first + 3, first + 2]]
+        indices += [above, above, j, j]
+    mesh = Mesh(np.array(vertices), np.array(faces, np.int32), name)
+    bones = np.zeros((len(vertices), 4), np.uint16)
+    bones[:, 0] = indices
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(vertices), 1))
+    return still_shape(name, skeleton, mesh, SkinWeights(bones, weights))

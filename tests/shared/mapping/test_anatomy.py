@@ -1,5 +1,7 @@
 """Where bodies look, and what they are made of, whatever they are called and however they stand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -124,3 +126,51 @@ def test_turning_level_is_about_the_upright():
 def test_a_single_bone_is_a_head():
     made = Skeleton(("foot", "top"), np.array([-1, 0]), np.array([[0, 0, 0], [0, 1, 0.0]]))
     assert named(made, anatomy_of(made).head.chain) == ["foot", "top"]
+
+
+def test_brows_are_no_arms_and_fingers_are_left_to_the_hand():
+    crab = body(
+        ("shell", None, (0, 0.5, 0)),
+        ("top", "shell", (0, 0.9, 0)),
+        ("crest", "top", (0, 1.2, 0)),
+        ("Leyebrow", "shell", (0.5, 0.9, 0.4)),
+        ("Leyebrow end", "Leyebrow", (0.5, 1.3, 0.4)),
+    )
+    assert anatomy_of(crab).pairs == ()
+    unnamed = replace(crab, names=tuple(name.replace("eyebrow", "claw") for name in crab.names))
+    assert len(anatomy_of(unnamed).pairs) == 1
+    arm = anatomy_of(man()).arms[0][0]
+    assert man().names[arm.chain[-1]] == "Left finger"
+    longer = body(*FINGERED)
+    assert [longer.names[limb.chain[-1]] for limb in anatomy_of(longer).arms[0]] == [
+        "Left finger",
+        "Right finger",
+    ]
+
+
+FINGERED = (
+    ("hips", None, (0, 0.95, 0)),
+    ("chest", "hips", (0, 1.35, 0)),
+    ("head", "chest", (0, 1.7, 0)),
+    ("Lshoulder", "chest", (0.18, 1.44, 0)),
+    ("Lelbow", "Lshoulder", (0.46, 1.44, 0)),
+    ("Lwrist", "Lelbow", (0.71, 1.44, 0)),
+    ("Lfinger", "Lwrist", (0.8, 1.44, 0)),
+    ("Lfinger 2", "Lfinger", (0.84, 1.44, 0)),
+    ("Lfinger 3", "Lfinger 2", (0.88, 1.44, 0)),
+    ("Lhip", "hips", (0.09, 0.9, 0)),
+    ("Lknee", "Lhip", (0.1, 0.5, 0.01)),
+    ("Lankle", "Lknee", (0.1, 0.02, 0)),
+)
+
+
+def test_a_file_that_rests_in_mid_stride_faces_where_its_hips_do():
+    striding = man().positions.copy()
+    for name, ahead in (
+        ("Left wrist", -0.5),
+        ("Left finger", -0.6),
+        ("Right wrist", 0.5),
+        ("Right finger", 0.6),
+    ):
+        striding[man().index(name), 2] += ahead
+    assert facing_of(replace(man(), positions=striding)) == pytest.approx(0.0, abs=1e-9)

@@ -4,10 +4,10 @@ A joint of such a rig turns, about its own place, all the links to its children,
 it. Here a *bone* is one link, and turns about the joint it begins at. So:
 
 - the links from joint j to its children are bones that turn as j does;
-- vertices of joint j follow a bone that begins at j: the one that goes on most nearly straight from the bone
-  that comes in (of a chest: the neck rather than a shoulder), and of those within 25 degrees of it the one
-  that carries the most; any of them is right for the rig's own motion. Vertices of the root (a pelvis) follow
-  the turn of the whole, so that no single limb takes the pelvis along;
+- vertices of joint j follow a bone that begins at j and goes on straight from the bone that comes in (of a
+  chest: the neck, not a shoulder); of several that do, the one that carries the most. Where none does, the
+  vertices get a bone of their own, so that no ear takes the head along. Vertices of the root (a pelvis)
+  follow the turn of the whole, for the same reason;
 - a joint without children gets a *tip*: where the rig has a leaf node below it (as Blender's exporter
   writes), else at the far end of the vertices that it moves;
 - joints at one place are one joint: a rig needs one for each limb that turns on its own, here each bone does;
@@ -31,6 +31,11 @@ _SAME_PLACE = 2e-5
 """Share of the size within which two joints are at one place: less is rounding."""
 _STRAIGHT = np.cos(np.radians(25.0))
 """Cosine of 25 degrees: bones within that angle of the incoming bone count as equally straight."""
+_TWIN = 0.02
+"""Share of their length by which two bones of a fork differ at most, and by which the cosines of their bends
+do, to be a pair: two shoulders, neither of which is the neck."""
+_STUB = 0.4
+"""Length of a forking joint's own bone, in lengths of the bone that comes in: too short for a limb."""
 
 
 @dataclass
@@ -124,11 +129,14 @@ def _built(
             bone[j] = 0
             continue
         out = [k for k in range(1, len(joints.names)) if joints.drivers[k] == j and joints.parents[k] == home]
-        if not out and bodies[j].mass > 0:
+        if bodies[j].mass > 0 and not out:
             name, place = _tip(bodies, j, joints, home, size)
-            out = [joints.add(name, home, place, j)]
-        if out:
-            bone[j] = joints.straightest(home, out)
+            bone[j] = joints.add(name, home, place, j)
+        elif out:
+            onward = joints.straightest(home, out)
+            if onward < 0 and bodies[j].mass > 0:
+                onward = joints.add(f"{bodies[j].name} end", home, joints.beyond(home, _STUB), j)
+            bone[j] = max(onward, out[0])
     return Tree(*joints.sorted(bone), root=root, notes=notes)
 
 
@@ -151,12 +159,26 @@ class _Joints:
         return len(self.names) - 1
 
     def straightest(self, home: int, bones: list[int]) -> int:
-        """Of the bones that begin at ``home``, the one that its vertices follow."""
+        """Returns the bone that goes on from ``home``, of those that begin there; -1 where all turn off."""
+        if len(bones) == 1:
+            return bones[0]
         into = self.rest[home] - self.rest[max(self.parents[home], 0)]
-        bends = {k: _cosine(into, self.rest[k] - self.rest[home]) for k in bones}
-        best = max(bends.values())
-        alike = [k for k in bones if bends[k] >= min(best, _STRAIGHT)]
-        return max(alike, key=lambda k: (self._below(k), -k))
+        ways = {k: self.rest[k] - self.rest[home] for k in bones}
+        bends = {k: _cosine(into, way) for k, way in ways.items()}
+        lengths = {k: float(np.linalg.norm(way)) for k, way in ways.items()}
+
+        def paired(k: int) -> bool:
+            alike = [i for i in bones if i != k and abs(bends[i] - bends[k]) < _TWIN]
+            return any(abs(lengths[i] - lengths[k]) < _TWIN * lengths[k] for i in alike)
+
+        onward = [k for k in bones if bends[k] >= _STRAIGHT and not paired(k)]
+        return max(onward, key=lambda k: (self._below(k), -k), default=-1)
+
+    def beyond(self, home: int, share: float) -> Float:
+        """Returns (3,) metres: the point beyond a joint by a share of the bone that comes in."""
+        into = self.rest[home] - self.rest[max(self.parents[home], 0)]
+        length = float(np.linalg.norm(into))
+        return self.rest[home] + (share * into if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0])
 
     def _below(self, joint: int) -> int:
         """How many joints hang on one."""
@@ -185,10 +207,7 @@ def _tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float
     name = f"{body.name} end"
     if body.reach is not None and np.linalg.norm(body.reach - body.rest) > 1e-3 * size:
         return name, body.reach
-    into = joints.rest[home] - joints.rest[max(joints.parents[home], 0)]
-    length = float(np.linalg.norm(into))
-    onward = into / 2 if length > 1e-3 * size else np.array([0.0, 0.05 * size, 0.0])
-    return name, np.asarray(body.rest + onward)
+    return name, joints.beyond(home, 0.5)
 
 
 def _cosine(a: Float, b: Float) -> float:

@@ -21,6 +21,8 @@ _LOW = 0.08
 """Share of the mesh's height below which a control point can be a foot."""
 _ACROSS = 0.7
 """Cosine to the left-right axis from which on a plane's normal goes across."""
+_HAND = 0.35
+"""Share of a limb, from its end, that is its hand or foot."""
 _OFF = 0.1
 """Share of the control points' extent by which a mirror image may be off."""
 
@@ -54,6 +56,8 @@ def suggested_puppet(
     joints = guess_joints(clip.skeleton, rest)
     if partners is not None:
         joints = symmetric_joints(clip.skeleton, joints, rest, partners)
+    kept = one_a_hand(clip.skeleton, joints, partners or range(len(joints)))
+    vertices, joints, rest = [vertices[k] for k in kept], tuple(joints[k] for k in kept), rest[kept]
     for vertex, joint, foot in zip(vertices, joints, _feet(clip, joints, rest, mesh), strict=True):
         taken = {point.name: point for point in project.puppets[puppet_id].points}
         project = add_point(project, puppet_id, vertex, unused(joint, taken), joint, foot)
@@ -126,6 +130,36 @@ def symmetric_joints(
             high = _shares(rest[:, 1])[own]
             out[own] = skeleton.names[min(middle, key=lambda joint: abs(float(heights[joint] - high)))]
     return tuple(out)
+
+
+def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
+    """Numbers of the control points without those at a hand or foot where another joint is followed already.
+
+    Points that share a joint, for want of others, stay.
+
+    Args:
+        joints: (P,) what each follows, the most important first.
+        partners: (P,) the mirror image of each, which goes with it.
+    """
+    anatomy = anatomy_of(skeleton)
+    limbs = [limb for pair in anatomy.pairs for limb in pair]
+    parts = {joint: limb.chain[-1] for limb in limbs for joint in _hand(skeleton, limb)}
+    taken, dropped = dict[int, str](), set[int]()
+    for own, joint in enumerate(joints):
+        part = parts.get(skeleton.index(joint))
+        if part is not None and taken.get(part, joint) != joint:
+            dropped |= {own, partners[own]}
+        elif part is not None and own not in dropped:
+            taken[part] = joint
+    return [own for own in range(len(joints)) if own not in dropped]
+
+
+def _hand(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
+    """The joints of the last part of a limb: a hand with its fingers, a foot with its toes."""
+    proper = limb.proper
+    left = np.cumsum(skeleton.lengths[list(proper[1:])][::-1])[::-1]
+    first = next((j for j, rest in zip(proper[1:], left[1:], strict=False) if rest < _HAND * left[0]), None)
+    return set(skeleton.below(first)) if first is not None else {limb.chain[-1]}
 
 
 def _own(limb: SkeletonLimb) -> tuple[int, ...]:

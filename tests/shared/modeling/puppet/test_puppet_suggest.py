@@ -6,11 +6,12 @@ from puppet_worlds import JOINTS, stool, walker
 from sample_meshes.cactus import make_cactus
 
 from enliven.document.project import Project
+from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.coverage import unposed
 from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import state_of
-from enliven.modeling.puppet.suggest import suggested_puppet, symmetric_joints
+from enliven.modeling.puppet.suggest import one_a_hand, suggested_puppet, symmetric_joints
 
 REST = np.array([[0.5, 1, 0], [-0.5, 1, 0], [0, 1.5, 0], [0.2, 0, 0], [-0.2, 0, 0]])
 PARTNERS = (1, 0, 2, 4, 3)
@@ -25,6 +26,17 @@ def test_mirror_images_follow_the_joints_of_both_sides():
     made = symmetric_joints(walker().skeleton, guessed, REST, PARTNERS)
     assert made == ("LeftHand", "RightHand", "Head", "RightFoot", "LeftFoot")
     assert symmetric_joints(walker().skeleton, made, REST, PARTNERS) == made
+
+
+def test_a_hand_is_suggested_once_and_its_mirror_image_goes_with_what_is_left_out():
+    parents = [-1, 0, 1, 0, 3, 4, 5, 5, 0, 8, 9, 10, 10]
+    side = [(0.2, 0.9, 0), (0.5, 0.9, 0), (0.8, 0.9, 0), (0.9, 0.9, 0), (0.85, 0.9, 0.05)]
+    places = [(0, 0, 0), (0, 1, 0), (0, 1.4, 0), *side, *(np.array(side) * [-1, 1, 1])]
+    ends = ("shoulder", "elbow", "wrist", "finger", "thumb")
+    names = ("hips", "neck", "head", *(f"{s} {end}" for s in ("Left", "Right") for end in ends))
+    skeleton = Skeleton(names, np.array(parents), np.array(places, float))
+    joints = ("Left finger", "Right finger", "head", "Left thumb", "Right wrist", "Left elbow", "Right elbow")
+    assert one_a_hand(skeleton, joints, (1, 0, 2, 4, 3, 6, 5)) == [0, 1, 2, 5, 6]
 
 
 def test_what_is_suggested_lacks_nothing_but_to_be_posed():

@@ -1,0 +1,150 @@
+"""The floor under a retargeted shape: what stands is on it whenever its performer is on theirs.
+
+stands(shape)                        # legs, or a lowest point at y = 0
+surfaces(project, shape_id, times)   # its vertices over time, one moment after the other
+kept_on_floor(project, shape_id, clip, duration)    # its root goes up and down with its lowest point
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Bool, Float
+from enliven.deformation import skin_vertices
+from enliven.document import Clip, Layer, Project, Shape, Skeleton, character_of, unused
+from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.resting import heading_of
+from enliven.motion.layers import Player, pose_from, set_travel, travel_scale
+from enliven.rotation import IDENTITY, rotate
+
+_RATE = 60.0
+"""Moments a second at most at which the lowest point is looked for: the rate of common displays."""
+_LEVEL = 0.02
+"""Share of the height that the lowest point of what stands is off y = 0 at most, where it has no legs."""
+_ROLL = 0.04
+"""Share of the performer's height that the lowest joint rises while a foot rolls from heel to toe."""
+_GROUND = 5.0
+"""Per cent of a take's frames in which the lowest joint is below the floor that is taken for the take's."""
+_TOUCH = 0.01
+"""Share of the height within which what is above the lowest point stands as well."""
+_SHORTEST = 0.1
+"""Factor for a stride at least: what shuffles still goes."""
+_LONGEST = 1.5
+"""Factor for a stride at most, for what skates."""
+_UPSIDE = 0.2
+"""Length of the upright part of a turn below which it has no heading: upside down."""
+
+
+def stands(shape: Shape) -> bool:
+    """Whether a shape at rest stands, or lies, on the floor."""
+    rest = shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
+    low, tall = float(rest[:, 1].min()), float(np.ptp(rest[:, 1]))
+    return abs(low) < _LEVEL * tall or bool(anatomy_of(shape.skeleton).legs)
+
+
+def floor_of(shape: Shape) -> float:
+    """Metres: the height of the floor under a shape that stands at rest in its place."""
+    rest = shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
+    return float(rest[:, 1].min() + shape.place[1])
+
+
+def surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float]:
+    """The vertices (V, 3) of a shape in metres at times (T,), or its joints where it has no mesh."""
+    player, shape = Player(project, shape_id), project.shape(shape_id)
+    character = None if shape.mesh is None else character_of(shape)
+    for seconds in times:
+        at = player.at(float(seconds))
+        if character is None:
+            yield at.joints
+        else:
+            yield skin_vertices(character, pose_from(shape, at, seconds)).astype(np.float64)
+
+
+def clearance(clip: Clip) -> Float:
+    """(F,) metres that a performer is above the floor: 0 while a foot, a hand or anything stands."""
+    parents, vectors = clip.skeleton.parents, clip.skeleton.vectors
+    height = np.empty(clip.turns.shape[:2])
+    height[:, 0] = clip.root[:, 1]
+    for j in range(1, len(parents)):
+        height[:, j] = height[:, parents[j]] + rotate(clip.turns[:, j], vectors[j])[:, 1]
+    low = height.min(1)
+    roll = _ROLL * float(np.ptp(height, axis=1).max())
+    return np.asarray(np.maximum(low - np.percentile(low, _GROUND) - roll, 0.0))
+
+
+def kept_on_floor(project: Project, shape_id: str, clip: Clip, duration: float) -> Project:
+    """A project in which the lowest point of a shape is on the floor, or above it as the performer leaps.
+
+    What the root does becomes a take of its own, of one joint, which the shape's travel plays.
+
+    Args:
+        clip: the performer's.
+        duration: seconds of the project that are looked at.
+    """
+    shape = project.shape(shape_id)
+    count = int(np.ceil(duration * min(_RATE, 1.0 / clip.step))) + 1
+    times = np.linspace(0.0, duration, count)
+    root = Player(project, shape_id).root(times)
+    low, steps = _watched(surfaces(project, shape_id, times), count)
+    root[:, 1] += floor_of(shape) - low
+    if shape.travel is not None:
+        leapt = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip))
+        root[:, 1] += travel_scale(shape, clip) * leapt
+        level = root[:, [0, 2]]
+        root[:, [0, 2]] = level[0] + _stride(np.diff(level, axis=0), steps, leapt > 0.0) * (level - level[0])
+    still = Skeleton(("root",), np.array([-1], np.int32), shape.skeleton.positions[:1] + shape.place)
+    step = duration / (count - 1) if count > 1 else clip.step
+    way = Clip(unused(f"{clip.id}: way", project.takes), still, np.tile(IDENTITY, (count, 1, 1)), root, step)
+    layer = Layer(unused(way.id, project.layer_names), way.id, (0,))
+    moved = shape.with_changes(layers=(*shape.layers, layer), travel=layer.id)
+    return set_travel(project.with_takes(way).with_characters(moved), shape_id, layer.id, 1.0)
+
+
+def _watched(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
+    """(F,) metres of the lowest point, and (F - 1, 2) how far, from each moment on, what is lowest goes."""
+    low, steps = np.empty(count), np.zeros((max(count - 1, 0), 2))
+    before = np.empty((0, 3))
+    for f, at in enumerate(moments):
+        if f:
+            touching = before[:, 1] < low[f - 1] + _TOUCH * np.ptp(before[:, 1])
+            steps[f - 1] = np.median((at - before)[touching][:, [0, 2]], axis=0)
+        low[f], before = at[:, 1].min(), at.copy()
+    return low, steps
+
+
+def _stride(ways: Float, steps: Float, leaping: Bool) -> float:
+    """The factor for the way (F - 1, 2) of a root with which what stands, having gone ``steps``, would stay.
+
+    A model's legs are swung by less than the performer's, or are of another build: its stride is its own.
+    It is the median over the way; what goes ahead of the root is a foot that scuffs as it swings.
+    """
+    far = np.linalg.norm(ways, axis=1)
+    far[leaping[:-1]] = 0.0
+    if far.sum() < 1e-9:
+        return 1.0
+    wanted = 1.0 - np.einsum("fc,fc->f", steps, ways) / np.maximum(far, 1e-12) ** 2
+    used = (far > 1e-3 * far.max()) & (wanted > 0.0)
+    if not used.any():
+        return 1.0
+    wanted = wanted[used]
+    order = np.argsort(wanted)
+    middle = np.searchsorted(np.cumsum(far[used][order]), far[used].sum() / 2.0)
+    return float(np.clip(wanted[order][middle], _SHORTEST, _LONGEST))
+
+
+def levelled(clip: Clip, chest: int) -> Clip:
+    """The take with a root that only heads, as what stands on four legs does: midway from hips to chest.
+
+    The limbs and the spine keep their turns in the world.
+    """
+    towards = clip.turns[:, chest] * np.sign(np.sum(clip.turns[:, chest] * clip.turns[:, 0], 1))[:, None]
+    turns = clip.turns[:, 0] + towards
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    sure = np.hypot(turns[:, 0], turns[:, 2]) > _UPSIDE
+    last = np.maximum.accumulate(np.where(sure, np.arange(len(turns)), 0))
+    made = clip.turns.copy()
+    made[:, 0] = heading_of(turns[last])
+    return replace(clip, turns=made)

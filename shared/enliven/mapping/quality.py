@@ -1,0 +1,178 @@
+"""How good a retargeted motion is, measured on the surface: stretch, floor, slide, and parts in one another.
+
+Stretch is the length of an edge of the mesh over its length at rest. Above ``BOUND`` skin begins to look like
+a sheet; a motion is judged by the 99th percentile over all edges and moments, which a few slivers do not
+sway.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Int32
+from enliven.document import Clip, Project, Shape
+from enliven.mapping.ground import clearance, floor_of, stands, surfaces
+from enliven.motion.layers import travel_scale
+
+BOUND = 1.4
+"""Stretch at the 99th percentile above which hands look like sheets: a maker's own run has 1.1 to 1.5."""
+_MOMENTS = 24
+"""Moments of a motion that are measured: a pose that lasts a twentieth of it is among them."""
+_SLIVER = 1e-3
+"""Share of the size below which an edge is too short for its stretch to be seen."""
+_TOUCH = 0.03
+"""Share of the height within which a vertex counts as on the floor."""
+_APART = 1.0 / 60.0
+"""Seconds between the two moments that a slide is measured over: a frame of common displays."""
+_STANDING = 10.0
+"""Per cent of the vertices at the floor that stand at least, while a foot that swings may be as low."""
+_EDGES = 4000
+"""Edges that are looked at for parts in one another: enough for a thousandth of a surface."""
+_NEAREST = 24
+"""Faces about the middle of an edge that it may cut: its own neighbours are half of them."""
+_INSIDE = 0.01
+"""Share of an edge or a face at its rim that does not count: neighbours touch there."""
+_NAMED = 4
+"""Joints that are named where a surface stretches."""
+
+
+@dataclass(frozen=True)
+class MotionQuality:
+    """What was measured of a motion on a shape.
+
+    Attributes:
+        stretch: of its edges, at the 99th percentile of all edges and moments.
+        stretch_most: of the edge that is stretched most.
+        joints: where most edges are stretched beyond the bound, by name, the worst first.
+        sunk: the lowest point at its lowest below the floor, in heights of the shape; None if it flies.
+        afloat: the lowest point at its highest above the floor while the performer stands, in heights.
+        slide: cm/s that what stands on the floor moves over it, in the performer's size; None in place.
+        crossing: share of the edges that cut another part of the surface, beyond those that do at rest.
+    """
+
+    stretch: float
+    stretch_most: float
+    joints: tuple[str, ...]
+    sunk: float | None
+    afloat: float | None
+    slide: float | None
+    crossing: float
+
+    def __str__(self) -> str:
+        told = [f"edges stretch {self.stretch:.2f} at the 99th percentile, {self.stretch_most:.1f} at most"]
+        if self.sunk is not None and self.afloat is not None:
+            told.append(
+                f"the lowest point is at most {self.sunk:.1%} of the height below the floor, "
+                f"{self.afloat:.1%} above it while the performer stands"
+            )
+        if self.slide is not None:
+            told.append(f"feet slide {self.slide:.1f} cm/s")
+        return "; ".join([*told, f"{self.crossing:.1%} of the edges cut another part"])
+
+
+def edges_of(shape: Shape) -> tuple[Int32, Float]:
+    """(E, 2) the edges of a mesh that are no slivers, and (E,) metres at rest; none without one."""
+    if shape.mesh is None:
+        return np.empty((0, 2), np.int32), np.empty(0)
+    faces, at = shape.mesh.faces, shape.mesh.vertices
+    edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    lengths = _lengths(at, edges)
+    kept = lengths > _SLIVER * np.linalg.norm(np.ptp(at, axis=0))
+    return edges[kept], lengths[kept]
+
+
+def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
+    """(E, 2) the edges of a shape, and (T, E) their stretch at moments over a duration in seconds."""
+    edges, rest = edges_of(project.shape(shape_id))
+    times = np.linspace(0.0, duration, _MOMENTS)
+    return edges, np.array([_lengths(at, edges) / rest for at in surfaces(project, shape_id, times)])
+
+
+def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> MotionQuality:
+    """How good a shape's motion is.
+
+    Args:
+        clip: the performer's.
+        duration: seconds.
+    """
+    shape = project.shape(shape_id)
+    edges, stretch = stretches(project, shape_id, duration)
+    if not len(edges):
+        return MotionQuality(1.0, 1.0, (), None, None, None, 0.0)
+    times = np.linspace(0.0, duration, _MOMENTS)
+    sunk = afloat = None
+    moments = list(surfaces(project, shape_id, times))
+    if stands(shape):
+        tall = float(np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1]))
+        low = (np.array([at[:, 1].min() for at in moments]) - floor_of(shape)) / tall
+        standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
+        sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
+    most = moments[int(stretch.mean(1).argmax())]
+    return MotionQuality(
+        float(np.percentile(stretch, 99)),
+        float(stretch.max()),
+        _torn(shape, edges, stretch),
+        sunk,
+        afloat,
+        _slide(project, shape, clip, times) if stands(shape) and shape.travel is not None else None,
+        max(0.0, crossing(shape, most) - crossing(shape, shape.mesh.vertices)) if shape.mesh else 0.0,
+    )
+
+
+def _lengths(at: Float, edges: Int32) -> Float:
+    return np.asarray(np.linalg.norm(at[edges[:, 0]] - at[edges[:, 1]], axis=1))
+
+
+def _torn(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
+    """The joints of the bones that move most ends of edges stretched beyond the bound."""
+    count = np.bincount(edges.ravel(), np.repeat((stretch > BOUND).sum(0), 2).astype(float))
+    if shape.skin is None or not count.any():
+        return ()
+    weight = np.zeros(len(shape.skeleton))
+    for k in range(shape.skin.indices.shape[1]):
+        np.add.at(weight, shape.skin.indices[: len(count), k], count * shape.skin.weights[: len(count), k])
+    worst = np.argsort(-weight, kind="stable")[:_NAMED]
+    above = [int(max(shape.skeleton.parents[j], 0)) for j in worst if weight[j] > 0.0]
+    return tuple(dict.fromkeys(shape.skeleton.names[j] for j in above))
+
+
+def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
+    """The mean over the moments of the speed of what touches the floor: of its slower part, which stands."""
+    tall = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
+    bound, speeds = floor_of(shape) + _TOUCH * tall, []
+    before = surfaces(project, shape.id, times[:-1])
+    after = surfaces(project, shape.id, times[:-1] + _APART)
+    for one, other in zip(before, after, strict=True):
+        touching = (one[:, 1] < bound) & (other[:, 1] < bound)
+        if touching.any():
+            moved = np.linalg.norm((other - one)[touching][:, [0, 2]], axis=1)
+            speeds.append(float(np.percentile(moved, _STANDING)) / _APART)
+    scale = travel_scale(shape.with_changes(travel_scale=None), clip)
+    return 100.0 * float(np.mean(speeds)) / scale if speeds else 0.0
+
+
+def crossing(shape: Shape, at: Float) -> float:
+    """The share of the edges of a mesh with vertices ``at`` (V, 3) that go through one of its faces."""
+    edges, _ = edges_of(shape)
+    assert shape.mesh is not None
+    faces, edges = shape.mesh.faces, edges[:: max(len(edges) // _EDGES, 1)]
+    corners = np.asarray(at, np.float64)[faces]
+    start, way = at[edges[:, 0]].astype(np.float64), (at[edges[:, 1]] - at[edges[:, 0]]).astype(np.float64)
+    _, near = cKDTree(corners.mean(1)).query(start + way / 2.0, min(_NEAREST, len(faces)))
+    near = near.reshape(len(edges), -1)
+    a, u, v = corners[near, 0], corners[near, 1] - corners[near, 0], corners[near, 2] - corners[near, 0]
+    # Moeller and Trumbore 1997: where the line of an edge meets the plane of a face.
+    h = np.cross(way[:, None], v)
+    det = np.einsum("enc,enc->en", u, h)
+    inverse = 1.0 / np.where(np.abs(det) > 1e-15, det, np.inf)
+    s = start[:, None] - a
+    q = np.cross(s, u)
+    p = np.einsum("enc,enc->en", s, h) * inverse
+    r = np.einsum("ec,enc->en", way, q) * inverse
+    t = np.einsum("enc,enc->en", v, q) * inverse
+    low, high = _INSIDE, 1.0 - _INSIDE
+    cut = (p > low) & (r > low) & (p + r < high) & (t > low) & (t < high)
+    return float(cut.any(1).mean())

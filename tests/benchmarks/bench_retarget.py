@@ -1,0 +1,128 @@
+"""Retargeting where nobody tuned: every model with every clip of the data, and models made at random.
+
+Each pair is what the command makes with ``--travel --pin``, of the first seconds of the clip. A table of all
+pairs goes to out/retarget.txt. Clips that are sealed were left alone while the mapping was worked on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from figure import Figure
+from random_rigs import random_rig
+
+from enliven.document import Clip, Shape, Skeleton
+from enliven.formats.gltf import read_gltf
+from enliven.mapping import MotionQuality, Plan, automatic, quality_of, retarget, softened
+from enliven.takes import read_take
+
+HERE = Path(__file__).parents[2]
+DATA = Path(os.environ.get("ENLIVEN_DATA", HERE.parent / "shared" / "data"))
+SECONDS = 4.0
+"""Seconds of every clip: two strides."""
+RANDOM = 30
+"""Models made at random; each moves by two clips."""
+BOUND = 1.4
+"""Edge stretch at the 99th percentile that 95 % of the pairs are to be within."""
+PLACE = 0.06
+"""Share of the size by which a joint may be off the mirror image of its partner: models are made by hand."""
+LEVEL = 0.03
+"""Share of the height that the lowest point may be off the floor."""
+
+
+SAID = {True: "symmetric", False: "ASYMMETRIC", None: "none to mirror"}
+"""What the table says of a mapping."""
+
+
+def figures() -> Iterator[Figure]:
+    """Stretch, floor, slide and symmetry of all pairs."""
+    rows = [(model, clip, *_measured(shape, take)) for model, shape, clip, take in _pairs()]
+    if not rows:
+        return
+    out = HERE / "out" / "retarget.txt"
+    out.parent.mkdir(exist_ok=True)
+    out.write_text("\n".join(_line(*row) for row in rows) + "\n", encoding="utf-8")
+    for name, chosen in (("", rows), ("_sealed", [row for row in rows if _sealed(row[1])])):
+        quality = [row[2] for row in chosen]
+        stretch = np.array([one.stretch for one in quality])
+        yield Figure(f"retarget.stretch_p99{name}", float(stretch.max()), "ratio")
+        yield Figure(f"retarget.stretch_p99_median{name}", float(np.median(stretch)), "ratio")
+        yield Figure(f"retarget.stretch_within_pct{name}", 100.0 * float((stretch <= BOUND).mean()), "%")
+        off = np.array([max(one.sunk, one.afloat or 0.0) for one in quality if one.sunk is not None])
+        yield Figure(f"retarget.floor_pct{name}", 100.0 * float((off <= LEVEL).mean()), "%")
+        yield Figure(f"retarget.floor_off_worst_pct{name}", 100.0 * float(off.max()), "% of the height")
+        slides = [one.slide for one in quality if one.slide is not None]
+        yield Figure(f"retarget.slide_cm_s{name}", float(np.median(slides)), "cm/s")
+        yield Figure(f"retarget.slide_cm_s_mean{name}", float(np.mean(slides)), "cm/s")
+    symmetric = np.array([row[3] for row in rows if row[3] is not None])
+    yield Figure("retarget.symmetric_maps", 100.0 * float(symmetric.mean()), "%")
+
+
+def _pairs() -> Iterator[tuple[str, Shape, str, Clip]]:
+    models = sorted(p for p in DATA.glob("gltf/*/*.gl*") if "static" not in p.parent.name)
+    clips = sorted(DATA.glob("bvh/*/*.bvh"))
+    for path in models:
+        shape = read_gltf(path).shape
+        for clip in clips:
+            yield path.stem, shape, clip.stem, _take(clip)
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(RANDOM if clips else 0):
+            shape = read_gltf(random_rig(seed, Path(folder) / f"random_{seed}.gltf")).shape
+            for clip in (clips[seed % len(clips)], clips[(7 * seed + 3) % len(clips)]):
+                yield f"random_{seed}", shape, clip.stem, _take(clip)
+
+
+@cache
+def _take(path: Path) -> Clip:
+    return read_take(path, None, 0.0, SECONDS)[0]
+
+
+def _measured(shape: Shape, take: Clip) -> tuple[MotionQuality, bool | None]:
+    plan = replace(softened(automatic(take, shape), take, shape), travel=True, pin=True)
+    made = retarget(shape, take, plan)
+    quality = quality_of(made.project, made.shape_id, take, made.duration)
+    return quality, _symmetric(plan, shape.skeleton, made.model_facing)
+
+
+def _symmetric(plan: Plan, skeleton: Skeleton, facing: float) -> bool | None:
+    """Whether what the left chains drive is the mirror image of what the right ones drive.
+
+    None for a skeleton that is not symmetric itself.
+    """
+    across = np.array([np.cos(facing), 0.0, -np.sin(facing)])
+    at = skeleton.positions - skeleton.positions[0]
+    seen = at - 2.0 * (at @ across)[:, None] * across
+    apart, near = np.linalg.norm(seen[:, None] - at, axis=2), PLACE * float(np.ptp(at, axis=0).max())
+    if apart.min(1).max() > near:
+        return None
+    ends: dict[str, list[tuple[int, int]]] = {"left": [], "right": []}
+    for chain in plan.chains:
+        side = chain.role.split()[0]
+        if side in ends:
+            ends[side].append((skeleton.index(chain.target[0]), skeleton.index(chain.target[-1])))
+    if len(ends["left"]) != len(ends["right"]):
+        return False
+    pairs = zip(ends["left"], ends["right"], strict=True)
+    return all(apart[a, b] <= near for left, right in pairs for a, b in zip(left, right, strict=True))
+
+
+def _sealed(clip: str) -> bool:
+    """Half of the clips, by the hash of their names."""
+    return int(hashlib.md5(clip.encode()).hexdigest(), 16) % 2 == 0
+
+
+def _line(model: str, clip: str, quality: MotionQuality, symmetric: bool | None) -> str:
+    return f"{model:40s} {clip:36s} {SAID[symmetric]:14s} {quality}"
+
+
+if __name__ == "__main__":
+    for figure in figures():
+        print(figure, file=sys.stdout)

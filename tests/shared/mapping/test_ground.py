@@ -1,0 +1,113 @@
+"""Laws of the floor: what stands is on it, higher only where the performer leaps; four legs stay level."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_bodies import horse, man, meshed, random_motion, snake, spider
+
+from enliven.document.clip import Clip
+from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.ground import clearance, floor_of, levelled, stands, surfaces
+from enliven.motion.layers.evaluate import Player
+from enliven.rotation import from_rotation_vector, multiply, rotate
+
+SEEDS = st.integers(0, 10_000)
+
+
+def lowest(made, times):
+    return np.array([at[:, 1].min() for at in surfaces(made.project, made.shape_id, times)])
+
+
+@settings(max_examples=4, deadline=None)
+@given(SEEDS, st.booleans())
+def test_the_lowest_point_of_what_stands_is_on_the_floor(seed, travel):
+    clip = random_motion(np.random.default_rng(seed), man(), frames=5, size=0.5)
+    clip = replace(clip, root=clip.root * [1, 0, 1] + [0, 0.9, 0])
+    for target in (horse(), spider(), man()):
+        shape = meshed("target", target)
+        made = retarget(shape, clip, replace(automatic(clip, shape), travel=travel, turn=False))
+        if travel and target.names == clip.skeleton.names:
+            continue
+        frames = np.arange(5) * clip.step
+        leap = clearance(clip) if travel else np.zeros(5)
+        off = lowest(made, frames) - floor_of(shape)
+        np.testing.assert_allclose(off[leap == 0.0], 0.0, atol=1e-5)
+        assert (off > -1e-5).all()
+
+
+def test_a_leap_is_a_leap_and_a_handstand_stands():
+    """Root and all go up by half a metre in the middle; and the whole is turned head down."""
+    still = random_motion(np.random.default_rng(1), man(), frames=1)
+    turns, root = np.repeat(still.turns, 9, 0), np.repeat(still.root, 9, 0)
+    root[4, 1] += 0.5
+    clip = replace(still, turns=turns, root=root)
+    np.testing.assert_allclose(clearance(clip)[[0, 3, 5, 8]], 0.0)
+    assert 0.35 < clearance(clip)[4] < 0.5
+    over = turns.copy()
+    over[5:] = multiply(np.array([0.0, 1.0, 0.0, 0.0]), turns[5:])
+    upside = replace(still, turns=over, root=np.repeat(still.root, 9, 0))
+    shape = meshed("horse", horse())
+    made = retarget(shape, upside, replace(automatic(upside, shape), level=False, rest="first"))
+    top = max(horse().positions[:, 1])
+    upright, inverted = (Player(made.project, "horse").root(np.array([t]))[0, 1] for t in (0.0, 0.8))
+    assert inverted == pytest.approx(top - upright, abs=0.1)
+    assert lowest(made, np.array([0.0, 0.2, 0.5, 0.8])) == pytest.approx(floor_of(shape), abs=1e-5)
+
+
+def test_what_swims_or_flies_keeps_its_height():
+    clip, shape = random_motion(np.random.default_rng(2), man()), meshed("snake", snake())
+    raised = replace(snake(), positions=snake().positions + np.array([0.0, 3.0, 0.0]))
+    assert stands(meshed("horse", horse()))
+    flying = meshed("flying", raised)
+    assert not stands(flying)
+    made = retarget(flying, clip)
+    assert made.project.shape("flying").travel is None
+    still = Player(made.project, "flying").root(np.array([0.0, 0.5]))
+    np.testing.assert_allclose(still, np.repeat(flying.skeleton.positions[:1], 2, 0))
+    assert shape.place.shape == (3,)
+
+
+@settings(max_examples=10, deadline=None)
+@given(SEEDS)
+def test_a_levelled_take_only_heads_and_its_limbs_stay(seed):
+    skeleton = man()
+    clip = random_motion(np.random.default_rng(seed), skeleton, size=0.6)
+    level = levelled(clip, skeleton.index("chest"))
+    up = rotate(level.turns[:, 0], np.array([0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(up, np.tile([0.0, 1.0, 0.0], (len(up), 1)), atol=1e-12)
+    np.testing.assert_array_equal(level.turns[:, 1:], clip.turns[:, 1:])
+
+
+def test_upside_down_it_heads_where_it_did():
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (3, len(man()), 1))
+    turns[0] = from_rotation_vector(np.array([0.0, 0.7, 0.0]))
+    turns[1] = multiply(from_rotation_vector(np.array([np.pi, 0.0, 0.0])), turns[0])
+    level = levelled(Clip("c", man(), turns, np.zeros((3, 3)), 0.1), 2)
+    np.testing.assert_allclose(level.turns[1, 0], level.turns[0, 0], atol=1e-12)
+
+
+def test_a_stride_is_the_models_own():
+    """Legs that swing by half go half as far, so that what stands does not slide."""
+    skeleton = man()
+    swing = 0.4 * np.sin(np.linspace(0, 2 * np.pi, 41))
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (41, len(skeleton), 1))
+    for side, sign in (("Left", 1), ("Right", -1)):
+        for name in ("knee", "ankle", "toe"):
+            about = np.zeros((41, 3))
+            about[:, 0] = sign * swing
+            turns[:, skeleton.index(f"{side} {name}")] = from_rotation_vector(about)
+    root = np.tile(skeleton.positions[0], (41, 1))
+    root[:, 2] += np.linspace(0, 1.3, 41)
+    clip, shape = Clip("walk", skeleton, turns, root, 1 / 30), meshed("spider", spider())
+    plan = replace(automatic(clip, shape), travel=True)
+
+    def way(weight):
+        chains = tuple(replace(c, weight=weight) if "leg" in c.role else c for c in plan.chains)
+        made = retarget(shape, clip, replace(plan, chains=chains))
+        at = Player(made.project, "spider").root(np.array([0.0, made.duration]))
+        return float(np.linalg.norm((at[1] - at[0])[[0, 2]]))
+
+    assert 0.3 < way(0.5) / way(1.0) < 0.8
