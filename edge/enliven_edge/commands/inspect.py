@@ -12,6 +12,7 @@ from rich.progress import track
 from rich.table import Table
 
 from enliven.errors import InputError
+from enliven.files import need_folder
 
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
@@ -50,6 +51,7 @@ def inspect(
     from enliven_edge.inspection import SensorLog
     from enliven_edge.sensors import DiaryEntries
 
+    need_folder(output, sheet)
     source, log = Recording(recording), SensorLog()
     count = source.info.topics[DEPTH_TOPIC].count if DEPTH_TOPIC in source.info.topics else 0
     if output is None:
@@ -97,7 +99,6 @@ def _film(
             if n in picked:
                 kept.append(picture)
     if sheet is not None:
-        sheet.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(contact_sheet(kept, 4, 480)).save(sheet)
 
 

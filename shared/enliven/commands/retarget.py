@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from enliven.errors import ResourceError
+from enliven.files import need_folder
 
 if TYPE_CHECKING:
     from enliven.document import Clip
@@ -76,6 +77,7 @@ def retarget(
     from enliven.takes import read_take
 
     exporter = exporter_of(output)
+    need_folder(sheet, write_map)
     draw = _sheet_maker() if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
