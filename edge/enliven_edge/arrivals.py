@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from enliven.errors import EnlivenError, InputError
 from enliven.files import DAMAGE
+from enliven.possession import Actor
 from enliven.wire import (
     MAX_SENT_BYTES,
     Answer,
@@ -20,7 +21,7 @@ from enliven.wire import (
     PutCharacter,
 )
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import Actor, Carried, Stage
+from enliven_edge.stage import Carried, Stage
 
 log = logging.getLogger(__name__)
 

@@ -7,9 +7,10 @@ import numpy as np
 from enliven.document import GraphShape, Project, Puppet, RigBase, Shape
 from enliven.errors import InputError
 from enliven.formats.project import project_of
+from enliven.possession import Actor
 from enliven.wire import PutCharacter, character_to_message
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import Actor, cast_mesh
+from enliven_edge.stage import cast_mesh
 
 _MOST_UNPACKED = 256 * 1024 * 1024
 """Bytes that a sent character may unpack to: a million vertices, and a puppet's takes."""

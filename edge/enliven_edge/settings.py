@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from enliven.errors import InputError
+from enliven.possession import ActorSettings
 from enliven.settings import load_settings, setting
 from enliven_edge.controls import ControlSettings
 from enliven_edge.fusion import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks import ColourSettings
 from enliven_edge.physics import PhysicsSettings
 from enliven_edge.sources import SourceSettings
-from enliven_edge.stage import ActorSettings
 from enliven_edge.stage.puppet import PuppetSettings
 from enliven_edge.stage.rig import MatchingSettings
 from enliven_edge.tracking import TrackerSettings

@@ -15,12 +15,12 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.project import character_bytes, project_of_mesh
+from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.samples import cactus_project
 from enliven.wire import MAX_PART_BYTES, MAX_SENT_BYTES, Awaited, CharacterPart, Done, PutCharacter
 from enliven_edge import arrivals as module
 from enliven_edge.arrivals import Arrivals
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.stage import Stage
 
 from .matching.rigs_for_stage import star

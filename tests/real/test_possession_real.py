@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.deformation.possession.body_in_mesh import find_body_in_mesh
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
+from enliven.possession import ActorSettings
+from enliven.possession.body_in_mesh import find_body_in_mesh
 from enliven_edge.stage.casting import cast
-from enliven_edge.stage.embedded_actor import ActorSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing

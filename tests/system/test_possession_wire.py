@@ -14,10 +14,10 @@ from sample_meshes.chair import make_chair
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.frames import BodyFrame, Frame
 from enliven.person.body import Body
+from enliven.possession import ActorSettings, EmbeddedActor
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing

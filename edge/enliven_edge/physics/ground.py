@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import Body, Joint
-from enliven_edge.stage import facing
+from enliven.possession import facing
 
 _STILL = 0.12
 """Metres that a person who stands still may sway."""

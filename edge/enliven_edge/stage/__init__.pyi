@@ -1,9 +1,5 @@
-from .actor import Actor as Actor
-from .actor_settings import ActorSettings as ActorSettings
 from .casting import cast as cast, cast_mesh as cast_mesh, name_of as name_of, parts_for as parts_for
-from .highlights import Cues as Cues
 from .hold_memory import Carried as Carried
 from .opening import Opening as Opening
-from .placement import facing as facing
 from .stage import Stage as Stage
 from .tick import Tick as Tick

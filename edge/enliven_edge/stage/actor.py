@@ -1,142 +1,12 @@
-"""The protocol that every character on the stage implements, whatever moves its mesh."""
+"""An actor that has performers choose a part before they drive it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Protocol, TypeGuard
-
-from enliven.deformation.constraints import ObservedPoints
-from enliven.document import Character, Pose
-from enliven.errors import InputError
 from enliven.matching import Board, ScreenView
-from enliven.person import Body, parts_named
-from enliven_edge.stage.highlights import Cues, State
-
-Mode = Literal["alone", "join", "extend"]
-"""What happens to earlier holds when a performer takes hold: "alone" ends all of them, "join" keeps those of
-other performers, "extend" keeps the performer's own too."""
+from enliven.possession import Actor
 
 
-class Hold(Protocol):
-    """A performer's hold of a character."""
-
-    @property
-    def body(self) -> int:
-        """The performer's id."""
-
-
-class Actor(Protocol):
-    """A character that performers take hold of, drive and let go."""
-
-    busy: frozenset[int]
-    """The ids of the performers who hold other characters: they are not offered this one."""
-    aside: float
-    """Metres towards +X by which it waits away from its usual place, where other characters wait."""
-
-    @property
-    def character(self) -> Character:
-        """The mesh with the pivots that move it."""
-
-    @property
-    def holds(self) -> Sequence[Hold]:
-        """The holds on it, the oldest first."""
-
-    @property
-    def uses_surface(self) -> bool:
-        """Whether it follows what the sensor sees of its performers' surfaces."""
-
-    @property
-    def state(self) -> State:
-        """Whether a performer holds it."""
-
-    @property
-    def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer who takes hold next, None for the first in view, and the parts."""
-
-    def perform(
-        self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
-    ) -> Pose:
-        """Returns the pose at a moment.
-
-        Args:
-            bodies: all performers in view, world frame.
-            time_ns: nanoseconds, the sensor's clock.
-            seen: by body id, the part of the performer's surface that the sensor sees.
-        """
-
-    def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
-        """Lets a performer take hold with parts of the body.
-
-        Raises:
-            InputError: for an unknown part, or where nothing can be reached; the actor stays as it was.
-        """
-
-    def release(self, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all where ``body`` is None."""
-
-    def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """Makes the cues show what this performer (None: the next one) would hold with these parts."""
-
-    def next_performer(self, bodies: list[Body]) -> Body | None:
-        """The first of the bodies that neither holds the character nor is busy with another."""
-
-    def cues(self, bodies: list[Body]) -> Cues:
-        """Returns what is held, and what the next performer would hold."""
-
-    def warm_up(self) -> None:
-        """Compiles every kernel that its performances need."""
-
-
-class ActorBase:
-    """What actors of all kinds have in common: who holds them, and who would next."""
-
-    character: Character
-    holds: Any
-    busy: frozenset[int] = frozenset()
-    aside: float = 0.0
-    _candidate: tuple[int | None, str] = (None, "all")
-
-    @property
-    def state(self) -> State:
-        """Whether a performer holds it."""
-        return "possessed" if self.holds else "free"
-
-    @property
-    def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer who takes hold next, None for the first in view, and the parts."""
-        return self._candidate
-
-    def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """Makes the cues show what this performer (None: the next one) would hold with these parts.
-
-        Raises:
-            InputError: for an unknown part.
-        """
-        parts_named(parts)
-        self._candidate = (body, parts)
-
-    def next_performer(self, bodies: list[Body]) -> Body | None:
-        """Returns the first of the bodies that neither holds it nor is busy with another character."""
-        return next(iter(self._idle(bodies)), None)
-
-    def _idle(self, bodies: Sequence[Body]) -> list[Body]:
-        """Returns the bodies that neither hold it nor are busy with another character."""
-        holders = {hold.body for hold in self.holds}
-        return [body for body in bodies if body.id not in holders and body.id not in self.busy]
-
-    def _need_holder(self, body: int | None, verb: tuple[str, str]) -> None:
-        """Raises InputError where a performer (None: any) does not hold it.
-
-        Args:
-            verb: what a holder does, such as ("drive", "driven").
-        """
-        if body is not None and all(hold.body != body for hold in self.holds):
-            who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
-            what, mend = f"performer {body} does not {verb[0]} it", f"It is {verb[1]} by: {who}."
-            raise InputError(what, where=f"releasing {self.character.id!r}", mend=mend)
-
-
-class ChosenActor(Actor, Protocol):
+class ChosenActor(Actor):
     """An actor that has performers choose a part by posing before they drive them."""
 
     view: ScreenView
@@ -144,11 +14,8 @@ class ChosenActor(Actor, Protocol):
 
     def browse(self, step: int) -> None:
         """Shows another match; step 0 follows the pose again."""
+        raise NotImplementedError
 
     def board(self) -> Board:
-        """Returns the matches to choose from."""
-
-
-def is_chosen(actor: Actor) -> TypeGuard[ChosenActor]:
-    """Returns whether performers choose the parts of this actor that they move."""
-    return hasattr(actor, "board")
+        """Returns the matches to choose from, or the chains that are driven, for viewers."""
+        raise NotImplementedError

@@ -11,10 +11,8 @@ import numpy as np
 
 from enliven.deformation.graph import DeformationGraph, character_from
 from enliven.meshes import Axis, Mesh, fit_height, refine
+from enliven.possession import ActorSettings, EmbeddedActor, fit_standing_person
 from enliven.samples import load_sample
-from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.embedded_actor import EmbeddedActor
-from enliven_edge.stage.standing import fit_standing_person
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from enliven.errors import InputError
 from enliven.person import Body
-from enliven_edge.stage.actor import Actor, Mode
+from enliven.possession import Actor, Mode
 
 log = logging.getLogger(__name__)
 

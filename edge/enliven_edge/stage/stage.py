@@ -13,9 +13,9 @@ from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
 from enliven.matching import Board, ScreenView
 from enliven.person import Body
-from enliven_edge.stage.actor import Actor, ChosenActor, Mode, is_chosen
+from enliven.possession import Actor, Cues, Mode
+from enliven_edge.stage.actor import ChosenActor
 from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
-from enliven_edge.stage.highlights import Cues
 from enliven_edge.stage.hold_memory import Carried, HoldMemory
 from enliven_edge.stage.tick import Tick
 
@@ -68,7 +68,7 @@ class Stage:
     def carry_over(self, actor: Actor) -> Carried:
         """Lets the holders of the character of an actor's id hold the actor; another thread may do this."""
         before = self.actors.get(actor.character.id)
-        if self._view is not None and is_chosen(actor):
+        if self._view is not None and isinstance(actor, ChosenActor):
             actor.view = self._view
         if before is None:
             return ()
@@ -256,7 +256,7 @@ class Stage:
             InputError: where there is no such character, or it is not rigged.
         """
         meant = self._meant(character)
-        rigs = [actor for actor in meant if is_chosen(actor)]
+        rigs = [actor for actor in meant if isinstance(actor, ChosenActor)]
         if not rigs:
             where = f"character {meant[0].character.id!r}"
             mend = "Give the edge a rigged model and --drive skeleton."
@@ -269,7 +269,7 @@ class Stage:
         return [actor.board() for actor in self._rigs()]
 
     def _rigs(self) -> list[ChosenActor]:
-        return [actor for actor in self.actors.values() if is_chosen(actor)]
+        return [actor for actor in self.actors.values() if isinstance(actor, ChosenActor)]
 
     def _actor(self, character: str) -> Actor:
         """Returns the actor of a character, told who is busy with others."""

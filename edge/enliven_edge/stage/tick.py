@@ -9,7 +9,7 @@ from enliven.document import Pose, Props
 from enliven.frames import Frame
 from enliven.matching import Board
 from enliven.person import Body
-from enliven_edge.stage.highlights import Cues
+from enliven.possession import Cues
 
 
 @dataclass(frozen=True)

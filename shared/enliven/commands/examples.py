@@ -149,7 +149,7 @@ def fit(
 
     write = writer(output)
     need_folder(sheet)
-    draw = sheet_maker() if sheet else None
+    draw = sheet_maker("puppet") if sheet else None
     found = opened(session, puppet)
     project, made = found.project, found.puppet
     lacking = missing(project, made)

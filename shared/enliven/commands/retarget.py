@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from enliven.errors import ResourceError
+from enliven.commands.example_files import sheet_maker
 from enliven.files import need_folder
 
 if TYPE_CHECKING:
@@ -78,7 +76,7 @@ def retarget(
 
     exporter = exporter_of(output)
     need_folder(sheet, write_map)
-    draw = _sheet_maker() if sheet else None
+    draw = sheet_maker("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
     plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin)
@@ -138,14 +136,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _sheet_maker() -> Callable[..., None]:
-    """Returns the function that draws contact sheets, from the package that provides it."""
-    for entry in entry_points(group="enliven.pictures"):
-        if entry.name == "motion":
-            made: Callable[..., None] = entry.load()
-            return made
-    raise ResourceError(
-        "a sheet cannot be drawn", where="--sheet", mend="Install the viewer's package, enliven-viewer."
-    )

@@ -8,11 +8,11 @@ import numpy as np
 
 from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.deformation.possession import attach
 from enliven.document import Pose, Project, graph_shape_of, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.person import Body
+from enliven.possession import attach
 
 
 def possess(

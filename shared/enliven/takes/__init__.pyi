@@ -2,7 +2,6 @@ from .body_takes import body_take_of as body_take_of, body_take_of_frames as bod
 from .capture_clip import BODY_NAMES as BODY_NAMES, clip_of_bodies as clip_of_bodies
 from .capture_limbs import (
     half_way as half_way,
-    level_direction as level_direction,
     limb_rotations as limb_rotations,
     smoothstep as smoothstep,
 )

@@ -11,8 +11,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.possession.attachment import Attachment, AttachmentSettings, attach
 from enliven.formats.motion.expmap import read_expmap
+from enliven.possession.attachment import Attachment, AttachmentSettings, attach
 from enliven.samples import load_sample
 from enliven_synthesis.body.performer import Performer
 from enliven_synthesis.motion.mocap import Captured

@@ -27,10 +27,10 @@ from possess_take import Act, perform
 from enliven.deformation.constraints.floor_contact import FloorSettings
 from enliven.frames import BodyFrame
 from enliven.meshes.mesh import Mesh
+from enliven.possession import ActorSettings, EmbeddedActor
 from enliven_edge.importing.mirror import mirrored
 from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.stage.casting import cast
-from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 OUT = Path(__file__).parents[3] / "out" / "possess"

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from enliven.document.character import Character, Pose
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
-from enliven_edge.stage.embedded_actor import EmbeddedActor
-from enliven_edge.stage.highlights import Cues
+from enliven.possession.embedded_actor import EmbeddedActor
+from enliven.possession.highlights import Cues
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.output.output import Output
 from enliven_edge.tracking.settings import TrackerSettings

@@ -14,9 +14,9 @@ from possess_measures import Measures, measure
 from possess_take import Act, Shot, Take, perform
 
 from enliven.document.character import Character, Pose, SkinWeights
-from enliven.person.body import PARENTS, Joint
+from enliven.person.joints import PARENTS, Joint
+from enliven.possession.highlights import Cues
 from enliven_edge.stage.casting import cast
-from enliven_edge.stage.highlights import Cues
 
 NOBODY = Cues("possessed", np.empty(0, np.int64), np.empty(0), -1)
 SECOND = 1_000_000_000

@@ -12,6 +12,7 @@ from sample_meshes.chair import make_chair
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
+from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.recording import Recording
 from enliven.samples import cactus_project
 from enliven.wire import (
@@ -34,7 +35,6 @@ from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import CharacterSettings, EdgeSettings, WireSettings, characters_of
 from enliven_edge.stage.choice import pairs
-from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from enliven_edge.stage.opening import Opening
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.rig.rig_actor import RigActor

@@ -11,14 +11,15 @@ from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.deformation.possession.body_in_mesh import find_body_in_mesh
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
-from enliven.person.body import PARENTS, Body, Joint
-from enliven_edge.stage.carrying import Mapped
+from enliven.person.body import Body
+from enliven.person.joints import PARENTS, Joint
+from enliven.possession import ActorSettings, EmbeddedActor
+from enliven.possession.body_in_mesh import find_body_in_mesh
+from enliven.possession.carrying import Mapped
+from enliven.possession.placement import turn_about_y
 from enliven_edge.stage.casting import cast
-from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
-from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing

@@ -13,11 +13,13 @@ from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
-from enliven.person.body import PARTS, Body, Joint
-from enliven_edge.stage.easing import Easing
-from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
+from enliven.person.body import Body
+from enliven.person.joints import Joint
+from enliven.person.parts import PARTS
+from enliven.possession import ActorSettings, EmbeddedActor
+from enliven.possession.easing import Easing
+from enliven.possession.placement import turn_about_y
 from enliven_edge.stage.opening import Opening
-from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing

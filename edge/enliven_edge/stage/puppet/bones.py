@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.person import PARENTS, Body, Joint
-from enliven_edge.stage.placement import turn_about_y
+from enliven.possession import turn_about_y
 
 _UP = (0.0, 1.0, 0.0)
 """The unit direction of the trunk's bones while standing."""

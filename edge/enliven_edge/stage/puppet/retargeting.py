@@ -16,8 +16,8 @@ from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, facing_of
 from enliven.person import Body, Joint
+from enliven.possession import turn_about_y
 from enliven.takes import BODY_NAMES
-from enliven_edge.stage.placement import turn_about_y
 from enliven_edge.stage.puppet.bones import BonePose, Bones
 
 ARMS = (

@@ -12,13 +12,12 @@ from enliven.document import Clip, Pose, Project, Shape
 from enliven.matching import ScreenView
 from enliven.motion.layers import Player, bind_chain, pose_from
 from enliven.person import PARENTS, Body
+from enliven.possession import Easing
 from enliven.rotation import conjugate, multiply
 from enliven.takes import clip_of_bodies, turns_of
-from enliven_edge.stage.easing import Easing
 
 _TOWARDS = np.array([0.0, 0.0, -1.0])
 """The unit direction of the sensor's view in the world: performers face +Z."""
-
 Pair = tuple[tuple[int, ...], tuple[int, ...]]
 """A chain of the body, and the chain of the shape that it drives."""
 

@@ -12,23 +12,23 @@ from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph, stiffness_at
 from enliven.document import Character, Pose
 from enliven.errors import EnlivenError
-from enliven.person import Body
-from enliven_edge.stage.actor import ActorBase, Mode
-from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.easing import Easing
-from enliven_edge.stage.grip import gripped, out_of_reach
-from enliven_edge.stage.highlights import Cues, cues_of
-from enliven_edge.stage.hold import EmbeddedHold, Grip, depth_of, joined
-from enliven_edge.stage.placement import AS_MODELLED, resettled
-from enliven_edge.stage.placement_rules import PlacementRules
-from enliven_edge.stage.soft_constraints import SoftConstraints
-from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
+from enliven.person import Body, J
+from enliven.possession.actor import Actor, Mode
+from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.easing import Easing
+from enliven.possession.grip import gripped, out_of_reach
+from enliven.possession.highlights import Cues, cues_of
+from enliven.possession.hold import EmbeddedHold, Grip, depth_of, joined
+from enliven.possession.placement import AS_MODELLED, resettled
+from enliven.possession.placement_rules import PlacementRules
+from enliven.possession.soft_constraints import SoftConstraints
+from enliven.possession.standing import standing_figure
 
 _STEP_NS = 33_333_333
 """Nanoseconds between the frames of a rehearsal."""
 
 
-class EmbeddedActor(ActorBase):
+class EmbeddedActor(Actor):
     """A character, the graph that deforms it, and the performers' holds on it.
 
     Everything is solved in the rest space of the mesh; the placement carries it into the world.
@@ -146,8 +146,7 @@ class EmbeddedActor(ActorBase):
     def warm_up(self) -> None:
         """Possesses a copy for a few frames, so that no frame waits for a compiler."""
         rehearsal = EmbeddedActor(self.character, self.graph, self.settings)
-        posture = Posture(np.array([0.0, 0.95, 0.0]), standing(elbow=1.5), lengths_for_height(1.75))
-        body = Body(0, posture.joints(), np.ones(20))
+        body = Body(0, standing_figure(), np.ones(J))
         rehearsal.perform([body], 0)
         rehearsal.cues([body])
         try:
@@ -156,7 +155,7 @@ class EmbeddedActor(ActorBase):
             return
         for i in range(3):
             moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
-            seen = ObservedPoints(moved.joints, np.tile([0.0, 0.0, 1.0], (20, 1)))
+            seen = ObservedPoints(moved.joints, np.tile([0.0, 0.0, 1.0], (J, 1)))
             rehearsal.perform([moved], (i + 1) * _STEP_NS, {0: seen})
 
     @property

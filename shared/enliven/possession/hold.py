@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.deformation.possession import Attachment
 from enliven.person import Body
-from enliven_edge.stage.carrying import Carrying
+from enliven.possession.attachment import Attachment
+from enliven.possession.carrying import Carrying
 
 _SETTLING = 0.12
 """Seconds in which most of a change of confidence takes effect: it flickers, and the mesh would shake."""

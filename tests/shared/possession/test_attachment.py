@@ -10,11 +10,12 @@ from tolerances import SOLVED, assert_alike
 from enliven import rotation
 from enliven.deformation.embedded.solver import EmbeddedSolver
 from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.possession.attachment import AttachmentSettings, Growth, attach
-from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples
-from enliven.deformation.possession.nearest_nodes import nearest_facing
 from enliven.errors import InputError
-from enliven.person.body import BONES, PARENTS, PARTS, J, Joint
+from enliven.person.joints import BONES, PARENTS, J, Joint
+from enliven.person.parts import PARTS
+from enliven.possession.attachment import AttachmentSettings, Growth, attach
+from enliven.possession.bone_cylinders import bone_rotations, bone_samples
+from enliven.possession.nearest_nodes import nearest_facing
 
 SURE = np.ones(J)
 LEFT_ARM = (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT)

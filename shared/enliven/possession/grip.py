@@ -8,12 +8,12 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.possession import Growth, attach
 from enliven.errors import InputError
 from enliven.person import Body, parts_named
-from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.carrying import Carrying
-from enliven_edge.stage.hold import Grip
+from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.attachment import Growth, attach
+from enliven.possession.carrying import Carrying
+from enliven.possession.hold import Grip
 
 _ALL = 0.9
 """Share of the bones that must take hold where the joints lie in the mesh: nearly every one."""

@@ -14,11 +14,11 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.possession.bone_cylinders import bone_rotations, bone_samples, filled_joints
-from enliven.deformation.possession.nearest_nodes import nearest_facing, to_rest_space
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.person import PARENTS, J, Joint, parts_named
+from enliven.possession.bone_cylinders import bone_rotations, bone_samples, filled_joints
+from enliven.possession.nearest_nodes import nearest_facing, to_rest_space
 from enliven.settings import setting
 
 _PARENT = np.array(PARENTS)

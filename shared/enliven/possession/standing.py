@@ -16,7 +16,7 @@ from enliven.arrays import Float, Int
 from enliven.deformation.graph import scatter
 from enliven.meshes import Mesh
 from enliven.person import PARENTS, Joint
-from enliven_edge.stage.placement import turn_about_y
+from enliven.possession.placement import turn_about_y
 
 _NEAR = 0.11
 """Metres at which a bone counts a third of one that lies in the surface."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from enliven.deformation.graph import DeformationGraph
-from enliven.deformation.possession import find_body_in_mesh
 from enliven.person import Body
-from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.carrying import CarriedPlacement, Carrying, Mapped
-from enliven_edge.stage.placement import AS_MODELLED, Placement, beside, under
+from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.body_in_mesh import find_body_in_mesh
+from enliven.possession.carrying import CarriedPlacement, Carrying, Mapped
+from enliven.possession.placement import AS_MODELLED, Placement, beside, under
 
 
 class PlacementRules:

@@ -7,7 +7,7 @@ from typing import Literal
 
 from enliven.deformation.constraints import FloorSettings, ObservedSettings, SelfContactSettings
 from enliven.deformation.embedded import EmbeddedSettings
-from enliven.deformation.possession import AttachmentSettings
+from enliven.possession.attachment import AttachmentSettings
 from enliven.settings import setting
 
 

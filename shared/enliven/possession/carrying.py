@@ -8,9 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.deformation.possession import BodyInMesh, bone_rotations, filled_joints
 from enliven.person import PARENTS, Body, J, Joint
-from enliven_edge.stage.placement import Placement, facing, turn_about_y
+from enliven.possession.body_in_mesh import BodyInMesh
+from enliven.possession.bone_cylinders import bone_rotations, filled_joints
+from enliven.possession.placement import Placement, facing, turn_about_y
 
 _HIP = Joint.HIP_CENTER
 

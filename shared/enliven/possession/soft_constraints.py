@@ -15,8 +15,8 @@ from enliven.deformation.constraints import (
 )
 from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
-from enliven_edge.stage.actor_settings import ActorSettings
-from enliven_edge.stage.hold import EmbeddedHold
+from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.hold import EmbeddedHold
 
 
 class SoftConstraints:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.stage.placement import turn_about_y, yaw_between
+from enliven.possession.placement import turn_about_y, yaw_between
 
 _STEEPEST = 1.5 * np.pi / 2
 """The slope of the cubic easing at its middle (1.5), times the ratio of a half turn's arc to its chord."""

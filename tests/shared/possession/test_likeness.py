@@ -7,9 +7,9 @@ import pytest
 from sample_meshes.isosurface import surface_of
 
 from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.possession.body_in_mesh import extremities, find_body_in_mesh
 from enliven.meshes.mesh import Mesh
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
+from enliven.possession.body_in_mesh import extremities, find_body_in_mesh
 
 
 def capsules(points, ends, radii):

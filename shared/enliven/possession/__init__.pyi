@@ -1,0 +1,8 @@
+from .actor import Actor as Actor, Mode as Mode
+from .actor_settings import ActorSettings as ActorSettings
+from .attachment import Attachment as Attachment, AttachmentSettings as AttachmentSettings, attach as attach
+from .easing import Easing as Easing
+from .embedded_actor import EmbeddedActor as EmbeddedActor
+from .highlights import Cues as Cues, State as State, cues_of as cues_of
+from .placement import facing as facing, turn_about_y as turn_about_y
+from .standing import fit_standing_person as fit_standing_person
