@@ -29,6 +29,8 @@ from .stage.test_stage import FRAME, farthest, person
 MESH = make_chair(0.05)
 CHAIR = character_bytes(project_of_mesh(MESH, "chair"), "chair")
 SETTINGS = EdgeSettings(nodes=32)
+COMPILED_WITHIN = 10 * PATIENCE
+"""Seconds in which a character is prepared, even where its kernels are compiled first."""
 
 
 def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
@@ -37,7 +39,7 @@ def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
 
 def send(arrivals: Arrivals, data: bytes, order: PutCharacter, step=MAX_PART_BYTES) -> int:
     """Does what a client does until the character stands there; returns how many parts were sent."""
-    parts, deadline = 0, time.monotonic() + PATIENCE
+    parts, deadline = 0, time.monotonic() + COMPILED_WITHIN
     while (answer := arrivals.put(order)) != Done():
         assert isinstance(answer, Awaited) and time.monotonic() < deadline
         at = answer.received
