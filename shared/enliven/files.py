@@ -96,8 +96,9 @@ def need_folder(*paths: Path | None) -> None:
         if not folder.is_dir():
             there = [one.name for one in folder.parent.iterdir()] if folder.parent.is_dir() else []
             near = difflib.get_close_matches(folder.name, there, n=1)
-            mend = f"Did you mean {folder.with_name(near[0])}? " * bool(near) + "Make it, or check its name."
-            raise ResourceError(f"there is no folder {str(folder)!r}", where=str(path), mend=mend)
+            guess = f"Did you mean {folder.with_name(near[0])}? " if near else ""
+            what, mend = f"there is no folder {str(folder)!r}", f"{guess}Make it, or check its name."
+            raise ResourceError(what, where=str(path), mend=mend)
 
 
 def write_file(path: Path, data: bytes | str, mend: str = _ROOM) -> None:
