@@ -132,7 +132,6 @@ class Edge:
             self.physics.show(characters)
 
     def _with_props(self, tick: Tick) -> Tick:
-        """Adds the loose things, where there are physics."""
         return tick if self.physics is None else replace(tick, props=self.physics.step(tick))
 
     def _judge(self, tick: Tick) -> None:
@@ -203,8 +202,7 @@ class Edge:
         self.handlers[type(order)].do(order)
 
     def _lamps(self) -> Lamps:
-        """Returns the patterns of the controls' lamps: the state of the stage and the health that viewers
-        get."""
+        """Returns the patterns of the controls' lamps: the stage and the health, as viewers get them."""
         told = self.outlet.publisher.status.health
         return lamps_of(
             present=self.stage.occupied,

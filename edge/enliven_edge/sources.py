@@ -1,5 +1,4 @@
-"""The sources of frames as a user names them: a sensor's name or a recording, with an optional name of its
-own.
+"""The sources of frames as a user names them: a sensor's name or a recording, with an optional own name.
 
 The command line takes one word, ``synthetic``, ``take.mcap``, ``left=synthetic``; a table of the settings
 file holds more.
@@ -92,8 +91,7 @@ def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None)
 
 
 def opened(sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False) -> dict[str, Sensor]:
-    """Opens the sensors and returns them by identity; they are reopened when they fail, and ``stack`` closes
-    them.
+    """Opens the sensors and returns them by identity; they reopen after failing, and ``stack`` closes them.
 
     Args:
         wait: live sensors may still be missing, and are waited for; those without a name are called by kind.

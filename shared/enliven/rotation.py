@@ -151,19 +151,19 @@ def _perpendicular(a: Float) -> Float:
 
 
 @njit(cache=True, nogil=True)
+def rotation_matrix(q, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``out`` (3, 3) takes the rotation of a unit quaternion, four numbers."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    out[1, 0], out[1, 1], out[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    out[2, 0], out[2, 1], out[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+
+
+@njit(cache=True, nogil=True)
 def nearest_rotations(matrices, out):  # type: ignore[no-untyped-def]
     """Kernel: ``out`` (N, 3, 3) takes the proper rotations nearest to ``matrices`` (N, 3, 3)."""
     for i in range(matrices.shape[0]):
-        w, x, y, z = nearest_quaternion(matrices[i])
-        out[i, 0, 0] = 1 - 2 * (y * y + z * z)
-        out[i, 0, 1] = 2 * (x * y - w * z)
-        out[i, 0, 2] = 2 * (x * z + w * y)
-        out[i, 1, 0] = 2 * (x * y + w * z)
-        out[i, 1, 1] = 1 - 2 * (x * x + z * z)
-        out[i, 1, 2] = 2 * (y * z - w * x)
-        out[i, 2, 0] = 2 * (x * z - w * y)
-        out[i, 2, 1] = 2 * (y * z + w * x)
-        out[i, 2, 2] = 1 - 2 * (x * x + y * y)
+        rotation_matrix(nearest_quaternion(matrices[i]), out[i])
 
 
 @njit(cache=True, nogil=True)

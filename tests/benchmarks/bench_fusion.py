@@ -19,8 +19,7 @@ from fusion_measures import agreement, fused, jitter_mm
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven_edge.fusion.calibration.calibration import calibrate
-from enliven_edge.fusion.calibration.collecting import Collector
-from enliven_edge.fusion.calibration.tracks import stream_of
+from enliven_edge.fusion.calibration.tracks import Collector, stream_of
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.merge import eyes, in_world, settings_before_fusion
 from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
@@ -131,7 +130,8 @@ def _in_space(frames: list[BodyFrame], space: Space, name: str) -> list[BodyFram
 def _real(study: int) -> Iterator[Figure]:
     """Two Kinects: how well they fit, who is who, how calm."""
     (path,) = MULTITRACK.glob(f"Study_{study}_*.csv")
-    reader = MultiTrackReader(own_clock=True)
+    reader = MultiTrackReader()
+    reader.clock = "Skeleton_Time"
     seen = {name: list(reader.read([path], ImportOptions(device=name))) for name in KINECTS}
     made = calibrate([stream_of(name, frames) for name, frames in seen.items()])
     space = made.space()

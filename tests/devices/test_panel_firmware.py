@@ -8,8 +8,7 @@ import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.controls.lamps import Lamps
-from enliven_edge.controls.panel_protocol import Decoder, PanelKeys, encode, lamps_body
+from enliven_edge.controls.panel_protocol import Decoder, Lamps, PanelKeys, encode, lamps_body
 
 sys.path.insert(0, str(Path(__file__).parent))
 

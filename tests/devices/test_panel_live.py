@@ -13,7 +13,7 @@ from patience import until
 
 from enliven_edge.controls import serial_panel
 from enliven_edge.controls.control_set import Controls, open_controls
-from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -37,7 +37,8 @@ KINECTS = ("138.251.207.136", "138.251.213.82")
 def seen(study: int) -> dict[str, list[BodyFrame]]:
     """What each Kinect saw, by its own clock."""
     (path,) = FOLDER.glob(f"Study_{study}_*.csv")
-    reader = MultiTrackReader(own_clock=True)
+    reader = MultiTrackReader()
+    reader.clock = "Skeleton_Time"
     return {name: list(reader.read([path], ImportOptions(device=name))) for name in KINECTS}
 
 

@@ -13,7 +13,7 @@ from enliven.camera import project, world_from_level_camera
 from enliven.person.joints import Joint
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.landmarks.lifting import Lifter
-from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource
+from enliven_edge.landmarks.source import MediaPipeSettings, MediaPipeSource
 
 pytestmark = pytest.mark.real
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))

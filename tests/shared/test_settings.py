@@ -44,6 +44,7 @@ def test_defaults_and_overrides():
         ({"name": "a", "lens": {"kind": "mirror"}}, r"lens\.kind is 'mirror'"),
         ({"name": "a", "lens": 4}, "lens must be a table"),
         ({"name": "a", "rows": [1, "b"]}, "rows is"),
+        ({"name": "a", "rows": [1.0, float("inf")]}, "rows is"),
         ({"name": "a", "limit": True}, "limit is True"),
     ],
 )

@@ -149,7 +149,7 @@ def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House)
         deadline = time.monotonic() + PATIENCE
         while house.app.possession.locked != wanted and time.monotonic() < deadline:
             silent()
-        assert house.app.possession.locked == wanted and tracker._people.lock.ids == ids
+        assert house.app.possession.locked == wanted and tracker._people.roster.lock.ids == ids
 
 
 def test_what_is_refused_is_said(house: House) -> None:

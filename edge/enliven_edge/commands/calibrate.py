@@ -16,7 +16,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
-from enliven_edge.commands.interrupts import interruptible
+from enliven_edge.commands.progress import interruptible
 from enliven_edge.sensors import sensor_options
 
 if TYPE_CHECKING:
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _EVERY = 4.0
-"""Seconds between two evaluations of what live sensors have seen: a calibration takes time that the trackers
-need."""
+"""Seconds between two evaluations of what live sensors have seen: a calibration takes the trackers' time."""
 
 
 def calibrate(

@@ -74,7 +74,6 @@ def calibrate_stereo(
 
 
 def _print(board: CalibrationBoard, path: Path) -> None:
-    """Writes the sheet."""
     if path.suffix.lower() != ".pdf":
         raise InputError(f"it ends in {path.suffix!r}", where=str(path), mend="Give a name with .pdf.")
     try:
@@ -168,17 +167,12 @@ def _take(
 
 
 def _tell(judgement: Judgement) -> None:
-    """Prints the result on the terminal."""
     advice = [("to do", sentence) for sentence in judgement.advice]
     Console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
 
 
 def _size(words: str, where: str) -> tuple[int, int]:
-    """Parses the two numbers of 640x400.
-
-    Raises:
-        InputError: where it is none.
-    """
+    """Parses the two numbers of 640x400."""
     match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", words)
     if not match:
         raise InputError(f"{words!r} is not ACROSSxDOWN", where=where, mend="For example: 7x5")

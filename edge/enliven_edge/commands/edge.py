@@ -154,8 +154,8 @@ def serve(
 ) -> None:
     """Opens everything, runs the loop, and closes everything; heavy modules are imported only here."""
     from enliven_edge.arrivals import Arrivals
-    from enliven_edge.commands.interrupts import at_signals
     from enliven_edge.commands.preparing import prepared
+    from enliven_edge.commands.progress import at_signals
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
     from enliven_edge.network import Outlet, need_free
@@ -221,8 +221,7 @@ def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourPose
 
 
 def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool) -> Playground | None:
-    """Returns the physics, ready for the first frame, or None; a recording gives the same result every
-    time."""
+    """Returns the physics, ready for the first frame, or None; a recording gives the same each time."""
     if chosen.world == "none":
         return None
     from enliven_edge.physics import Playground

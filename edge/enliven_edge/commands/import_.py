@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from enliven.errors import InputError
-from enliven_edge.commands.writing import write_recording
+from enliven_edge.commands.progress import write_recording
 
 
 def import_recording(

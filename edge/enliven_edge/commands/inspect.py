@@ -77,8 +77,7 @@ def _film(
     rates: tuple[float, float],
     count: int,
 ) -> None:
-    """Writes the film, and the sheet where one is wanted; ``rates`` are those of the recording and of the
-    film."""
+    """Writes the film, and the sheet where one is wanted; ``rates``: of the recording and the film."""
     import numpy as np
     from PIL import Image
 

@@ -1,16 +1,59 @@
-"""What commands show on a terminal: frames as they are counted, and facts."""
+"""What commands show on a terminal, what Ctrl-C does meanwhile, and recordings that they write whole."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+import os
+import signal
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
+from enliven.errors import InputError, ResourceError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+    from rich.table import Table
+
+    from enliven.frames import Frame
+
+
+@contextlib.contextmanager
+def at_signals(act: Callable[[], None], *signals: int) -> Iterator[None]:
+    """Calls ``act`` at these signals; on another thread than the main one, which gets none, does nothing."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {each: signal.signal(each, lambda *_: act()) for each in signals}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[threading.Event]:
+    """Yields an event that Ctrl-C sets, so that the work is completed; a second Ctrl-C interrupts at once."""
+    stop = threading.Event()
+
+    def interrupted() -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    with at_signals(interrupted, signal.SIGINT):
+        yield stop
 
 
 def frame_progress(console: Console) -> Progress:
     """Returns a bar with the share done, the frames and the time; tasks need the field ``count``."""
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
     return Progress(
         SpinnerColumn(),
         TextColumn("{task.description}: {task.fields[count]} frames"),
@@ -22,7 +65,100 @@ def frame_progress(console: Console) -> Progress:
 
 def facts_table(facts: Iterable[tuple[str, str]]) -> Table:
     """Returns facts, each with its name, as a table without lines."""
+    from rich.table import Table
+
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for fact in facts:
         table.add_row(*fact)
     return table
+
+
+@dataclass
+class Found:
+    """Counts of what was written so far."""
+
+    frames: int = 0
+    people: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+    coloured: int = 0
+    seen: int = 0
+    sensors: Counter[str] = field(default_factory=Counter)
+    size: str = ""
+
+    def add(self, frame: Frame) -> None:
+        """Counts one frame."""
+        from enliven.frames import DepthFrame
+
+        self.first_ns = frame.time_ns if not self.frames else self.first_ns
+        self.frames, self.last_ns = self.frames + 1, frame.time_ns
+        self.sensors[frame.sensor] += 1
+        if isinstance(frame, DepthFrame):
+            self.size = f"{frame.intrinsics.width}x{frame.intrinsics.height} depth"
+            self.coloured += frame.colour is not None
+        else:
+            self.people = max(self.people, len(frame.bodies))
+            self.seen += bool(frame.bodies)
+
+    @property
+    def summary(self) -> str:
+        """One line for the user."""
+        seconds = (self.last_ns - self.first_ns) * 1e-9
+        who = "1 person" if self.people == 1 else f"{self.people} people"
+        what = self.size or f"bodies, {who}"
+        colour = f", {self.coloured} with colour" if self.coloured else ""
+        return f"{self.frames} frames of {what}{colour}, {seconds:.1f} s, sensor {', '.join(self.sensors)}"
+
+
+def write_recording(
+    frames: Iterable[Frame],
+    output: Path,
+    *,
+    task: str,
+    facts: tuple[str, dict[str, str]],
+    empty: InputError,
+    console: Console,
+    level: int = 1,
+    overwrite: bool = False,
+) -> Found:
+    """Writes all frames under a temporary name, and renames the file when it is complete.
+
+    Args:
+        task: what the progress bar says.
+        facts: a name and values that the recording keeps about how it was made.
+        empty: raised where there are no frames.
+        level: of the compression, 1 to 22.
+
+    Raises:
+        InputError: where the output exists already, or a file cannot be understood; nothing is left behind.
+    """
+    from enliven.recording import Recorder
+
+    if output.exists() and not overwrite:
+        raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")
+    passing = output.with_name(output.name + ".part")
+    found = Found()
+    try:
+        with (
+            Recorder(passing, compression_level=level, sync_seconds=10.0, overwrite=True) as recorder,
+            frame_progress(console) as progress,
+        ):
+            bar = progress.add_task(task, total=None, count=0)
+            recorder.add_metadata(*facts)
+            for frame in frames:
+                found.add(frame)
+                recorder.write_frame(frame)
+                progress.update(bar, advance=1, count=found.frames)
+        if not found.frames:
+            raise empty
+        _rename(passing, output)
+    finally:
+        passing.unlink(missing_ok=True)
+    return found
+
+
+def _rename(passing: Path, output: Path) -> None:
+    try:
+        os.replace(passing, output)
+    except OSError as error:
+        raise ResourceError(f"it cannot be replaced ({error.strerror})", where=str(output)) from None

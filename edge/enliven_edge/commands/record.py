@@ -13,8 +13,7 @@ import typer
 from rich.console import Console
 
 from enliven.errors import InputError
-from enliven_edge.commands.interrupts import interruptible
-from enliven_edge.commands.progress import frame_progress
+from enliven_edge.commands.progress import frame_progress, interruptible
 
 if TYPE_CHECKING:
     from enliven.recording import Recorder

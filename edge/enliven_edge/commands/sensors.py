@@ -158,7 +158,6 @@ def _facts(frames: list[DepthFrame], condition, name: str) -> list[tuple[str, st
 
 
 def _condition_facts(condition, down) -> list[tuple[str, str]]:  # type: ignore[no-untyped-def]
-    """Returns what the device reports about itself."""
     import numpy as np
 
     facts = []
@@ -177,11 +176,7 @@ def _condition_facts(condition, down) -> list[tuple[str, str]]:  # type: ignore[
 
 
 def _way(word: str) -> Way | None:
-    """Returns the image protocol of the terminal; None where no picture is to be drawn.
-
-    Raises:
-        InputError: for a word that names no way.
-    """
+    """Returns the image protocol of the terminal; None where no picture is to be drawn."""
     from enliven_edge.terminal import WAYS, image_protocol
 
     if word in ("auto", "none"):
@@ -207,7 +202,6 @@ def _picture(frame: DepthFrame) -> UInt8:
 
 
 def _draw(frame: DepthFrame, output: Path, lines: list[str]) -> None:
-    """Writes a picture of a frame to a file."""
     from PIL import Image
 
     from enliven_edge.inspection import captioned

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
-from enliven_edge.commands.writing import write_recording
+from enliven_edge.commands.progress import write_recording
 
 if TYPE_CHECKING:
     from enliven.frames import BodyFrame, Frame

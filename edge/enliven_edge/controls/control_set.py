@@ -5,31 +5,26 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import Order
-from enliven_edge.controls.base import ControlReader, Device
-from enliven_edge.controls.commands import WORDS, Word, checked_map, orders
-from enliven_edge.controls.lamps import Lamps
+from enliven_edge.closing import Closing
+from enliven_edge.controls.base import WORDS, ControlReader, Device, Word, checked_map, orders
+from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
 from enliven_edge.stage import Stage
 
 log = logging.getLogger(__name__)
 
 
-class Controls:
+class Controls(Closing):
     """Carries out the commands of several controls on the stage."""
 
     def __init__(self, controls: Sequence[ControlReader]) -> None:
         self._controls = list(controls)
 
     def apply_commands(self, stage: Stage, carry_out: Callable[[Order], None]) -> None:
-        """Carries out the commands since the last call; a command that fails is logged.
-
-        Args:
-            carry_out: carries out an order as if a viewer had given it.
-        """
+        """Carries out the commands since the last call; a command that fails is logged."""
         for control in self._controls:
             for word in control.poll():
                 log.info("%s: %s", control.name, word)
@@ -58,14 +53,6 @@ class Controls:
         """Releases all devices."""
         for control in self._controls:
             control.close()
-
-    def __enter__(self) -> Controls:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None = None) -> Controls:

@@ -1,12 +1,50 @@
-"""The messages between an edge and its button panel, as in docs/panel.md; nothing here waits or raises."""
+"""The patterns of a control's lamps, and the messages between edge and button panel, as in docs/panel.md."""
 
 from __future__ import annotations
 
 import binascii
 import re
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
+from typing import Literal
 
-from enliven_edge.controls.lamps import Lamps
+from enliven.health import Severity
+
+Pattern = Literal["off", "steady", "breathing", "flashing"]
+
+
+@dataclass(frozen=True)
+class Lamps:
+    """One pattern a lamp.
+
+    Attributes:
+        attract: breathes while the stage waits for a performer.
+        possess: breathes while a performer may take hold, is steady while one holds.
+        locked: is steady while the cast is locked.
+        ill: is steady while the tracking suffers, flashes while there is none.
+    """
+
+    attract: Pattern = "off"
+    possess: Pattern = "off"
+    locked: Pattern = "off"
+    ill: Pattern = "off"
+
+
+def lamps_of(*, present: bool, held: bool, locked: bool, worst: int) -> Lamps:
+    """Returns the patterns that show a state of the stage.
+
+    Args:
+        present: whether a performer is in view.
+        held: whether a performer holds a character.
+        locked: whether the cast is locked.
+        worst: the gravest :class:`enliven.health.Severity` of what is wrong now.
+    """
+    return Lamps(
+        attract="off" if present or held else "breathing",
+        possess="steady" if held else "breathing" if present else "off",
+        locked="steady" if locked else "off",
+        ill="flashing" if worst >= Severity.ERROR else "steady" if worst >= Severity.WARNING else "off",
+    )
+
 
 VERSION = "01"
 """The protocol that this edge speaks, two digits of the panel's greeting."""
@@ -24,8 +62,7 @@ _PRESSES = re.compile(r"P([0-9A-F]{4})([0-9A-F]{1,16})")
 
 
 def encode(body: str) -> bytes:
-    """Returns a message: ``$``, the body, ``*``, the body's CRC-16 (XMODEM) as four hexadecimal digits, a
-    line feed.
+    """Returns a message: ``$``, the body, ``*``, its CRC-16 (XMODEM) as four hexadecimal digits, a line feed.
 
     Args:
         body: printable ASCII without ``$`` and ``*``.

@@ -6,8 +6,7 @@ import logging
 import time
 
 from enliven.errors import ResourceError
-from enliven_edge.controls.lamps import Lamps
-from enliven_edge.controls.panel_protocol import ASK, VERSION, PanelKeys, encode, lamps_body
+from enliven_edge.controls.panel_protocol import ASK, VERSION, Lamps, PanelKeys, encode, lamps_body
 from enliven_edge.controls.serial_pedal import SerialPedal
 from enliven_edge.controls.settings import ControlSettings
 
@@ -18,8 +17,7 @@ _WAIT = 0.03
 _BEAT = 0.25
 """Seconds between two messages to the panel, which takes 1 s without one for an edge that is gone."""
 _STALE = 1.0
-"""Seconds after which the state of the stage is too old to show: a hanging edge is as silent as a dead
-one."""
+"""Seconds after which the state of the stage is too old to show: a hanging edge is silent."""
 _SILENCE = 2.0
 """Seconds without a message of the panel until it is opened anew: noise has not spoilt eight in a row."""
 _STUCK = 1.0
@@ -85,11 +83,7 @@ class SerialPanel(SerialPedal):
             self._said, self._said_at = body, now
 
     def _judge_silence(self, began: float, heard: bool) -> None:
-        """Counts only time in which the port was read, so that a machine that slept keeps its panel.
-
-        Raises:
-            ResourceError: where the panel is silent, or speaks another protocol.
-        """
+        """Counts only time in which the port was read, so that a machine that slept keeps its panel."""
         self._quiet = 0.0 if heard else self._quiet + min(time.monotonic() - began, 2.0 * _WAIT)
         if self._quiet > (_SILENCE if self._keys.heard else _GREETING):
             mend = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"

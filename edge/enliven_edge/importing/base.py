@@ -127,8 +127,7 @@ def only_one(paths: Sequence[Path]) -> Path:
 
 
 def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
-    """Returns the rows of a delimited text file, without empty rows and without the empty field after a final
-    delimiter.
+    """Returns the rows of a delimited text file, without empty rows and an empty last field.
 
     Raises:
         InputError: where the file cannot be read or is empty.

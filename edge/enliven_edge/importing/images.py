@@ -16,8 +16,7 @@ PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 KINECT1 = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 """The Kinect v1's camera as drivers assume it without a calibration."""
 _COLOUR = ("PNG", "JPEG")
-"""Image formats of the layouts; Pillow's other decoders start programs or are not hardened against hostile
-bytes."""
+"""Image formats of the layouts; Pillow's other decoders start programs or trust hostile bytes."""
 _MOST_PIXELS = 1 << 26
 """Pixels of one image, 8192 x 8192: a few kilobytes can state any number."""
 

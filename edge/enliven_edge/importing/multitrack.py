@@ -40,18 +40,15 @@ class MultiTrackReader(FileReader):
 
     The Kinects keep their own spaces, so one of them is read: ``options.device``, or the one with most rows.
     Times count from the first row (the files' milliseconds since the year 1 do not fit nanoseconds).
-
-    Args:
-        own_clock: take the time at which the Kinect itself saw the skeleton, by its own clock; otherwise the
-            time at which the computer heard of it, some ten milliseconds later now and then, by one clock.
     """
 
     name = "multitrack"
     description = "KinectMultiTrack CSV (several Kinect v2, several people); --device chooses the Kinect"
     note = "no tracking states in the files: every joint counts as tracked"
 
-    def __init__(self, own_clock: bool = False) -> None:
-        self._clock = "Skeleton_Time" if own_clock else "Tracker_Time"
+    clock = "Tracker_Time"
+    """The column of the times: when the computer heard of a skeleton. "Skeleton_Time": when its Kinect saw
+    it, by the Kinect's own clock, some ten milliseconds earlier now and then."""
 
     def matches(self, path: Path) -> bool:
         header = (first_lines(head_of(path), 1) or [""])[0]
@@ -61,18 +58,18 @@ class MultiTrackReader(FileReader):
         path = self.chosen(paths)
         header, *rows = rows_of(path)
         column = {name.strip(): index for index, name in enumerate(header)}
-        wanted = [self._clock, *_KEYS[1:], *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]
+        wanted = [self.clock, *_KEYS[1:], *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]
         missing = [name for name in wanted if name not in column]
         if missing:
             raise InputError(f"the column {missing[0]} is missing", where=str(path))
         rows = rows[:-1] if rows and len(rows[-1]) != len(header) else rows
         device = _chosen(Counter(row[column["Kinect_Id"]] for row in rows), options.device, path)
-        if self._clock != _KEYS[0]:
+        if self.clock != _KEYS[0]:
             rows = [row for row in rows if row[column["Kinect_Id"]] == device]
         kept = [[row[column[name]] for name in wanted if name != "Kinect_Id"] for row in rows]
         values = numbers_of(kept, path, len(wanted) - 1, 2)
         ours = np.array([row[column["Kinect_Id"]] == device for row in rows])
-        moments = _moments(values, ours, _TICKS[self._clock])
+        moments = _moments(values, ours, _TICKS[self.clock])
         return frames_in_world(moments, f"kinect2-{device}", WORLD_FROM_KINECT_SPACE, str(path))
 
 

@@ -18,8 +18,8 @@ ENTRY_POINTS = "enliven.readers"
 _BUILT_IN = (
     "bags.reader:BagReader",
     "depth_images:OpenCvDepthReader",
-    "posed_depth:PosedDepthReader",
-    "realsense:RealSenseReader",
+    "placed_images:PosedDepthReader",
+    "placed_images:RealSenseReader",
     "depth_images:RawKinectReader",
     "kinect_texts:LabanotationReader",
     "multitrack:MultiTrackReader",

@@ -27,28 +27,8 @@ KINECT2_ORDER = (0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 
 SpineBase, SpineMid and SpineShoulder stand for the hip centre, the spine and the shoulder centre; the neck,
 the hand tips and the thumbs have no counterpart.
 """
-KINECT2_NAMES = [
-    "SpineBase",
-    "SpineMid",
-    "SpineShoulder",
-    "Head",
-    "ShoulderLeft",
-    "ElbowLeft",
-    "WristLeft",
-    "HandLeft",
-    "ShoulderRight",
-    "ElbowRight",
-    "WristRight",
-    "HandRight",
-    "HipLeft",
-    "KneeLeft",
-    "AnkleLeft",
-    "FootLeft",
-    "HipRight",
-    "KneeRight",
-    "AnkleRight",
-    "FootRight",
-]
+_OF_THE_SPINE = ["SpineBase", "SpineMid", "SpineShoulder"]
+KINECT2_NAMES = [*_OF_THE_SPINE, *(joint.name.title().replace("_", "") for joint in list(Joint)[3:])]
 """(20,) the names of the Kinect SDK 2 for each of :class:`enliven.person.body.Joint`."""
 TRACKED = 1.0
 """Confidence of a joint that the SDK reports as tracked."""
@@ -155,7 +135,6 @@ def _statures(bodies: Sequence[Body]) -> dict[int, float]:
 
 
 def _floor(bodies: Sequence[Body], where: str) -> float:
-    """Returns the height of the floor under these bodies."""
     lowest = [height for height in map(_sole, bodies) if np.isfinite(height)]
     if not lowest:
         raise InputError("no joint of any person was seen", where=where, mend="Choose another recording.")

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-
 import numpy as np
 from PIL import Image
 
 from enliven.arrays import UInt8
-from enliven.frames import DepthFrame, Frame
+from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven_edge.inspection.picture import captioned, depth_picture, depth_span, draw_bodies, tinted
 from enliven_edge.sensors import Condition
@@ -36,13 +34,6 @@ class Inspector:
         self._span: tuple[float, float] | None = None
         self._first_ns: int | None = None
         self.bodies: list[Body] = []
-
-    def pictures(self, frames: Iterable[Frame]) -> Iterator[UInt8]:
-        """Yields (H, W, 3) a picture for every depth frame; bodies that a sensor tracked itself are
-        skipped."""
-        for frame in frames:
-            if isinstance(frame, DepthFrame):
-                yield self.picture(frame)
 
     def failed(self, error: Exception) -> None:
         """Takes in the error that the sensor raised in place of a frame when it was recorded."""

@@ -1,10 +1,10 @@
-"""Estimates bodies from a camera's colour: finds landmarks, lifts and numbers them, and joins them with
-depth."""
+"""Estimates bodies from a camera's colour: finds, lifts and numbers landmarks, joined with depth."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,10 +13,77 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.person import Body, Joint
-from enliven_edge.landmarks.joining import join_people
+from enliven.settings import setting
 from enliven_edge.landmarks.lifting import Lifter, LiftSettings
-from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource
-from enliven_edge.landmarks.source import LandmarkSource
+from enliven_edge.landmarks.source import LandmarkSource, MediaPipeSettings, MediaPipeSource
+
+
+@dataclass(frozen=True)
+class ColourSettings:
+    """Landmarks from the colour image of a depth sensor, joined with the bodies from depth."""
+
+    use: bool = setting(False, "Look at the colour image too, where there is one; costs its time per frame.")
+    mediapipe: MediaPipeSettings = setting(MediaPipeSettings, "What finds the landmarks.")
+    lift: LiftSettings = setting(LiftSettings, "How landmarks become bodies.")
+
+
+_TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]
+_SAME_PERSON = 0.5
+"""Metres between two trunks of one person, at most."""
+_AGREE = 0.12
+"""Metres: two places of a joint this near are one place seen twice; farther ones contradict each other."""
+
+
+def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:
+    """Returns the depth's bodies, each joined with the colour's body of the same person; nearest pairs first.
+
+    People whom colour alone sees are left out: the depth's tracker says who there is.
+    """
+    pairs = sorted(
+        (distance, i, k)
+        for i, a in enumerate(depth)
+        for k, b in enumerate(colour)
+        if (distance := _apart(a, b)) < _SAME_PERSON
+    )
+    made, taken = list(depth), set[int]()
+    joined = set[int]()
+    for _, i, k in pairs:
+        if i not in joined and k not in taken:
+            made[i] = join(depth[i], colour[k])
+            joined.add(i)
+            taken.add(k)
+    return made
+
+
+def join(depth: Body, colour: Body) -> Body:
+    """Joins two bodies of one person.
+
+    Where both agree on a joint it lies between them, weighted by confidence, and surer than either. Where
+    they contradict each other the surer one is taken, with less confidence. A joint that only one has is
+    taken from it. Identity, orientations and all else are those of the depth's body.
+    """
+    ours, theirs = np.clip(depth.confidence, 0, 1), np.clip(colour.confidence, 0, 1)
+    apart = np.linalg.norm(depth.joints - colour.joints, axis=1)
+    agree = np.exp(-0.5 * (apart / _AGREE) ** 2)
+    surer = theirs > ours
+    between = theirs / np.maximum(ours + theirs, 1e-9)
+    chosen = np.where(surer, 1.0, 0.0)
+    share = np.where(theirs > 0, agree * between + (1 - agree) * chosen, 0.0)
+    joints = depth.joints + share[:, None] * (colour.joints - depth.joints)
+    both = 1.0 - (1.0 - ours) * (1.0 - theirs)
+    contradicted = np.maximum(ours, theirs) - 0.5 * np.minimum(ours, theirs)
+    confidence = agree * both + (1 - agree) * contradicted
+    return dataclasses.replace(depth, joints=joints, confidence=np.clip(confidence, 0.0, 1.0))
+
+
+def _apart(a: Body, b: Body) -> float:
+    """Returns metres between two trunks, over the joints that both have."""
+    known = np.array([a.confidence[j] > 0 and b.confidence[j] > 0 for j in _TRUNK])
+    if not known.any():
+        return float("inf")
+    gap: Float = np.linalg.norm(a.joints[_TRUNK] - b.joints[_TRUNK], axis=1)
+    return float(gap[known].mean())
+
 
 _STEP = 0.6
 """Metres that one person moves between two frames, at most."""
@@ -37,8 +104,7 @@ class ColourPoseEstimator:
         self._next = 1
 
     def improve(self, bodies: list[Body], frame: DepthFrame, world_from_camera: Float) -> list[Body]:
-        """Returns a frame's depth bodies joined with those of its colour; unchanged where colour shows
-        none."""
+        """Returns a frame's depth bodies joined with those of its colour, if it shows any."""
         if frame.colour is None or not bodies:
             return bodies
         found = self._source.find(frame.colour, frame.time_ns)
@@ -81,7 +147,7 @@ class MonocularPoseEstimator:
         height: metres of the camera above the floor.
         tilt: degrees that it looks down.
         body_height: metres of the performers; a smaller one seems farther away.
-        python, model: of :class:`~enliven_edge.landmarks.mediapipe_source.MediaPipeSettings`.
+        python, model: of :class:`~enliven_edge.landmarks.source.MediaPipeSettings`.
         source: finds the landmarks, in place of MediaPipe; closed with this.
 
     Raises:

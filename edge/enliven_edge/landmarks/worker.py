@@ -57,7 +57,6 @@ def _by_tasks(model):
 
 
 def _packed(people, width, height):
-    """The bytes of the people that were found."""
     rows = [
         [
             (point.x * width, point.y * height, point.visibility or 0.0, there.x, there.y, there.z)

@@ -1,4 +1,4 @@
-from .descriptors import raise_descriptor_limit as raise_descriptor_limit
+from .listening import raise_descriptor_limit as raise_descriptor_limit
 from .frame_rate import FrameRate as FrameRate
 from .handlers import Handler as Handler, Handlers as Handlers
 from .listening import check_open as check_open

@@ -15,20 +15,17 @@ _MOST = 1024
 _RESERVED = 0.4
 """Share of the time budget for viewers with few requests: a flood of others does not delay them."""
 _LITTLE = 0.06
-"""Seconds of recent cost up to which a viewer may use the reserve: ten small orders a second are half of
-it."""
+"""Seconds of recent cost up to which a viewer may use the reserve: half is ten small orders a second."""
 _KNOWN_AFTER = 1.0
 """Seconds of connection before a viewer may use the reserve, so that reconnecting does not help a flood."""
 _FEW = 4
-"""Waiting orders up to which a viewer may use the reserve: a person gives one at a time, a flood piles them
-up."""
+"""Waiting orders up to which a viewer may use the reserve: a person gives one at a time, a flood many."""
 _SAVED = 50
 """Frames of unused time that are saved up, so that a few orders in one frame need not wait."""
 
 
 class CommandQueue:
-    """Orders the waiting commands: the viewer with the least recent cost is first, each viewer's keep their
-    order.
+    """Orders the waiting commands: the viewer of least recent cost first, each viewer's in their order.
 
     Those of viewers that have gone come last.
 
@@ -71,8 +68,7 @@ class CommandQueue:
                 del self._waiting[peer]
 
     def _next(self) -> tuple[Connection, int] | None:
-        """Returns the viewer of the next command and the number of the budget to charge; None where no budget
-        is left."""
+        """Returns the viewer of the next command and the budget to charge; None: none is left."""
         if self._budgets[0] > 0:
             budget, peers = 0, list(self._waiting)
         elif self._budgets[1] > 0:

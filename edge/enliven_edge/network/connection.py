@@ -87,8 +87,7 @@ class Connection:
             self.owed += len(piece)
 
     def queue_message(self, first: bytes, rest: bytes = b"") -> None:
-        """Queues a message of one part with its data in two pieces, so that a long one is shared and not
-        copied."""
+        """Queues a message of one part with its data in two pieces: a long one is shared, not copied."""
         self.queue(head(len(first) + len(rest)) + first, rest)
 
     def flush(self, until: float) -> None:

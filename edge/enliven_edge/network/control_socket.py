@@ -101,7 +101,6 @@ class ControlSocket:
         return [command for command in found if command is not None]
 
     def _take(self, peer: Connection, parts: list[bytes]) -> Command | None:
-        """Handles one message of a viewer."""
         now = time.monotonic()
         if peer.state is None:
             peer.state = _Viewer(self._rate, now)
@@ -152,7 +151,6 @@ class ControlSocket:
         self._send(peer, number, Refused(f"more than {self._rate:g} requests a second; ask less often"))
 
     def _reply(self, peer: Connection, number: int, answer: Answer) -> None:
-        """Sends the reply to a command."""
         peer.pending -= 1
         self._send(peer, number, answer)
 

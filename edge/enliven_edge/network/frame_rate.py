@@ -30,6 +30,5 @@ class FrameRate:
         return (len(self._done) - 1) * 1e9 / (self._done[-1] - self._done[0])
 
     def latency_ms(self, percent: float) -> float:
-        """Returns a percentile of the latency from frame read to pose published, ms; 0 before the first
-        frame."""
+        """Returns a percentile of the latency from frame read to pose published, ms; at first 0."""
         return float(np.percentile(self._latency, percent)) if self._latency else 0.0

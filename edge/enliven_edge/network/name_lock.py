@@ -66,11 +66,7 @@ class NameLock:
 
 
 def _own_folder() -> Path:
-    """Returns the user's folder for a session, or one in the temporary folder that only the user may enter.
-
-    Raises:
-        ResourceError: where neither is the user's own.
-    """
+    """Returns the user's folder for a session, or one in the temporary folder that only they may enter."""
     temporary = Path(tempfile.gettempdir())
     if sys.platform == "win32":
         return temporary

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from enliven.document import Character
@@ -21,6 +20,7 @@ from enliven.wire import (
     health_to_messages,
     props_to_message,
 )
+from enliven_edge.closing import Closing
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.frame_rate import FrameRate
 from enliven_edge.network.handlers import Handlers, carried_out, subject_of
@@ -44,7 +44,7 @@ def need_free(wire: WireSettings) -> None:
         pass
 
 
-class Outlet:
+class Outlet(Closing):
     """Publishes characters, poses and bodies, answers viewers, and writes the take where one was asked for.
 
     Args:
@@ -179,14 +179,6 @@ class Outlet:
             self._take.close()
         self._publisher.close()
 
-    def __enter__(self) -> Outlet:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def _write(self, message: Any, time_ns: int) -> None:
         """Writes to the take what its topic says is recorded."""
         if self._take is not None and BY_TYPE[type(message)].recorded:
@@ -207,7 +199,6 @@ def _messages(tick: Tick) -> Iterator[Any]:
 
 
 def _publisher(wire: WireSettings) -> Publisher:
-    """Returns the sockets of the settings."""
     return Publisher(
         name=wire.name,
         host=wire.host,

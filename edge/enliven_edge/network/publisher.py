@@ -7,7 +7,6 @@ import logging
 import math
 import secrets
 import time
-from types import TracebackType
 from typing import Any
 
 import msgspec
@@ -36,6 +35,7 @@ from enliven.wire import (
     pack_stream,
     payload,
 )
+from enliven_edge.closing import Closing
 from enliven_edge.network.control_socket import Command, ControlSocket
 from enliven_edge.network.listening import check_open
 from enliven_edge.network.name_lock import NameLock
@@ -48,7 +48,7 @@ _BEATS_APART = 0.05
 """Seconds at least between heartbeats that viewers may cause."""
 
 
-class Publisher:
+class Publisher(Closing):
     """One port for streams and one for requests; used from one thread, and never waits.
 
     Viewers come with libzmq's SUB and DEALER sockets. One that is slow or dead loses messages, no other does.
@@ -230,14 +230,6 @@ class Publisher:
         self._server.close()
         self._streams.close()
         self._lock.close()
-
-    def __enter__(self) -> Publisher:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _state_changed(self) -> None:
         """Tells viewers to ask again."""

@@ -17,8 +17,7 @@ from typing import Any, Literal
 
 from enliven.wire import ZmtpError, ZmtpSession
 from enliven_edge.network.connection import Connection
-from enliven_edge.network.descriptors import connections_allowed
-from enliven_edge.network.listening import listen, make_watchful
+from enliven_edge.network.listening import connections_allowed, listen, make_watchful
 
 log = logging.getLogger(__name__)
 
@@ -221,7 +220,6 @@ class ZmtpServer:
                 self.drop(connection)
 
     def _accept(self, until: float) -> None:
-        """Accepts waiting connections."""
         for count in range(_ACCEPTED_AT_ONCE):
             if count >= _ACCEPTED_ANYHOW and time.monotonic() >= until:
                 return

@@ -4,22 +4,42 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from enliven.arrays import Float
 from enliven.deformation import SphereProxies, pack_spheres
-from enliven.document import Character, Props
+from enliven.document import Character, Props, SkinWeights
 from enliven.errors import InputError
 from enliven.person import Body
-from enliven_edge.physics.dodgeball import Dodgeball
-from enliven_edge.physics.ground import FIXED, StandingDetector, WorldGround
-from enliven_edge.physics.performers import body_spheres
+from enliven_edge.physics.games import Dodgeball, Towers
+from enliven_edge.physics.ground import FIXED, StandingDetector, WorldGround, body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
-from enliven_edge.physics.towers import Towers
 from enliven_edge.physics.world import World
 from enliven_edge.stage import Tick
-from enliven_edge.stage.puppet import roughly_skinned
+
+_NEAR = 4
+"""Control points that move a vertex: as many as skin weights hold."""
+_SHARP = 3.0
+"""The power of the distance by which a control point's weight falls: nearest points dominate."""
+
+
+def roughly_skinned(character: Character) -> Character:
+    """Returns a puppet with vertices that follow their nearest control points; other characters unchanged."""
+    if character.kind != "points" or len(character.pivots) < 2:
+        return character
+    near = min(_NEAR, len(character.pivots) - 1)
+    away, which = cKDTree(character.pivots[1:]).query(character.vertices, k=np.arange(1, near + 1))
+    counts = 1.0 / np.maximum(away, 1e-6) ** _SHARP
+    indices = np.zeros((len(character.vertices), 4), np.uint16)
+    weights = np.zeros((len(character.vertices), 4), np.float32)
+    indices[:, :near] = which + 1
+    weights[:, :near] = counts / counts.sum(1, keepdims=True)
+    skin = SkinWeights(indices, weights)
+    return replace(character, kind="bones", skin=skin, held=None, pulls=None, surface=None)
+
 
 log = logging.getLogger(__name__)
 
@@ -113,8 +133,7 @@ class Playground:
         return self._standing.find(bodies, time_ns)
 
     def _spheres(self, tick: Tick) -> tuple[Float, Float, list[str], list[int]]:
-        """Returns the spheres of all characters and bodies: centres, radii, names, and the index of each
-        sphere's owner.
+        """Returns the spheres of all characters and bodies: centres, radii, names, and owners' indices.
 
         A character or body keeps its slots while it is present; afterwards they are free for others.
         """
@@ -139,7 +158,6 @@ class Playground:
         return centres, radii, names, owners
 
     def _assign(self, counts: dict[str, int]) -> None:
-        """Assigns slots to all characters and bodies that are present."""
         kept = {n: s for n, s in self._slots.items() if counts.get(n) == s.stop - s.start}
         self._slots = kept
         for name, count in counts.items():
@@ -161,7 +179,6 @@ class Playground:
         self.game.begin(self.world, self._ground)
 
     def _props(self, time_ns: int) -> Props:
-        """Returns the props as they are now."""
         specs, world = self.game.props, self.world
         return Props(
             time_ns,

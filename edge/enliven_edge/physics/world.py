@@ -29,8 +29,7 @@ _FLOOR = 4
 _PARKED = np.array([0.0, -60.0, 0.0])
 """(3,) metres: the place of unused spheres, far below the floor."""
 _SPARE = 64
-"""Spheres by which the model grows at a time: rebuilding it takes time, so a few newcomers do not cause
-it."""
+"""Spheres by which the model grows at a time: rebuilding takes time, so a few newcomers do not cause it."""
 _FASTEST_TURN = 40.0
 """Radians a second of a prop: a faster turn is an error of a contact."""
 _FARTHEST = 500.0
@@ -86,15 +85,6 @@ class World:
     def velocities(self) -> Float:
         """(P, 6) metres a second, and radians a second in the prop's own frame."""
         return self._data.qvel.reshape(-1, 6)
-
-    @property
-    def energy(self) -> float:
-        """Joules of motion and of height of all props."""
-        mass = self.props.masses
-        moving = 0.5 * (mass * np.square(self.velocities[:, :3]).sum(1)).sum()
-        inertia = self._model.body_inertia[1 : 1 + len(mass)]
-        turning = 0.5 * (inertia * np.square(self.velocities[:, 3:])).sum()
-        return float(moving + turning + self.settings.gravity * (mass * self.positions[:, 1]).sum())
 
     def put(
         self, which: Int | slice, positions: Float, turns: Float | None = None, speeds: Any = 0.0

@@ -1,6 +1,4 @@
-"""The take of a performance: written while it is performed, and readable up to the moment that the disk is
-full.
-"""
+"""The take of a performance: readable up to the moment that the disk is full."""
 
 import lazy_loader
 

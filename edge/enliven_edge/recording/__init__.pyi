@@ -1,2 +1,2 @@
-from .disk_sync import DiskSync as DiskSync
+from .take import DiskSync as DiskSync
 from .take import Take as Take

@@ -9,7 +9,7 @@ from .base import (
     health_of as health_of,
 )
 from .diary import Diary as Diary, DiaryEntries as DiaryEntries, DiaryEntry as DiaryEntry
-from .options import sensor_options as sensor_options
+from .registry import sensor_options as sensor_options
 from .profile import profile_names as profile_names, profiles_folder as profiles_folder
 from .registry import (
     open_sensor as open_sensor,

@@ -1,12 +1,16 @@
-"""The depth cameras on USB that the system shows, whether a driver for them is installed or not."""
+"""Depth cameras on USB as the system shows them, and their libraries, imported when a driver needs them."""
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
+
+from enliven.errors import ResourceError
 
 DEVICES, NODES = Path("/sys/bus/usb/devices"), Path("/dev/bus/usb")
 """Where Linux lists what is on USB, and the files by which it is opened."""
@@ -129,7 +133,6 @@ def attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[Attached]:
 
 
 def _camera(device: Path, nodes: Path) -> Attached | None:
-    """The camera that a USB device is, or None."""
     vendor, product, title = (_said(device, part) for part in ("idVendor", "idProduct", "product"))
     for kind in KINDS:
         if vendor == kind.vendor and re.fullmatch(kind.products, product) and kind.title in title:
@@ -147,3 +150,28 @@ def _said(device: Path, part: str) -> str:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
         return ""
+
+
+def library(module: str, sensor: str, pip: str = "") -> Any:
+    """A camera's library.
+
+    Args:
+        pip: what pip is to install where no extra of that name can have it.
+
+    Raises:
+        ResourceError: where it is not installed, is of a version that does not work, or does not load on
+            this machine.
+    """
+    where, mend = f"sensor {sensor}", pip_line(sensor, pip)
+    try:
+        why = unsupported(module, version(module))
+    except PackageNotFoundError:
+        why = ""
+    if why:
+        raise ResourceError(why, where=where, mend=mend)
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        missing = isinstance(error, ModuleNotFoundError) and error.name == module
+        what = f"{module} is not installed" if missing else f"{module} does not load ({error})"
+        raise ResourceError(what, where=where, mend=mend) from None

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 from enliven.errors import ResourceError
 from enliven.frames import Frame
 from enliven.health import HealthState
+from enliven_edge.closing import Closing
 
 CHECK_IT = "Check its cable and power; it is opened again and again by itself."
 """The advice for a sensor without a better one."""
@@ -39,8 +39,8 @@ class Condition:
     calibrated: bool = True
 
 
-class Sensor(Protocol):
-    """A stream of frames, from hardware, from a file or made up; a context manager that closes itself.
+class Sensor(Closing, Protocol):
+    """A stream of frames, from hardware, from a file or made up.
 
     ``name`` is the sensor's identity, as its frames carry it. A sensor with a fixed frame rate has it as
     ``fps``, frames a second. A sensor that reports its device's condition has ``condition()``, which returns
@@ -64,18 +64,6 @@ class Sensor(Protocol):
             Exception: any other, when the sensor was lost for good.
         """
         ...
-
-    def close(self) -> None:
-        """Closes the device or file; a second call does nothing."""
-        ...
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def condition_of(sensor: Sensor) -> Condition | None:

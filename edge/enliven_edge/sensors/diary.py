@@ -164,5 +164,4 @@ def _understood(kind: type[T], data: bytes) -> T | None:
 
 @functools.cache
 def _schema(kind: Any) -> str:
-    """The JSON schema of a kind of message."""
     return msgspec.json.encode(msgspec.json.schema(kind)).decode()

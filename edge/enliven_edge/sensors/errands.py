@@ -15,8 +15,7 @@ log = logging.getLogger(__name__)
 class Errands:
     """Runs one call at a time on a daemon thread; the caller waits for the answer with a timeout.
 
-    The thread begins a call only when it is asked, so that no answer is older than it would be without the
-    thread.
+    The thread begins a call only when it is asked, so that no answer is older than without it.
     """
 
     def __init__(self, name: str) -> None:
@@ -81,7 +80,6 @@ class Errands:
         return not self._thread.is_alive()
 
     def _left(self) -> list[Any]:
-        """The answers that were not taken."""
         left = []
         while not self._answers.empty():
             left.append(self._answers.get()[0])

@@ -1,4 +1,4 @@
-"""The registry of sensors: opens any of them by name."""
+"""The registry of sensors: opens any of them by name, with options as words of a command line say them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,33 @@ from typing import Any
 from enliven.errors import InputError
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.sensors.isolation import IsolatedOpener
+
+
+def sensor_options(settings: list[str]) -> dict[str, Any]:
+    """KEY=VALUE words as a mapping; numbers and true/false become what they look like.
+
+    Raises:
+        InputError: for a word without '='.
+    """
+    options: dict[str, Any] = {}
+    for word in settings:
+        key, equals, value = word.partition("=")
+        if not equals or not key:
+            raise InputError(f"{word!r} is not KEY=VALUE", where="--set", mend="For example: --set speed=2")
+        options[key.strip().replace("-", "_")] = _value(value.strip())
+    return options
+
+
+def _value(text: str) -> Any:
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
 
 ENTRY_POINTS = "enliven.sensors"
 """Other packages add sensors through this group: an entry point names a class that makes a Sensor."""
@@ -66,11 +93,7 @@ def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Ca
 
 
 def _checked(name: str, options: dict[str, Any]) -> Any:
-    """The class of a sensor that takes these options.
-
-    Raises:
-        InputError: for an unknown name or option.
-    """
+    """The class of a sensor that takes these options."""
     kind = _kind(name)
     known = inspect.signature(kind).parameters
     for option in options:

@@ -169,8 +169,7 @@ class ReopeningSensor(Sensor):
     def _shift(self, time_ns: int, now_ns: int) -> int:
         """Returns the nanoseconds to add to the times of a device that was just opened.
 
-        They are the same as before, or none, if times then go on rising; otherwise this machine's clock
-        decides.
+        They are the same as before, or none, if times then go on rising; else this machine's clock decides.
         """
         ahead_ns = statistics.median_low(self._ahead_ns)
         # On a busy machine the last frame may have arrived with less delay than usual.

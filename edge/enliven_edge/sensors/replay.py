@@ -170,7 +170,6 @@ class _Endless:
 
 
 def _later(entry: DiaryEntry, shift_ns: int) -> DiaryEntry:
-    """The same entry, so much later."""
     said, time_ns = entry.said, entry.time_ns + shift_ns
     frame = said if isinstance(said, Exception) else dataclasses.replace(said, time_ns=time_ns)
     return DiaryEntry(time_ns, frame, entry.condition)

@@ -85,11 +85,7 @@ class WebcamSensor(Sensor):
             self._eye.close()
 
     def _next_image(self) -> Any:
-        """The next image, None at the end.
-
-        Raises:
-            ResourceError: where the camera was lost.
-        """
+        """The next image, None at the end."""
         import av
 
         try:
@@ -107,7 +103,6 @@ class WebcamSensor(Sensor):
 
 
 def _opened(device: str, live: bool) -> Any:
-    """The video, opened by PyAV."""
     need("av", "film", "webcam")
     import av
 

@@ -26,11 +26,7 @@ class Opening:
         self._due = [(name, [part.strip() for part in text.split("/")]) for name, text in each.items()]
 
     def take_hold(self, seconds: float) -> None:
-        """Lets each performer who is due and in view take hold.
-
-        Args:
-            seconds: since the first frame.
-        """
+        """Lets each performer take hold who is in view and due so many seconds after the first frame."""
         if self._at is None or seconds < self._at:
             return
         for name, parts in self._due:

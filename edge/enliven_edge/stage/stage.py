@@ -113,12 +113,7 @@ class Stage:
         return poses
 
     def tick(self, frame: Frame, poses: list[Pose], read_ns: int = 0) -> Tick:
-        """Returns the result of the frame that was performed last.
-
-        Args:
-            poses: as :meth:`perform` returned them.
-            read_ns: wall clock when the frame was read.
-        """
+        """Returns the result of the frame that was performed last."""
         return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), self.holders)
 
     @property

@@ -65,8 +65,7 @@ def iterm(picture: UInt8) -> str:
 
 
 def sixel(picture: UInt8) -> str:
-    """Encodes as sixels of at most 256 colours: six rows of pixels at a time, each colour over the same
-    band."""
+    """Encodes as sixels of at most 256 colours: six rows at a time, each colour over the same band."""
     image = Image.fromarray(picture).quantize(_COLOURS, dither=Image.Dither.NONE)
     indices = np.asarray(image)
     height, width = indices.shape
@@ -132,8 +131,7 @@ def _repeated(character: str, count: int) -> str:
 
 
 def _fitting(picture: UInt8, width: int) -> UInt8:
-    """Returns the picture, made smaller where it is wider; nearest pixels, so that a hole in depth stays
-    one."""
+    """Returns the picture, made smaller where it is wider; nearest pixels: a hole in depth stays one."""
     height, across = picture.shape[:2]
     if across <= width:
         return picture

@@ -23,8 +23,7 @@ from enliven_edge.tracking.settings import TrackerSettings
 _YOUNG = 1.0
 """Seconds of a room's age up to which people may have been learnt as a part of it."""
 _SURFACE = 0.05
-"""Metres from a person's surface within which such a part of the room is the person: about the fit's
-error."""
+"""Metres from a person's surface within which such a part of the room is the person: the fit's error."""
 
 
 class Tracker:
@@ -59,17 +58,16 @@ class Tracker:
     @property
     def performers(self) -> list[Person]:
         """The followed people who may perform, in the order in which they were found."""
-        return self._people.performers
+        return self._people.roster.performers
 
     @property
     def bystanders(self) -> int:
         """The number of people in view that are no performers: out of the zone, or locked out."""
-        return self._people.bystanders
+        return self._people.finder.bystanders
 
     @property
     def state(self) -> TrackerState | None:
-        """The state after the last frame, for the monitor of the tracker's health; None where the sensor
-        tracks people itself."""
+        """The state after the last frame, for the health; None where the sensor tracks people itself."""
         if not self._by_depth:
             return None
         age = self._room.age if self._room is not None else 0.0
@@ -103,17 +101,17 @@ class Tracker:
             InputError: where the sensor tracks people itself.
         """
         self._need_depth()
-        self._people.lock_to(ids)
+        self._people.roster.lock_to(ids)
 
     @property
     def locked(self) -> bool:
         """Whether new people are bystanders."""
-        return self._people.lock.ids is not None
+        return self._people.roster.lock.closed
 
     def unlock(self) -> None:
         """Lets new people be performers again; raises InputError as :meth:`lock`."""
         self._need_depth()
-        self._people.unlock()
+        self._people.roster.lock.open()
 
     def _need_depth(self) -> None:
         """Raises InputError where the sensor tracks people itself."""
@@ -130,11 +128,10 @@ class Tracker:
         self.output.forget()
 
     def track(self, frame: Frame) -> list[Body]:
-        """The bodies in a frame, world frame: found in its depth, or as the sensor found them; empty without
-        people."""
+        """The bodies in a frame, world frame: found in its depth, or by the sensor; empty without people."""
         if isinstance(frame, BodyFrame):
             self._by_depth = False
-            self._people.unlock()
+            self._people.roster.lock.open()
             return self.output(frame.bodies, frame.time_ns, frame.world_from_camera)
         self._by_depth = True
         return self._track_depth(frame)
@@ -149,10 +146,10 @@ class Tracker:
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
         segments = self._people.follow(view, kind)
-        hold = self._people.find_new(view, kind, segments, room, believe=not self._mounting.suspected)
+        hold = self._people.finder.find(view, kind, segments, room, believe=not self._mounting.suspected)
         self._owner, self._view = segments.owner, view
         room.guard(segments.owner, self._people.travelled_ids(), view.z)
-        people = (segments.owner >= 0) | self._people.searched_pixels(view)
+        people = (segments.owner >= 0) | self._people.finder.searched_pixels(view)
         agreement = room.learn(view.z, people, view.time_ns, hold)
         self._take_back(room, view)
         self._mounting.watch(view, agreement, people)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import typer
 
@@ -86,19 +85,22 @@ def run(
     if as_film:
         out.mkdir(exist_ok=True)
     ports = free_ports()
-    edge = _edge_arguments(recording, sensor, possess_at, seconds, ports, as_film)
-    for name, words in (("--mesh", mesh), ("--parts", parts), ("--drive", drive)):
-        edge += [word for each in words or [] for word in (name, each)]
-    edge += [word for each in option or [] for word in ("--set", each)]
-    edge += ["--record", str(record)] if record else []
-    edge += ["--physics", physics] if physics else []
-    edge += ["--up", up] if up else []
-    edge += ["--settings", str(settings)] if settings else []
-    view = _view_arguments(out, ports, as_film)
-    view += ["--size", size] if size else []
-    code = run_together(
-        [Process("edge", edge, ready=_ready(ports, as_film)), Process("viewer", view, leads=True)]
-    )
+    where = {"port": ports[0], "control_port": ports[1]}
+    moves: dict[str, Any] = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics}
+    moves |= {"possess_at": possess_at, "up": up}
+    source: dict[str, Any] = {"sensor": sensor, "set": option, "recording": None if sensor else recording}
+    source |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
+    # For a film the edge waits for its viewer, so that no frame is lost.
+    kept = {"record": record, "settings": settings, "name": f"run-{os.getpid()}", "wait_for_viewer": 60}
+    edge = _words("edge", **source, **moves, **kept, **where)
+    film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_PATIENCE:g}"}
+    view = _words("view", edge="127.0.0.1", **(film_to if as_film else {}), **where, size=size)
+    # The edge compiles and prepares the mesh before it listens, a minute the very first time.
+    processes = [
+        Process("edge", edge, ready=lambda: as_film or is_listening("127.0.0.1", ports[0])),
+        Process("viewer", view, leads=True),
+    ]
+    code = run_together(processes)
     if code:
         raise typer.Exit(code)
     if as_film:
@@ -112,14 +114,6 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _ready(ports: tuple[int, ...], as_film: bool) -> Callable[[], bool]:
-    """Returns the test that decides when to start the viewer: at once for a film, else when the edge listens.
-
-    The edge compiles and prepares the mesh before it listens, a minute the very first time.
-    """
-    return lambda: as_film or is_listening("127.0.0.1", ports[0])
-
-
 def _need_both_programs() -> None:
     for package, name in (("enliven_edge", "enliven-edge"), ("enliven_viewer", "enliven-viewer")):
         if importlib.util.find_spec(package) is None:
@@ -129,33 +123,11 @@ def _need_both_programs() -> None:
             )
 
 
-def _edge_arguments(
-    recording: Path | None,
-    sensor: str | None,
-    possess_at: float,
-    seconds: float | None,
-    ports: tuple[int, ...],
-    as_film: bool,
-) -> list[str]:
-    """Returns the edge's command line; for a film the edge waits for its viewer, so that no frame is lost."""
-    arguments = ["edge", "--possess-at", str(possess_at)]
-    arguments += ["--port", str(ports[0]), "--control-port", str(ports[1]), "--name", f"run-{os.getpid()}"]
-    arguments += ["--wait-for-viewer", "60"]
-    if sensor is not None:
-        arguments += ["--sensor", sensor]
-    elif recording is not None:
-        arguments += ["--recording", str(recording)]
-    if seconds is not None:
-        arguments += ["--seconds", str(seconds)]
-    elif sensor is None and not as_film:
-        arguments += ["--loop"]
-    return arguments
-
-
-def _view_arguments(out: Path, ports: tuple[int, ...], as_film: bool) -> list[str]:
-    """Returns the viewer's command line."""
-    arguments = ["view", "--edge", "127.0.0.1", "--port", str(ports[0]), "--control-port", str(ports[1])]
-    if as_film:
-        arguments += ["--film", str(out / "enliven.mp4"), "--sheet", str(out / "enliven.png")]
-        arguments += ["--wait", f"{_PATIENCE:g}"]
-    return arguments
+def _words(program: str, /, **options: Any) -> list[str]:
+    """Returns a command line: None and False are left out, True is an option alone, a list several of one."""
+    words = [program]
+    for option, value in options.items():
+        for one in value if isinstance(value, list) else [value]:
+            if one is not None and one is not False:
+                words += [f"--{option.replace('_', '-')}", *([] if one is True else [str(one)])]
+    return words

@@ -23,6 +23,7 @@ from enliven.arrays import AnyArray, Float, Float32, Int, Int32
 from enliven.document import Character, Pose
 from enliven.errors import InputError
 from enliven.kernels import njit
+from enliven.rotation import rotation_matrix
 from enliven.wire.bits import LIMIT, decode_columns, encode_columns
 from enliven.wire.fields import MAX_TRANSFORMS
 from enliven.wire.quantize import (
@@ -31,7 +32,6 @@ from enliven.wire.quantize import (
     ROTATION_STEP,
     STRETCH_STEP,
     nearest_rotation,
-    rotation_matrix,
     rotation_vector,
     stretch_of,
     stretched,

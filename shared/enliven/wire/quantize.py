@@ -67,15 +67,6 @@ def turned_by(a: Float, x: float, y: float, z: float, out: Float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def rotation_matrix(q: Float, out: Float) -> None:
-    """out (3, 3) = the rotation matrix of a unit quaternion."""
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    out[1, 0], out[1, 1], out[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    out[2, 0], out[2, 1], out[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-
-
-@njit(cache=True, nogil=True)
 def nearest_rotation(a: Float, room: Float, out: Float) -> None:
     """out (4,) = the quaternion, w >= 0, of the rotation Q that maximises trace(Q^T A).
 

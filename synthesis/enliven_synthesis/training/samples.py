@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from enliven.arrays import Bool, Float32, UInt8
+from enliven.arrays import Bool, Float, Float32, UInt8
 from enliven.person import Limb
-from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, BodyPart, Crop, crop_person, facing_of
+from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, BodyPart, Crop, crop_person, facing_in_plan
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 LABEL_ROWS, LABEL_COLUMNS = ROWS // 2, COLUMNS // 2
@@ -54,7 +54,7 @@ class TrainingSample:
         image: (4, 80, 64) float32, as of :class:`Crop`.
         cell: metres of a cell.
         joints: (20, 3) float32 metres, crop coordinates, ordered by :class:`enliven.person.body.Joint`.
-        facing: radians, as of :func:`facing_of`; NaN without a person, where joints are 0.
+        facing: radians, as of :func:`facing_in_plan`; NaN without a person, where joints are 0.
         parts: (40, 32) uint8 the part at every second cell, or the label of the background.
     """
 
@@ -95,8 +95,8 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
     return TrainingSample(
         crop.image,
         crop.cell,
-        crop.from_camera(joints).astype(np.float32),
-        facing_of(chest[:, 0], chest[:, 3], pose[:3, 3]),
+        in_crop(crop, joints).astype(np.float32),
+        facing_in_plan(chest[:, 0], chest[:, 3], pose[:3, 3]),
         _labels(crop, rendered, mask),
     )
 
@@ -150,3 +150,9 @@ def _labels(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:
     out = np.full((LABEL_ROWS, LABEL_COLUMNS), NOBODY, np.uint8)
     out[inside] = np.where(mask, rendered.label, NOBODY)[v[inside], u[inside]]
     return out
+
+
+def in_crop(crop: Crop, points: Float) -> Float:
+    """Returns (N, 3) crop coordinates of (N, 3) points in the camera's frame (x right, y down, z ahead)."""
+    flat = (points[:, :2] / points[:, 2:] @ crop.axes.T - crop.centre) * crop.depth
+    return np.concatenate([flat, points[:, 2:] - crop.depth], 1)

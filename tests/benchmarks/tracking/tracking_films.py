@@ -80,7 +80,8 @@ def _shots_of_vcl3d() -> list[list[DepthFrame]]:
 
 def make(name: str, takes: list[list[DepthFrame]]) -> None:
     """One film and its contact sheet: frames evenly spread, or the last of each take where there are many."""
-    pictures = [p for frames in takes for p in Inspector(Tracker()).pictures(frames)]
+    inspected = [(Inspector(Tracker()), frames) for frames in takes]
+    pictures = [inspector.picture(frame) for inspector, frames in inspected for frame in frames]
     with FilmWriter(OUT / f"{name}.mp4", None, 30.0, 8.0) as film:
         for picture in pictures:
             film.add(picture)

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from enliven_edge.controls.control_set import open_controls
-from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings
 
 

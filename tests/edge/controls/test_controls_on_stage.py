@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from enliven.frames import BodyFrame
-from enliven_edge.controls.commands import WORDS
+from enliven_edge.controls.base import WORDS
 from enliven_edge.controls.control_set import Controls, open_controls
-from enliven_edge.controls.lamps import Lamps
+from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.base import SensorFault
@@ -181,10 +181,10 @@ def test_a_locked_cast_is_the_trackers(outlet):
     edge = Edge(People(), Tracker(), Stage([]), outlet, controls=Controls([say]))
     say.words = ["lock"]
     edge._listen()
-    assert edge.tracker._people.lock.ids is not None
+    assert edge.tracker._people.roster.lock.ids is not None
     say.words = ["unlock"]
     edge._listen()
-    assert edge.tracker._people.lock.ids is None
+    assert edge.tracker._people.roster.lock.ids is None
 
 
 def test_lamps_show_the_stage_and_its_health(outlet):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from enliven_edge.controls.base import ControlReader
 from enliven_edge.controls.control_set import open_controls
-from enliven_edge.controls.hid_reports import Edges, buttons_down, keys_down
+from enliven_edge.controls.hid_pedal import Edges, buttons_down, keys_down
 from enliven_edge.controls.settings import ControlSettings
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -9,8 +9,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from enliven.health import Severity
-from enliven_edge.controls.lamps import Lamps, lamps_of
-from enliven_edge.controls.panel_protocol import Decoder, PanelKeys, encode, lamps_body
+from enliven_edge.controls.panel_protocol import Decoder, Lamps, PanelKeys, encode, lamps_body, lamps_of
 
 letters = st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_characters="$*")
 bodies = st.lists(st.text(letters, min_size=1, max_size=20), min_size=1, max_size=6)

@@ -11,8 +11,7 @@ import pytest
 
 from enliven_edge.controls import serial_panel
 from enliven_edge.controls.control_set import open_controls
-from enliven_edge.controls.lamps import Lamps
-from enliven_edge.controls.panel_protocol import Decoder, encode
+from enliven_edge.controls.panel_protocol import Decoder, Lamps, encode
 from enliven_edge.controls.settings import ControlSettings
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -20,8 +20,7 @@ from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.controls.control_set import open_controls
 from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.controls.sound import RATE, SoundRecording
-from enliven_edge.controls.voice import Recogniser
+from enliven_edge.controls.voice import RATE, Recogniser, SoundRecording
 from enliven_edge.settings import EdgeSettings
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.person.limbs import Limb
 from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
-from enliven_edge.tracking.estimator.labels import facing_of
+from enliven_edge.tracking.estimator.labels import facing_in_plan
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 _DICE = 2024
@@ -45,7 +45,7 @@ def fresh(number: int, frontal: float = 0.4) -> Fresh:
     taken = _studio().render_person(np.random.default_rng([_DICE, number]), frontal=frontal)
     mask = taken.z > 0
     chest = taken.figure.frames[Limb.CHEST]
-    facing = facing_of(chest[:, 0], chest[:, 3], taken.world_from_camera[:3, 3])
+    facing = facing_in_plan(chest[:, 0], chest[:, 3], taken.world_from_camera[:3, 3])
     return Fresh(taken, np.where(mask, taken.z, taken.around).astype(np.float64), mask, facing)
 
 

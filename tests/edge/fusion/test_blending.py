@@ -12,7 +12,10 @@ from enliven_edge.fusion.live.blending import (
     side_costs,
     trunk_distances,
 )
-from enliven_edge.fusion.live.sides import LATERAL, MIDDLES, OTHER_SIDE, middle_weights, middles
+from enliven_edge.fusion.live.naming import MIDDLES, OTHER_SIDE, middle_weights, middles
+
+LATERAL = np.arange(20) != OTHER_SIDE
+"""(20,) whether a joint has a side."""
 
 
 def slow_blend(x, w, predicted, known, before, d, share):

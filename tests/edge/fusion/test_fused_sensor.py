@@ -13,12 +13,11 @@ from walkers import Walker, stand, told
 from enliven.errors import ResourceError
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
-from enliven_edge.fusion.calibration.collecting import Collector
-from enliven_edge.fusion.live.arrival import ArrivalClocks
+from enliven_edge.fusion.calibration.tracks import Collector
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.health import SensorState
-from enliven_edge.fusion.live.merge import eyes
+from enliven_edge.fusion.live.merge import ArrivalClocks, eyes
+from enliven_edge.fusion.live.sensor_view import SensorState
 from enliven_edge.fusion.placement.space import Place, Space, rows
 from enliven_edge.tracking.tracker import Tracker
 

@@ -11,11 +11,10 @@ from walkers import Walker
 from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector, multiply, rotate
 from enliven_edge.fusion.live import blending
-from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.fusion.live.fuser import Fuser, standing_person, warm_up_fusion
 from enliven_edge.fusion.live.grouping import plausible
-from enliven_edge.fusion.live.health import SensorState
-from enliven_edge.fusion.live.sides import exchanged
-from enliven_edge.fusion.live.warmup import standing_person, warm_up_fusion
+from enliven_edge.fusion.live.naming import exchanged
+from enliven_edge.fusion.live.sensor_view import SensorState
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_synthesis.motion.wander import WalkPath
 

@@ -21,7 +21,7 @@ from enliven.person.joints import J
 from enliven.recording import Recorder, Recording
 from enliven_edge.commands.import_ import import_recording
 from enliven_edge.commands.record import record
-from enliven_edge.sensors.options import sensor_options
+from enliven_edge.sensors.registry import sensor_options
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command("import")(import_recording)

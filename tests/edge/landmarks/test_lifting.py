@@ -7,8 +7,7 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.person.joints import Joint
-from enliven_edge.landmarks.anatomy import WEIGHTS, visibility_of
-from enliven_edge.landmarks.lifting import Lifter, LiftSettings
+from enliven_edge.landmarks.lifting import WEIGHTS, Lifter, LiftSettings, visibility_of
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 LIMBS = [j for j in Joint if j not in (Joint.HIP_CENTER, Joint.SPINE)]

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from enliven.errors import InputError, ResourceError
-from enliven_edge.landmarks import mediapipe_source, worker
-from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource
+from enliven_edge.landmarks import source, worker
+from enliven_edge.landmarks.source import MediaPipeSettings, MediaPipeSource
 
 
 def has_mediapipe() -> bool:
@@ -49,5 +49,5 @@ def test_the_worker_needs_nothing_of_this_program():
 
 
 def test_both_sides_agree_on_the_layout():
-    assert worker.HEAD.format == mediapipe_source._HEAD.format
+    assert worker.HEAD.format == source._HEAD.format
     assert len(worker._packed([([], [])], 1, 1)) == 4

@@ -10,17 +10,17 @@ import pytest
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
+from enliven.person import BONES, Joint
 from enliven.settings import load_settings
 
 from .conftest import FRAME, UNBOUND, person
 
 pytest.importorskip("mujoco", reason="the physics engine is an extra: pip install ./edge[physics]")
 
-from enliven_edge.physics.ground import WorldGround, ground_under
-from enliven_edge.physics.performers import BODY_SPHERES, body_spheres
+from enliven_edge.physics.games import tower_places, tower_props
+from enliven_edge.physics.ground import WorldGround, body_spheres, ground_under
 from enliven_edge.physics.playground import Playground
 from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings, PhysicsSettings
-from enliven_edge.physics.towers import tower_places, tower_props
 from enliven_edge.stage.tick import Tick
 
 NS = round(1e9 * FRAME)
@@ -179,7 +179,7 @@ def test_who_steps_aside_is_not_hit():
 
 def test_bodies_become_spheres_about_their_joints():
     centres, radii = body_spheres(person())
-    assert centres.shape == (BODY_SPHERES, 3) and (radii > 0.03).all() and (radii < 0.15).all()
+    assert centres.shape == (len(Joint) + 2 * len(BONES), 3) and (radii > 0.03).all() and (radii < 0.15).all()
     broken = person()
     broken.joints[3] = np.nan
     assert np.isnan(body_spheres(broken)[0]).any(1).sum() == 3  # the head, and two along the neck

@@ -16,8 +16,7 @@ from tolerances import assert_alike
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.examples.spacetime.locomotion import locate
 from enliven.person.joints import Joint
-from enliven_edge.stage.puppet.feet import Feet, Footing
-from enliven_edge.stage.puppet.locomotion import Locomotion
+from enliven_edge.stage.puppet.locomotion import Feet, Footing, Locomotion
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
 

@@ -8,7 +8,7 @@ from sample_meshes.cactus_puppet import cactus_project
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.character import Pose
 from enliven.document.puppet import character_of_puppet
-from enliven_edge.stage.puppet.skin import roughly_skinned
+from enliven_edge.physics.playground import roughly_skinned
 
 PUPPET = cactus_project(0.05).puppet("cactus")
 CHARACTER = character_of_puppet(PUPPET)

@@ -14,7 +14,7 @@ from enliven.health import HealthKind, Severity
 from enliven.recording import Recording, RecordingWarning
 from enliven.wire.characters import CharacterMessage
 from enliven_edge.network.outlet import Outlet
-from enliven_edge.recording.disk_sync import DiskSync
+from enliven_edge.recording.take import DiskSync
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.casting import cast

@@ -8,9 +8,8 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.capsules import nearest_capsules
 from enliven_edge.tracking.body_model.kinematics import pivots_by_length
 from enliven_edge.tracking.body_model.posture import Posture, forward
-from enliven_edge.tracking.fit.carried_points import ends_by_length
 from enliven_edge.tracking.fit.gauss_newton import stepped
-from enliven_edge.tracking.fit.normal_equations import empty_sums, gather
+from enliven_edge.tracking.fit.normal_equations import empty_sums, ends_by_length, gather
 from enliven_edge.tracking.fit.structures import CapsuleSurface, PlacedFrames
 
 TURNS = (model.DOF_FRAME, model.DOF_AXIS)

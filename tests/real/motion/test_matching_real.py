@@ -21,7 +21,7 @@ from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.rig.casting import cast_rig
+from enliven_edge.stage.rig.rig_actor import cast_rig
 from enliven_edge.stage.rig.settings import MatchingSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from enliven import rotation
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.wire import bits, quantize
@@ -72,7 +73,7 @@ def test_nearest_rotation_is_that_of_the_singular_values(seed: int, scale: float
     q, r, stretch = np.empty(4), in_room(np.zeros((3, 3))), np.empty(6)
     a = in_room(a)
     quantize.nearest_rotation(a, np.empty((2, 4, 6))[:, :, :4], q)
-    quantize.rotation_matrix(q, r)
+    rotation.rotation_matrix(q, r)
     assert q[0] >= 0 and np.isclose(np.linalg.norm(q), 1)
     assert np.allclose(r, matrix(q), atol=1e-12)
     assert np.trace(r.T @ a) >= np.trace(polar(a).T @ a) - 1e-9 * singular[0]
@@ -91,7 +92,7 @@ def test_degenerate_matrices_still_get_a_rotation_and_their_stretch(a: np.ndarra
     q, r, stretch, again = np.empty(4), in_room(np.zeros((3, 3))), np.empty(6), np.empty((3, 3))
     a = in_room(a)
     quantize.nearest_rotation(a, np.empty((2, 4, 6))[:, :, :4], q)
-    quantize.rotation_matrix(q, r)
+    rotation.rotation_matrix(q, r)
     assert np.isclose(np.linalg.norm(q), 1) and np.isclose(np.linalg.det(r), 1)
     quantize.stretch_of(a, r, stretch)
     quantize.stretched(r, stretch, again)

@@ -1,2 +1,2 @@
 from .calibration import Calibration as Calibration, SensorPair as SensorPair, calibrate as calibrate
-from .collecting import Collector as Collector
+from .tracks import Collector as Collector

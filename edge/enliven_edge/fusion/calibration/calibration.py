@@ -93,8 +93,7 @@ class Calibration:
 
     @property
     def advice(self) -> list[str]:
-        """What the user should do, one sentence for each pair that a loose sensor needs; empty where all is
-        good."""
+        """Advice, a sentence for each pair that a loose sensor needs; empty where all is good."""
         loose = self.loose(lambda pair: pair.good)
         return [p.quality.advice for p in self.pairs if p.quality.advice and {p.a, p.b} & set(loose)]
 
@@ -180,8 +179,7 @@ def _finished(
 def _score(
     a: BodyStream, b: BodyStream, fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
 ) -> float:
-    """Returns metres of disagreement a body, with a cost for bodies that both should have seen and one did
-    not.
+    """Returns metres of disagreement a body, with a cost for bodies that only one saw of both.
 
     Short overlaps agree by chance more easily, so that they must agree better.
     """

@@ -71,8 +71,7 @@ def guesses(
 
 
 def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
-    """Returns transforms from (N, 20, 3) to (N, 20, 3) joints: by the midline, and by either naming of
-    sides."""
+    """Returns transforms from (N, 20, 3) to (N, 20, 3) joints: by the midline, or by sides named so or so."""
     free = _consensus(middles(p), middles(q), middle_weights(w), upright)
     flat = w.reshape(-1)
     named = best_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
@@ -81,8 +80,7 @@ def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
 
 
 def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
-    """Returns (4, 4) the transform on which most of (N, 12, 3) points agree: random pairs of frames, then
-    all."""
+    """Returns (4, 4) the transform on which most of (N, 12, 3) points agree: by random pairs, then all."""
     random = np.random.default_rng(0)
     best, best_cost = np.eye(4), np.inf
     for _ in range(_DRAWS):
@@ -108,8 +106,7 @@ def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
 def matched(
     a: BodyStream, b: BodyStream, a_from_b: Float, lag: float, settings: CalibrationSettings
 ) -> tuple[BodyMatch, ...]:
-    """Matches the people of ``a`` and ``b`` at every moment, once the sensors are roughly placed (Hungarian,
-    gated)."""
+    """Matches people at every moment, once the sensors are roughly placed (Hungarian, gated)."""
     times = np.unique(np.concatenate([t.times for t in a.tracks]))
     near: list[list[Float]] = []
     for track_a in a.tracks:

@@ -35,8 +35,7 @@ class Network:
 
 
 def network(names: Sequence[str], edges: list[Edge]) -> Network:
-    """Computes the placements by all good edges; others only connect sensors that would be loose
-    otherwise."""
+    """Computes the placements by all good edges; others only connect sensors that were loose."""
     used = _used(names, edges)
     places, lags = _spread(names[0], used)
     loose = [name for name in names[1:] if name in places]

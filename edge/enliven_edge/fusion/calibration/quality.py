@@ -140,8 +140,7 @@ def _doubt(
 def _jackknife(
     fit: Fit, matches: tuple[BodyMatch, ...], blocks: list[Int], settings: CalibrationSettings
 ) -> Float:
-    """Returns (3,) metres, radians and seconds of one standard deviation, leaving out one block after
-    another.
+    """Returns (3,) metres, radians and seconds of one standard deviation, each block left out in turn.
 
     Args:
         blocks: by match, (N,) the block of each of its moments, from 0.

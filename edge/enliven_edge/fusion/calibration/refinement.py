@@ -112,8 +112,7 @@ def _looked(
     lag: float,
     settings: CalibrationSettings,
 ) -> _Look | None:
-    """Returns the joints of both sensors at the moments of the matches; ``held`` are the first sensor's, by
-    match."""
+    """Returns the joints of both sensors at the matches' moments; ``held`` are the first's, by match."""
     looks = []
     for match, (p, _, seen_a) in zip(matches, held, strict=True):
         q, velocity, seen_b = match.b.at(match.times - lag, settings.longest_gap)

@@ -1,7 +1,9 @@
-"""The bodies of one sensor by person: joints over time, interpolated between the frames."""
+"""The bodies of one sensor: collected in one level frame, and by person over time, between the frames too."""
 
 from __future__ import annotations
 
+import dataclasses
+import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +11,12 @@ from functools import cached_property
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.frames import BodyFrame
+from enliven.errors import InputError
+from enliven.frames import BodyFrame, DepthFrame
+from enliven_edge.fusion.live import PATIENCE, SensorThread, in_world
+from enliven_edge.fusion.placement import inverse
+from enliven_edge.sensors import Sensor, SensorFault
+from enliven_edge.tracking import Tracker
 
 _SLOWEST = 0.35
 """Seconds between frames over which linear interpolation of a walking person still holds."""
@@ -90,8 +97,7 @@ class BodyStream:
 
 
 def stream_of(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
-    """Returns the tracks of a sensor's body frames; frames out of order and frames of equal time are left
-    out."""
+    """Returns the tracks of a sensor's body frames, without those out of order or of equal time."""
     kept: list[BodyFrame] = []
     for frame in frames:
         if not kept or frame.time_ns > kept[-1].time_ns:
@@ -107,3 +113,73 @@ def stream_of(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
         for person, rows in people.items()
     ]
     return BodyStream(sensor, first, tuple(sorted(tracks, key=lambda t: -len(t.times))))
+
+
+log = logging.getLogger(__name__)
+
+
+class Collector(SensorThread):
+    """Tracks one sensor in a thread and keeps its bodies.
+
+    Args:
+        name: the sensor's identity.
+        seconds: of the sensor's clock after which it is enough; None for as long as frames come.
+
+    Attributes:
+        frames: how many were tracked.
+    """
+
+    def __init__(self, name: str, sensor: Sensor, tracker: Tracker, seconds: float | None = None) -> None:
+        super().__init__(name, sensor)
+        self.frames = 0
+        self._tracker, self._seconds = tracker, seconds
+        self._kept: list[tuple[BodyFrame, Float | None]] = []
+
+    @property
+    def level_from_camera(self) -> Float | None:
+        """(4, 4) where a depth sensor's camera stands in its own level frame; None for a sensor of bodies."""
+        return next((mount for _, mount in reversed(self._kept) if mount is not None), None)
+
+    def stream(self) -> BodyStream:
+        """Returns all bodies so far, in the level frame as it is known now.
+
+        A sensor may find its floor only after some frames, or know it better later: its past is put right.
+        """
+        return stream_of(self.name, self.frames_in_level())
+
+    def frames_in_level(self) -> list[BodyFrame]:
+        """Returns the same as frames."""
+        kept = list(self._kept)
+        final = self.level_from_camera
+        return [_put_right(frame, mount, final) for frame, mount in kept]
+
+    def _read(self) -> None:
+        first: int | None = None
+        while not self._stopped.is_set():
+            try:
+                frame = self.sensor.read(PATIENCE)
+            except TimeoutError:
+                continue
+            except (SensorFault, InputError) as error:
+                log.warning("%s", error)
+                continue
+            if frame is None:
+                return
+            first = frame.time_ns if first is None else first
+            if self._seconds is not None and frame.time_ns - first > self._seconds * 1e9:
+                return
+            if isinstance(frame, DepthFrame):
+                bodies = self._tracker.track(frame)
+                mount = self._tracker.world_from_camera
+                told = BodyFrame(bodies, frame.time_ns, self.name)
+                self._kept.append((told, None if mount is None else mount.copy()))
+            else:
+                self._kept.append((frame, None))
+            self.frames += 1
+
+
+def _put_right(frame: BodyFrame, mount: Float | None, final: Float | None) -> BodyFrame:
+    """Returns the bodies as if the sensor's final mounting had been known from the start."""
+    if mount is None or final is None or not frame.bodies or np.array_equal(mount, final):
+        return frame
+    return dataclasses.replace(frame, bodies=in_world(frame.bodies, final @ inverse(mount)))

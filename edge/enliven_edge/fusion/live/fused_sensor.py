@@ -10,10 +10,9 @@ from collections.abc import Mapping
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind, HealthState, Severity, worst_first
-from enliven_edge.fusion.live.arrival import ArrivalClocks
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.health import SensorState, SensorWarning
-from enliven_edge.fusion.live.merge import OutputSchedule, eyes
+from enliven_edge.fusion.live.merge import ArrivalClocks, OutputSchedule, eyes
+from enliven_edge.fusion.live.sensor_view import SensorState, SensorWarning
 from enliven_edge.fusion.live.watcher import SensorBodies, Watcher
 from enliven_edge.fusion.placement import Space
 from enliven_edge.fusion.settings import FusionSettings
@@ -164,7 +163,6 @@ class FusedSensors(Sensor):
         return seen.time_ns + self._clocks.shift(seen.sensor)
 
     def _tell(self, why: str = "") -> None:
-        """Logs and keeps the warnings of the fuser."""
         for warning in self.fuser.take_warnings():
             self.warnings = [*self.warnings[-99:], warning]
             self._last[warning.sensor] = warning
@@ -173,18 +171,13 @@ class FusedSensors(Sensor):
             log.log(logging.INFO if quiet else logging.WARNING, "%s", text)
 
     def _check_all_lost(self) -> None:
-        """Raises ResourceError where every sensor failed."""
         failures = [w.failure for w in self._watchers if w.failure]
         if len(failures) == len(self._watchers):
             raise ResourceError("every sensor was lost", where=self.name, mend=failures[0])
 
 
 def _known(sensors: Mapping[str, Sensor], space: Space) -> None:
-    """Checks that the space has a place for each sensor.
-
-    Raises:
-        InputError: where it has none.
-    """
+    """Checks that the space has a place for each sensor."""
     for name in sensors:
         if name not in space.sensors:
             raise InputError(

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import Body
+from enliven.rotation import IDENTITY
 from enliven_edge.fusion.live.grouping import NEVER, Group, assigned, distances, grouped
-from enliven_edge.fusion.live.health import SENTENCE, SensorState, SensorWarning
 from enliven_edge.fusion.live.person import FusedPerson
-from enliven_edge.fusion.live.sensor_view import SensorView
+from enliven_edge.fusion.live.sensor_view import SENTENCE, SensorState, SensorView, SensorWarning
 from enliven_edge.fusion.settings import FusionSettings
+from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
 
 _SPEED = 1.5
 """Metres a second by which the gate of an unseen person grows: they may walk on."""
@@ -45,8 +47,7 @@ class Fuser:
         self._now_ns: int | None = None
 
     def update(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
-        """Takes in a sensor's bodies at a time of the common clock; returns False where they came too late to
-        count."""
+        """Takes in a sensor's bodies at a time of the common clock; returns False if they came too late."""
         view = self.views[self._numbers[sensor]]
         before = view.state
         heard = view.update(bodies, time_ns, self.settings.silence, frozen=frozen)
@@ -112,8 +113,7 @@ class Fuser:
         return person
 
     def _costs(self, groups: list[Group], time_ns: int) -> Float:
-        """Returns (G, P) metres between groups and people, less for groups that were the person a moment
-        ago."""
+        """Returns (G, P) metres between groups and people, less for groups that just were the person."""
         s = self.settings
         cost = distances(
             np.array([g.mean for g in groups]),
@@ -189,3 +189,19 @@ def _is_duplicate(group: Group, others: list[Group]) -> bool:
             if float(np.hypot(apart[0], apart[1])) < _DUPLICATE:
                 return True
     return False
+
+
+@cache
+def warm_up_fusion() -> None:
+    """Fuses a few frames of a standing person from two sensors, with orientations."""
+    fuser = Fuser({"a": np.zeros(3), "b": np.ones(3)})
+    turns = np.tile(IDENTITY, (20, 1))
+    for n in range(3):
+        for sensor in ("a", "b"):
+            fuser.update(sensor, [Body(1, standing_person() + 1e-3 * n, np.ones(20), turns)], n * 33_333_333)
+        fuser.bodies(n * 33_333_333)
+
+
+def standing_person() -> Float:
+    """Returns (20, 3) metres: a standing person."""
+    return Posture(np.array([0.0, 0.95, -2.0]), standing(elbow=0.5), lengths_for_height(1.75)).joints()

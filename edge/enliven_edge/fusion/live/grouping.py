@@ -10,11 +10,11 @@ from enliven.arrays import Float
 from enliven.matching import least_cost
 from enliven.person import Body
 from enliven_edge.fusion.live.blending import bones_within, trunk_distances
+from enliven_edge.fusion.live.naming import MIDDLES
 from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
-from enliven_edge.fusion.live.sides import MIDDLES
 
-_FAR = 1e3
-"""Metres of cost that stand for "never": above every distance in a room."""
+NEVER = 1e3
+"""Metres of cost of a forbidden pairing: above every distance in a room."""
 _BONES = np.array([(0, 2), (2, 3), (12, 13), (16, 17), (13, 14), (17, 18)])
 """(6, 2) joints of the bones that are measured: trunk, neck and head, thighs and shanks."""
 _SHORTEST = np.array([0.15, 0.05, 0.1, 0.1, 0.1, 0.1])
@@ -110,16 +110,12 @@ def _partners(
         np.array([s.body.confidence for s, _ in seen]),
     )
     held = np.array([[g.votes(s.person) if s.person else 0.0 for s, _ in seen] for g in groups])
-    return {n: groups[g] for g, n in assigned(np.where(apart < gate, apart - loyalty * held, _FAR))}
+    return {n: groups[g] for g, n in assigned(np.where(apart < gate, apart - loyalty * held, NEVER))}
 
 
 def assigned(cost: Float) -> list[tuple[int, int]]:
-    """Returns the cheapest pairing of rows with columns (Hungarian); entries of _FAR stay alone."""
+    """Returns the cheapest pairing of rows with columns (Hungarian); entries of NEVER stay alone."""
     if not cost.size:
         return []
     rows, columns = least_cost(cost)
-    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if cost[r, c] < _FAR / 2]
-
-
-NEVER = _FAR
-"""The cost of a forbidden pairing."""
+    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if cost[r, c] < NEVER / 2]

@@ -9,10 +9,8 @@ from enliven.person import Body, Joint
 from enliven.rotation import normalized
 from enliven_edge.fusion.live.blending import blend, doubt_outliers, fuse_confidence
 from enliven_edge.fusion.live.grouping import Group
-from enliven_edge.fusion.live.health import SensorState
-from enliven_edge.fusion.live.naming import SideKeeper, walks_backward
-from enliven_edge.fusion.live.sensor_view import SensorView
-from enliven_edge.fusion.live.sides import OTHER_SIDE
+from enliven_edge.fusion.live.naming import OTHER_SIDE, SideKeeper, walks_backward
+from enliven_edge.fusion.live.sensor_view import SensorState, SensorView
 from enliven_edge.fusion.settings import FusionSettings
 
 _GLIDE = 0.5
@@ -30,12 +28,7 @@ _GUESS = 1e-3
 
 
 class FusedPerson:
-    """The state of one person.
-
-    Args:
-        number: the identity.
-        sensors: how many there are.
-    """
+    """The state of one person."""
 
     def __init__(self, number: int, sensors: int, settings: FusionSettings) -> None:
         self.id, self.settings = number, settings
@@ -85,8 +78,7 @@ class FusedPerson:
         return Body(self.id, joints, confidence, turns, _contacts(bodies, w), _stature(bodies, w))
 
     def _down_weight_unsteady(self, x: Float, w: Float, expected: Float, seconds: float) -> None:
-        """Lowers the weights (S, 20) of a sensor with surprising joints over the last seconds, against the
-        others.
+        """Lowers the weights (S, 20) of a sensor with surprising joints over the last seconds.
 
         A constant difference of a sensor is no surprise.
         """

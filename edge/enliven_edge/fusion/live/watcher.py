@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass
 
@@ -13,11 +15,58 @@ from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven.person import Body
 from enliven_edge.fusion.live.merge import in_world
-from enliven_edge.fusion.live.reading import PATIENCE, SensorThread
 from enliven_edge.fusion.placement import Place
 from enliven_edge.sensors import Sensor, SensorFault, condition_of
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
+
+log = logging.getLogger(__name__)
+
+PATIENCE = 0.1
+"""Seconds to wait for a frame before checking whether to stop."""
+
+
+class SensorThread(ABC):
+    """Runs :meth:`_read` for one sensor; a failure is kept for the user, and the other sensors go on.
+
+    Attributes:
+        ended: no more frames will come.
+        failure: the reason, where it was no ordinary end.
+        recorded: whether it is a recording: its frames may wait for those of others.
+    """
+
+    def __init__(self, name: str, sensor: Sensor) -> None:
+        self.name, self.sensor = name, sensor
+        self.ended, self.failure = False, ""
+        self.recorded = bool(getattr(sensor, "recorded", False))
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"sensor {name}", daemon=True)
+
+    def start(self) -> None:
+        """Begins to read."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the thread."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        try:
+            self._read()
+        except Exception as error:
+            self.failure = str(error) or type(error).__name__
+            log.debug("sensor %s failed", self.name, exc_info=True)
+        self._end()
+
+    @abstractmethod
+    def _read(self) -> None:
+        """Reads until the end, or until :attr:`_stopped` is set."""
+
+    def _end(self) -> None:
+        self.ended = True
+
 
 _WAITING = 2
 """Sets of bodies that wait to be fused; the sensor is read no faster than they are taken."""

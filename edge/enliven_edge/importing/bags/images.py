@@ -12,7 +12,7 @@ from enliven.arrays import Int, UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import TIME_LIMIT_NS
-from enliven_edge.importing.bags.fields import Fields
+from enliven_edge.importing.bags.ros1 import Fields
 
 _WIDEST = 8192
 """Pixels of an image's side; the makers' largest have 1,600."""

@@ -18,7 +18,6 @@ from enliven.arrays import Int
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.importing.bags.fields import Fields
 from enliven_edge.importing.bags.images import (
     checked_step,
     checked_time,
@@ -27,7 +26,7 @@ from enliven_edge.importing.bags.images import (
     plain_lens,
     rational_places,
 )
-from enliven_edge.importing.bags.ros1 import messages
+from enliven_edge.importing.bags.ros1 import Fields, messages
 
 PREFIX = "/cam/"
 _IMAGES, _STREAM, _DEVICE, _PROPERTY = (
@@ -113,11 +112,7 @@ def check_playback(path: Path) -> None:
 
 
 def _about(path: Path) -> _About:
-    """Reads the small messages.
-
-    Raises:
-        InputError: where the depth camera is missing, or the file is of another version.
-    """
+    """Reads the small messages."""
     about = _About()
     for topic, fields in messages(path, lambda topic: topic in (_STREAM, _DEVICE, _PROPERTY)):
         fields.numbers("III")
@@ -140,11 +135,7 @@ def _about(path: Path) -> _About:
 
 
 def _check_depth(about: _About, path: Path) -> None:
-    """Checks that the images are depth.
-
-    Raises:
-        InputError: where they are disparities, or may be.
-    """
+    """Checks that the images are depth, and no disparities."""
     made = about.properties.get(_IN_DEVICE)
     if made is not None and not any(made):
         what = "it holds the camera's disparities in place of depth"
@@ -156,7 +147,6 @@ def _check_depth(about: _About, path: Path) -> None:
 
 
 def _value(about: _About, number: int, kind: str, otherwise: float) -> float:
-    """Returns a property as a number."""
     data = about.properties.get(number, b"")
     size = struct.calcsize(kind)
     return float(struct.unpack("<" + kind, data[:size])[0]) if len(data) >= size else otherwise
@@ -170,8 +160,7 @@ def _step(about: _About, path: Path) -> float:
 
 
 def _camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
-    """Reads ``custom_msg/OBStreamProfileInfo``: the lens, and the undistortion where the model is not
-    ours."""
+    """Reads ``custom_msg/OBStreamProfileInfo``: the lens, and the undistortion of a foreign model."""
     fields.numbers("BB12f")
     width, height, _fps = (int(each) for each in fields.numbers("HHH"))
     fx, fy, cx, cy, k1, k2, k3, k4, k5, k6, p1, p2 = fields.numbers("12f")

@@ -10,7 +10,6 @@ from pathlib import Path
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.importing.bags.fields import AlignedFields, Fields
 from enliven_edge.importing.bags.images import (
     checked_step,
     checked_time,
@@ -19,7 +18,7 @@ from enliven_edge.importing.bags.images import (
     plain_image,
     plain_lens,
 )
-from enliven_edge.importing.bags.ros1 import Message
+from enliven_edge.importing.bags.ros1 import AlignedFields, Fields, Message
 
 TOPIC = re.compile(r"/device_\d+/")
 _STREAM = re.compile(r"(/device_\d+)(/sensor_\d+)/Depth_\d+")
@@ -91,7 +90,6 @@ def _numbered(frame: DepthFrame, said: dict[str, str]) -> DepthFrame:
 
 
 def _about(path: Path, read: Read) -> _About:
-    """Reads the small messages."""
     about = _About()
     for topic, fields in read(path, _is_small):
         if topic.endswith("camera_info"):

@@ -10,8 +10,7 @@ from urllib.parse import quote
 
 from enliven.errors import InputError
 from enliven.files import open_file
-from enliven_edge.importing.bags.fields import AlignedFields
-from enliven_edge.importing.bags.ros1 import Message
+from enliven_edge.importing.bags.ros1 import AlignedFields, Message
 
 MAGIC = b"SQLite format 3\0"
 _MOST_MESSAGE = 1 << 27

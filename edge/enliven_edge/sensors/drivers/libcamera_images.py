@@ -12,8 +12,7 @@ import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
-from enliven_edge.sensors.drivers.libcamera_formats import COLOUR, GREY, Layout, image_of
-from enliven_edge.sensors.drivers.libcamera_library import libcamera_library
+from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, Layout, image_of, libcamera_library
 from enliven_edge.sensors.stereo import CameraImage
 
 _BUFFERS = 4
@@ -108,12 +107,7 @@ class LibcameraImages:
         self._ready = []
 
     def _found(self, wanted: list[str]) -> list[Any]:
-        """The cameras that are meant.
-
-        Raises:
-            ResourceError: where one is not there.
-            InputError: where two are the same.
-        """
+        """The cameras that are meant."""
         there = list(self._manager.cameras)
         if not there:
             mend = "Check the ribbon cable with the power off; list cameras with: rpicam-hello --list-cameras"
@@ -203,11 +197,7 @@ class _Eye:
             self._camera.release()
 
     def _configure(self, size: tuple[int, int], formats: dict[str, Layout]) -> None:
-        """Chooses the format and the size.
-
-        Raises:
-            InputError: where the camera has neither.
-        """
+        """Chooses the format and the size."""
         config = self._camera.generate_configuration([self._lib.StreamRole.VideoRecording])
         stream = config.at(0)
         offered = [str(each) for each in stream.formats.pixel_formats]

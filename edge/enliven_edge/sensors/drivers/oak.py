@@ -13,12 +13,12 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors import crash_reports
+from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
 from enliven_edge.sensors.drivers.oak_colour import aligned, message, together
 from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
-from enliven_edge.sensors.extras import library
 
 log = logging.getLogger(__name__)
 
@@ -191,11 +191,7 @@ class OakSensor(Sensor):
             raise refused("oak", error) from None
 
     def _frame(self, image: Any) -> DepthFrame:
-        """An image as a frame.
-
-        Raises:
-            InputError: for one that is none.
-        """
+        """An image as a frame."""
         colour = None
         try:
             if self._coloured:

@@ -17,7 +17,7 @@ from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical, within
 from enliven_edge.sensors.drivers.orbbec_library import depth_mode, opened_device, orbbec_library
-from enliven_edge.sensors.drivers.orbbec_rehearsal import playbacks
+from enliven_edge.sensors.drivers.playback import playbacks
 from enliven_edge.sensors.drivers.refusals import refused
 
 _STILL = 100
@@ -198,7 +198,6 @@ class OrbbecSensor(Sensor):
             self._accelerometer = sensor
 
     def _stop(self) -> None:
-        """Lets no more images come."""
         for each in (self._accelerometer, self._pipeline):
             if each is not None and self._started:
                 with contextlib.suppress(self._ob.OBError):
@@ -248,7 +247,6 @@ class OrbbecSensor(Sensor):
         return None
 
     def _received(self, image: Any) -> DepthFrame:
-        """An image of the library as a frame."""
         time_ns, number = 1000 * image.get_timestamp_us() + self._shift_ns, image.get_index()
         if self._straighten is not None:
             image = self._straighten.process(image).as_depth_frame()

@@ -7,8 +7,8 @@ import tempfile
 from typing import Any
 
 from enliven.errors import InputError, ResourceError
+from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.drivers.refusals import chosen, refused
-from enliven_edge.sensors.extras import library
 
 _PORT = 8090
 """The port at which Orbbec's network cameras answer."""

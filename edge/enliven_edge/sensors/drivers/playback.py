@@ -10,11 +10,12 @@ from __future__ import annotations
 import itertools
 import logging
 import struct
+import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame, Frame
 from enliven_edge.sensors.base import SensorFault
+from enliven_edge.sensors.drivers.refusals import in_a_line
 from enliven_edge.sensors.replay import ReplaySensor
 
 log = logging.getLogger(__name__)
@@ -254,3 +256,29 @@ def _stream(camera: Intrinsics, fps: int) -> bytes:
 def _property(number: int, value: bytes) -> bytes:
     """``custom_msg/OBProperty``."""
     return _head() + struct.pack("<I", number) + _sized(value) + struct.pack("<I", len(value))
+
+
+def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
+    """The cameras that play a recording of ours or of Orbbec's, one after the other: each has one lens.
+
+    Returns:
+        each with nanoseconds to add to a played time for the recording's.
+
+    Raises:
+        InputError: for a recording that cannot be used.
+    """
+    with tempfile.TemporaryDirectory(prefix="enliven-", ignore_cleanup_errors=True) as folder:
+        if Path(path).suffix == ".bag":
+            from enliven_edge.importing.bags import check_playback
+
+            check_playback(Path(path))
+            files = [(Path(path), 0)]
+        else:
+            written = write_playback(path, Path(folder) / "rehearsal.bag")
+            files = [(part.path, part.shift_ns) for part in written]
+        # The library has the files open; they go with their last user.
+        try:
+            return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
+        except ob.OBError as error:
+            what = f"Orbbec's library cannot play it ({in_a_line(error)})"
+            raise InputError(what, where=path) from None

@@ -13,13 +13,16 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import kind_of
-from enliven_edge.sensors.drivers.realsense_colour import (
+from enliven_edge.sensors.drivers.realsense_library import (
     AlignedColour,
     RehearsedColour,
     colour_mode,
+    depth_mode,
+    intrinsics,
     lens_of,
+    realsense_library,
+    whole,
 )
-from enliven_edge.sensors.drivers.realsense_library import depth_mode, intrinsics, realsense_library, whole
 from enliven_edge.sensors.drivers.refusals import chosen, refused
 from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
@@ -139,7 +142,6 @@ class RealSenseSensor(Sensor):
             self._open(motion[0], min(rates, key=lambda p: p.fps()), self._felt)
 
     def _open(self, sensor: Any, profile: Any, queue: Any) -> None:
-        """Starts one stream into a queue."""
         try:
             sensor.open(profile)
             sensor.start(queue)
@@ -148,7 +150,6 @@ class RealSenseSensor(Sensor):
         self._streams.append(sensor)
 
     def _set(self, option: str, word: Any, value: float | None) -> None:
-        """Sets an option of a camera that has it."""
         if value is None:
             raise InputError(
                 f"there is no preset {word!r}",
@@ -160,11 +161,7 @@ class RealSenseSensor(Sensor):
             self._depth.set_option(key, float(value))
 
     def _frame(self, image: Any) -> DepthFrame:
-        """An image as a frame; the library does not look whether it has all its bytes.
-
-        Raises:
-            InputError: for one that is none.
-        """
+        """An image as a frame; the library does not look whether it has all its bytes."""
         self._held, seconds = image, 1e-3 * image.get_timestamp()
         size = width, height = image.get_width(), image.get_height()
         there = image.get_data_size() or 2 * width * height  # A device of software does not say it.

@@ -1,4 +1,4 @@
-"""librealsense, its depth streams and its lenses."""
+"""librealsense, its depth streams and lenses, and the colour that it lays over the depth."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ import ctypes
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from enliven.arrays import UInt8
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.drivers.lens import known_or_typical
-from enliven_edge.sensors.extras import library
+from enliven_edge.sensors.drivers.rehearsal import WAITING
 
 _MODES_SHOWN = 8
 """Modes that are named where the wanted one is none."""
@@ -66,3 +71,124 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
 def whole(millimetres: float) -> float:
     """Millimetres a step of the depth, 1 exactly where it is but for its float32."""
     return 1.0 if abs(millimetres - 1.0) < 1e-6 else millimetres
+
+
+_PATIENCE_MS = 15
+"""Milliseconds that a depth image waits for its colour: half a step at 30 a second."""
+_LONGEST_MS = 10_000
+"""Milliseconds in which the library joins or aligns two images that are there."""
+
+
+class AlignedColour:
+    """Pairs colour images with depth images by their times, and lays them over the depth.
+
+    Depth stays as it is. A pixel without depth has no colour: where it would lie is not known.
+
+    Args:
+        rs: the library.
+        step: milliseconds between two depth images.
+    """
+
+    def __init__(self, rs: Any, step: float) -> None:
+        self.queue = rs.frame_queue(WAITING)
+        self._step = step
+        self._waiting: Any = None
+        self._pair: list[Any] = []
+        self._join, self._joined = rs.processing_block(self._joining), rs.frame_queue(1)
+        self._join.start(self._joined)
+        self._align = rs.align(rs.stream.depth)
+
+    def over(self, depth: Any) -> UInt8 | None:
+        """(H, W, 3) the colour of a depth image of the library, of its size; None where none came with it."""
+        colour = self._of(depth.get_timestamp())
+        if colour is None:
+            return None
+        self._pair = [depth, colour]
+        self._join.invoke(depth)
+        both = self._align.process(self._joined.wait_for_frame(_LONGEST_MS).as_frameset())
+        return np.array(both.get_color_frame().get_data())
+
+    def _of(self, time: float) -> Any:
+        """The colour image of a moment, milliseconds; one that is too new waits for its depth."""
+        while True:
+            if self._waiting is None:
+                there, self._waiting = self.queue.try_wait_for_frame(_PATIENCE_MS)
+                if not there:
+                    self._waiting = None
+                    return None
+            apart = self._waiting.get_timestamp() - time
+            if apart > self._step / 2:
+                return None
+            colour, self._waiting = self._waiting, None
+            if apart >= -self._step / 2:
+                return colour
+
+    def _joining(self, _frame: Any, source: Any) -> None:
+        source.frame_ready(source.allocate_composite_frame(self._pair))
+
+
+def colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: str) -> tuple[Any, Any]:
+    """The sensor and the stream profile of a device's colour, of the nearest size at this rate.
+
+    Raises:
+        InputError: where there is none.
+    """
+    found = []
+    for sensor in device.query_sensors():
+        for each in sensor.get_stream_profiles():
+            if each.stream_type() == rs.stream.color and each.format() == rs.format.rgb8:
+                video = each.as_video_stream_profile()
+                if round(video.fps()) == round(fps) and not sensor.is_depth_sensor():
+                    apart = abs(video.width() - size[0]) + abs(video.height() - size[1])
+                    found.append((apart, sensor, video))
+    if not found:
+        raise InputError(
+            f"it has no colour at {fps:g} images a second beside its depth",
+            where=name,
+            mend="Leave out colour=true, or give fps=30.",
+        )
+    return min(found, key=lambda each: each[0])[1:]
+
+
+class RehearsedColour:
+    """The colour stream of a device of software, with the camera of a recording.
+
+    Raises:
+        InputError: where it has no colour.
+    """
+
+    def __init__(self, rs: Any, device: Any, depth: Any, first: DepthFrame, fps: int, path: str) -> None:
+        if first.colour is None:
+            raise InputError("it has no colour", where=path, mend="Rehearse without colour=true.")
+        self._rs, self._last = rs, first.colour
+        height, width = first.colour.shape[:2]
+        self._sensor = device.add_sensor("Color")
+        stream = rs.video_stream()
+        stream.type, stream.index, stream.uid, stream.fmt = rs.stream.color, 0, 1, rs.format.rgb8
+        stream.width, stream.height, stream.bpp, stream.fps = width, height, 3, fps
+        stream.intrinsics = lens_of(rs, first.intrinsics, width, height)
+        self._stream = self._sensor.add_video_stream(stream)
+        same = rs.extrinsics()
+        same.rotation, same.translation = [1, 0, 0, 0, 1, 0, 0, 0, 1], [0, 0, 0]
+        depth.register_extrinsics_to(self._stream, same)
+
+    def send(self, frame: DepthFrame, number: int) -> None:
+        """The colour of an image, or of the last one that had any."""
+        self._last = self._last if frame.colour is None else frame.colour
+        made = self._rs.software_video_frame()
+        made.pixels, made.bpp, made.stride = np.ascontiguousarray(self._last), 3, 3 * self._last.shape[1]
+        made.timestamp, made.frame_number = 1e-6 * frame.time_ns, number
+        made.domain = self._rs.timestamp_domain.hardware_clock
+        made.profile = self._stream.as_video_stream_profile()
+        self._sensor.on_video_frame(made)
+
+
+def lens_of(rs: Any, camera: Intrinsics, width: int, height: int) -> Any:
+    """The library's description of a camera, scaled to images of this size."""
+    x, y = width / camera.width, height / camera.height
+    lens = rs.intrinsics()
+    lens.width, lens.height, lens.fx, lens.fy = width, height, camera.fx * x, camera.fy * y
+    lens.ppx, lens.ppy = (camera.cx + 0.5) * x - 0.5, (camera.cy + 0.5) * y - 0.5
+    lens.coeffs = list(camera.distortion)
+    lens.model = rs.distortion.brown_conrady if any(camera.distortion) else rs.distortion.none
+    return lens

@@ -18,10 +18,10 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.kernels import njit
+from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.lens import known_or_typical, limits
 from enliven_edge.sensors.drivers.rehearsal import Rehearsal
-from enliven_edge.sensors.extras import library
 
 _PROFILE = "arducam-tof"
 _MODES = {2: 2000, 4: 4000}
@@ -171,11 +171,7 @@ class TofSensor(Sensor):
             self._camera.releaseFrame(frame)
 
     def _trusted(self, depth: Float32, confidence: Float32) -> UInt16:
-        """(H, W) uint16 millimetres, 0 where the confidence is too small or the depth is out of reach.
-
-        Raises:
-            InputError: where the image has another size than the camera said.
-        """
+        """(H, W) uint16 millimetres, 0 where the confidence is too small or the depth is out of reach."""
         lens: Intrinsics = self._lens
         if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:
             what = f"an image has the shapes {depth.shape} and {confidence.shape}"

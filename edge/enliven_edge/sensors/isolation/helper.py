@@ -82,7 +82,6 @@ class _Helper:
                 self._read(self._device)
 
     def _open(self) -> None:
-        """Request: opens the device."""
         try:
             self._device = self._make()
         except Exception as error:
@@ -97,7 +96,6 @@ class _Helper:
         self._reading = True
 
     def _close(self) -> None:
-        """Request: closes the device."""
         device, self._device = self._device, None
         if device is not None:
             device.close()

@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.opencv_library import opencv
+from enliven_edge.sensors.stereo.rectifying import opencv
 
 _MARKER = 0.75
 """Side of a marker over that of its square: OpenCV needs some white around it."""
@@ -121,7 +121,6 @@ class CalibrationBoard:
 
 
 def _pdf(drawing: str, width: float, height: float) -> bytes:
-    """A PDF of one page."""
     stream = drawing.encode("ascii")
     font = "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>"
     objects = [

@@ -9,8 +9,7 @@ import numpy as np
 
 from enliven.arrays import UInt8, UInt16
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.opencv_library import opencv
-from enliven_edge.sensors.stereo.rectifying import Rectification
+from enliven_edge.sensors.stereo.rectifying import Rectification, opencv
 
 STEPS = 16
 """Steps of a disparity that the matcher tells within a pixel."""

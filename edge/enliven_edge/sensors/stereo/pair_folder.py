@@ -66,10 +66,6 @@ def read_grey(path: Path) -> UInt8:
 class RecordedPairs:
     """The pairs of a folder at a camera's pace, in place of two cameras.
 
-    Args:
-        folder: where they are.
-        fps: pairs a second.
-
     Raises:
         InputError: where the folder holds no pairs.
     """

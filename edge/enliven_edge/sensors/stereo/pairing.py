@@ -79,7 +79,6 @@ class Pairing:
         return None
 
     def _leave_out(self, image: CameraImage) -> None:
-        """Counts an image without a partner."""
         self.odd += 1
         assert self._since_ns is not None
         patience = _FINDING_NS if self.apart_ns is None else _LOST_NS

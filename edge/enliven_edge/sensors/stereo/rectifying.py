@@ -1,21 +1,29 @@
-"""Stereo rectification: warps two images to cameras of one focal length, side by side and in line."""
+"""OpenCV, an optional library, and stereo rectification: warps two images to cameras side by side."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
+from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.stereo.calibration import StereoCalibration
-from enliven_edge.sensors.stereo.opencv_library import opencv
+
+
+def opencv() -> Any:
+    """The module cv2.
+
+    Raises:
+        ResourceError: where it is not installed.
+    """
+    return library("cv2", "libcamera")
 
 
 class Rectification:
     """The maps from pixels of the rectified images to those of the cameras; computed once.
-
-    Args:
-        calibration: of the pair.
 
     Attributes:
         intrinsics: of the rectified left camera; the right one's are the same.

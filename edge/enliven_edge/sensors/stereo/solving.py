@@ -9,8 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
-from enliven_edge.sensors.stereo.opencv_library import opencv
-from enliven_edge.sensors.stereo.rectifying import Rectification
+from enliven_edge.sensors.stereo.rectifying import Rectification, opencv
 
 _LEAST_CORNERS = 8
 """Corners that both cameras must see of a board: six fix its pose, the others tell of errors."""

@@ -75,11 +75,7 @@ class Bones:
         self._fresh = True
 
     def see(self, body: Body, seconds: float) -> BonePose:
-        """Updates the bones from a body and returns them.
-
-        Args:
-            seconds: since the last body.
-        """
+        """Updates the bones from a body, so many seconds after the last one, and returns them."""
         known = (body.confidence > 0) & np.isfinite(body.joints).all(1)
         gain = 1.0 if self._fresh or self._ease <= 0.0 else seconds / self._ease
         turns, sure = _trunk(body, known)

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Body, mirrored
 from enliven_edge.stage.puppet.bones import Bones
-from enliven_edge.stage.puppet.feet import Feet, Footing
+from enliven_edge.stage.puppet.locomotion import Feet, Footing
 from enliven_edge.stage.puppet.retargeting import Retargeting
 
 _MIRROR = np.zeros(3), np.array([1.0, 0.0, 0.0])

@@ -14,8 +14,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.examples import ExampleMap, LiveExamples, State
-from enliven_edge.stage.puppet.feet import Footing
-from enliven_edge.stage.puppet.locomotion import Locomotion
+from enliven_edge.stage.puppet.locomotion import Footing, Locomotion
 
 _NS = 1_000_000_000
 """Nanoseconds in a second."""

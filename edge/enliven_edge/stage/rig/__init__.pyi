@@ -1,3 +1,2 @@
-from .casting import cast_rig as cast_rig
-from .rig_actor import RigActor as RigActor
+from .rig_actor import RigActor as RigActor, cast_rig as cast_rig
 from .settings import MatchingSettings as MatchingSettings

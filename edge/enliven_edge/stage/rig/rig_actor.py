@@ -1,8 +1,10 @@
-"""The actor of a rigged character: performers pose to choose a part of it, and move to animate that part."""
+"""Rigged characters on the stage: performers pose to choose a part of one, and move to animate that part."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -10,10 +12,12 @@ from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose, Shape, character_of
 from enliven.errors import InputError
+from enliven.formats.gltf import read_gltf
 from enliven.matching import Board, MatchRow, ScreenView
 from enliven.person import Body, parts_named
 from enliven.possession import Cues, Mode, cues_of
 from enliven_edge.stage.actor import ChosenActor
+from enliven_edge.stage.casting import name_of
 from enliven_edge.stage.rig.chooser import Chooser
 from enliven_edge.stage.rig.live_shape import Binding, LiveShape, Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
@@ -164,3 +168,25 @@ def _strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:
     for chain in chains:
         strengths[list(chain[1:])] = 1.0
     return strengths
+
+
+log = logging.getLogger(__name__)
+
+
+def cast_rig(spec: str, settings: MatchingSettings | None = None, name: str = "") -> RigActor:
+    """Returns the actor of a rigged glTF model, on the floor and scaled to the settings' height.
+
+    Args:
+        name: the character's id; empty: the file's stem.
+
+    Raises:
+        InputError: for a file that is no glTF, or cannot be used.
+    """
+    settings = settings or MatchingSettings()
+    if Path(spec).suffix.lower() not in (".glb", ".gltf"):
+        mend = "Give a rigged .glb or .gltf, or drive the mesh by a graph."
+        raise InputError("it has no skeleton of its own", where=spec, mend=mend)
+    rig = read_gltf(Path(spec), name=name or name_of(spec), height=settings.height or None, floor=True)
+    for note in rig.notes:
+        log.info("%s: %s", spec, note)
+    return RigActor(rig.shape, settings)

@@ -1,6 +1,6 @@
 from . import joint_limits as joint_limits, model as model
 from .capsules import FAST as FAST, misfits as misfits, nearest_capsules as nearest_capsules
-from .chest import (
+from .posture import (
     ahead_in_plan as ahead_in_plan,
     chest_axes as chest_axes,
     chest_axes_about as chest_axes_about,

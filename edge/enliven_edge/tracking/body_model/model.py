@@ -198,8 +198,6 @@ DOF_FRAME, DOF_AXIS = _degrees_of_freedom()
 """(27,) and (27,) see :func:`_degrees_of_freedom`."""
 DOFS = 3 + len(DOF_FRAME)
 """The number of unknowns of a posture: translation first, then rotations."""
-UNKNOWNS = DOFS + len(LENGTHS)
-"""The number of unknowns of a fit with free lengths, which come last."""
 
 
 def _ancestry() -> Int:

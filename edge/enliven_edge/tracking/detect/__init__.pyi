@@ -9,7 +9,7 @@ from .detection import (
     detect_another as detect_another,
     estimates_by_facing as estimates_by_facing,
 )
-from .facing_side import Facing as Facing
+from .fit_quality import Facing as Facing
 from .fit_quality import cost as cost, quality as quality
-from .posing import aligned_to as aligned_to
+from .hypotheses import aligned_to as aligned_to
 from .recovery import PoseRecovery as PoseRecovery

@@ -19,8 +19,7 @@ from enliven_edge.tracking.detect.appearance import (
 )
 from enliven_edge.tracking.detect.extremities import extremities
 from enliven_edge.tracking.detect.fit_quality import likely_builds, oddness
-from enliven_edge.tracking.detect.hypotheses import banked_starts, standing_starts
-from enliven_edge.tracking.detect.posing import posed
+from enliven_edge.tracking.detect.hypotheses import banked_starts, posed, standing_starts
 from enliven_edge.tracking.estimator import FACINGS, Estimate, PoseEstimator
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation

@@ -1,4 +1,4 @@
-"""Postures that a detection begins from: standing in many ways, and a bank of others."""
+"""Postures that a detection begins from: as the network sees it, standing in many ways, a bank of others."""
 
 from __future__ import annotations
 
@@ -6,10 +6,62 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int
 from enliven.matching import least_cost
-from enliven_edge.tracking.body_model import RELAXED, Posture, mirrored, misfits, model, rotation, standing
+from enliven.person import Joint
+from enliven_edge.tracking.body_model import (
+    RELAXED,
+    Posture,
+    joint_limits,
+    mirrored,
+    misfits,
+    model,
+    rotation,
+    standing,
+)
 from enliven_edge.tracking.detect.extremities import Extremities
+from enliven_edge.tracking.estimator import Estimate
 from enliven_edge.tracking.fit import align
 from enliven_edge.tracking.frame import Observation
+
+_DOUBTED = 0.3
+"""Metres beyond which a joint is doubted while the model is brought to it."""
+_STEPS = 10
+"""Steps of aligning a posture that is near."""
+_STEPS_FROM_STANDING = 20
+"""Steps of aligning a posture that begins relaxed: its limbs have farther to go."""
+
+
+def posed(estimate: Estimate, lengths: Float) -> Posture:
+    """Returns a posture of (12,) lengths with its joints at the estimate's, begun from standing relaxed."""
+    start = Posture(estimate.joints[Joint.HIP_CENTER].copy(), joint_limits.RELAXED.copy(), lengths.copy())
+    start.rotations[model.PELVIS] = _trunk_axes(estimate.joints)
+    return aligned_to(start, estimate, _STEPS_FROM_STANDING)
+
+
+def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Posture:
+    """Brings a posture to the estimate's joints, weighted by how sure each is; keeps its lengths."""
+    weights = estimate.landmarks[:, 3]
+    made, _ = align(
+        posture,
+        model.JOINT_FRAMES,
+        model.JOINT_OFFSETS,
+        estimate.joints,
+        weights,
+        width=_DOUBTED,
+        iterations=steps,
+    )
+    return made
+
+
+def _trunk_axes(joints: Float) -> Float:
+    """Returns the (3, 3) axes left, up and ahead, in columns, of the trunk between hips and shoulders."""
+    left = joints[Joint.SHOULDER_LEFT] - joints[Joint.SHOULDER_RIGHT]
+    left = left + joints[Joint.HIP_LEFT] - joints[Joint.HIP_RIGHT]
+    up = joints[Joint.SHOULDER_CENTER] - joints[Joint.HIP_CENTER]
+    up = up / (np.linalg.norm(up) + 1e-9)
+    left = left - (left @ up) * up
+    left = left / (np.linalg.norm(left) + 1e-9)
+    return np.stack([left, up, np.cross(left, up)], 1)
+
 
 _ARMS = (
     {"arm_raise": 0.12, "elbow": 0.2},
@@ -100,11 +152,7 @@ def standing_starts(observation: Observation, eye: Float, lengths: Float) -> lis
 def banked_starts(
     observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
 ) -> list[Posture]:
-    """Returns the postures of the bank that are most like the points, brought to the extremities.
-
-    Args:
-        most: how many are returned.
-    """
+    """Returns so many postures of the bank, those most like the points, brought to the extremities."""
     points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _THINNED)])
     centre = np.median(points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)
@@ -198,8 +246,7 @@ _END_FRAMES, _ENDS = _end_anchors()
 _HIPS = np.zeros((1, 3, len(model.LENGTHS)))
 """(1, 3, 12) the offset of the hip centre in the pelvis: none."""
 _FARTHEST = 0.45
-"""Metres that a limb is brought to an extremity at most: a forearm and a hand; beyond, it is another
-limb's."""
+"""Metres that a limb is brought to an extremity at most: a forearm and a hand; beyond, it is another's."""
 
 
 def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:

@@ -17,5 +17,4 @@ from .labels import (
     PARTS as PARTS,
     BodyPart as BodyPart,
     facing_in_plan as facing_in_plan,
-    facing_of as facing_of,
 )

@@ -61,12 +61,6 @@ class Crop:
     axes: Float
     centre: Float
 
-    def from_camera(self, points: Float) -> Float:
-        """Returns (N, 3) crop coordinates of (N, 3) points in the camera's frame (x right, y down, z
-        ahead)."""
-        flat = (points[:, :2] / points[:, 2:] @ self.axes.T - self.centre) * self.depth
-        return np.concatenate([flat, points[:, 2:] - self.depth], 1)
-
     def cells(self, rays: Float) -> Float:
         """Returns (N, 2) cells right and down from the crop's middle for (N, 2) rays, x/z and y/z."""
         return np.asarray((rays @ self.axes.T - self.centre) * (self.depth / self.cell))

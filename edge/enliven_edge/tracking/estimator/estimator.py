@@ -47,8 +47,8 @@ class Estimate:
     Attributes:
         joints: (20, 3) metres, world frame, ordered by :class:`enliven.person.body.Joint`.
         spread: (20,) metres: the mean error of each joint that the network expects.
-        facing: (8,) log probabilities of the ways to face, see :func:`labels.facing_of`; they do not depend
-            on the facing that the estimate was conditioned on.
+        facing: (8,) log probabilities of the ways to face, see :func:`labels.facing_in_plan`; they do not
+            depend on the facing that the estimate was conditioned on.
         parts: (17, 40, 32) logits of the parts at every second cell of the crop.
         crop: the network's input.
         person_probability: in [0, 1], that the crop shows a person and no thing.

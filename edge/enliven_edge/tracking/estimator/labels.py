@@ -6,7 +6,6 @@ from enum import IntEnum
 
 import numpy as np
 
-from enliven.arrays import Float
 from enliven.kernels import njit
 
 
@@ -41,17 +40,12 @@ MIRRORED = np.array([0, *(p + 1 if p % 2 else p - 1 for p in range(1, PARTS))])
 """(17,) the part on the other side of the body."""
 
 
-def facing_of(left: Float, place: Float, eye: Float) -> float:
+@njit(cache=True, nogil=True)
+def facing_in_plan(left, place, eye):  # type: ignore[no-untyped-def]
     """Returns the radians in plan from facing the sensor to the person's facing, anticlockwise from above.
 
     Args:
         left: (3,) towards the person's left, world frame: unlike the front it stays level in a bend.
         place, eye: (3,) metres, of the person and the sensor.
     """
-    return float(facing_in_plan(left, place, eye))
-
-
-@njit(cache=True, nogil=True)
-def facing_in_plan(left, place, eye):  # type: ignore[no-untyped-def]
-    """:func:`facing_of` for kernels; ``left`` may be a tuple."""
     return np.arctan2(-left[2], left[0]) - np.arctan2(eye[0] - place[0], eye[2] - place[2])

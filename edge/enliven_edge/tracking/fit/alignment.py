@@ -12,7 +12,6 @@ from enliven.arrays import Float, Int
 from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking.body_model import Posture, forward_into, joint_limits, model
 from enliven_edge.tracking.fit import terms
-from enliven_edge.tracking.fit.carried_points import carried, robust
 from enliven_edge.tracking.fit.gauss_newton import (
     FIRST_DAMPING,
     LEAST_DAMPING,
@@ -22,7 +21,7 @@ from enliven_edge.tracking.fit.gauss_newton import (
     solve_damped,
     stepped,
 )
-from enliven_edge.tracking.fit.normal_equations import add_place, empty_sums, gather
+from enliven_edge.tracking.fit.normal_equations import add_place, carried, empty_sums, gather, robust
 from enliven_edge.tracking.fit.structures import PlacedFrames
 
 _ENOUGH = 1e-3

@@ -80,8 +80,7 @@ def _by_capsule(which, seen, count):  # type: ignore[no-untyped-def]
 def _moments(squares, firsts, powers, points, here, axis, width):  # type: ignore[no-untyped-def]
     """The moments of a capsule's points by their robust weights; returns (energy, points within ``width``).
 
-    Written out in single precision, so that many points are summed at once: most of a frame's fit is spent
-    here.
+    Written out in single precision, so that many points are summed at once: most of a fit is spent here.
 
     Args:
         squares: (3, 3, 3) receives sum w t^k n n'.

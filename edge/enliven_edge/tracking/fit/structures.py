@@ -54,8 +54,7 @@ class PlacedFrames(NamedTuple):
 class CapsuleSurface(NamedTuple):
     """The capsules of a posture: (C, 2, 3) ends and (C, 2) radii in metres, world frame.
 
-    ``by_ends`` (C, 2, 3, L) are the derivatives of the ends by the lengths; ``girth`` is a factor on all
-    radii.
+    ``by_ends`` (C, 2, 3, L) are the derivatives of the ends by the lengths; ``girth`` scales all radii.
     """
 
     ends: Float

@@ -22,9 +22,18 @@ from enliven_edge.tracking.body_model import (
     model,
     pivots_by_length,
 )
-from enliven_edge.tracking.fit.carried_points import by_length, carried, ends_by_length, robust, stretch_into
 from enliven_edge.tracking.fit.data_term import depth_to_model
-from enliven_edge.tracking.fit.normal_equations import add_place, add_ray, empty_sums, gather
+from enliven_edge.tracking.fit.normal_equations import (
+    add_place,
+    add_ray,
+    by_length,
+    carried,
+    empty_sums,
+    ends_by_length,
+    gather,
+    robust,
+    stretch_into,
+)
 from enliven_edge.tracking.fit.self_intersection import self_intersection
 from enliven_edge.tracking.fit.structures import CapsuleSurface, PlacedFrames
 from enliven_edge.tracking.frame import nearest_pixel

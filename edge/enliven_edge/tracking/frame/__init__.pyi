@@ -1,6 +1,6 @@
-from .depth_survey import DepthSurvey as DepthSurvey, survey as survey
+from .reduction import DepthSurvey as DepthSurvey, survey as survey
 from .frame_check import FrameCheck as FrameCheck, flaw_of as flaw_of
-from .frame_timing import FrameTiming as FrameTiming
+from .frame_check import FrameTiming as FrameTiming
 from .observation import (
     ImageView as ImageView,
     Observation as Observation,
@@ -12,4 +12,4 @@ from .observation import (
     surface_samples as surface_samples,
     world_points as world_points,
 )
-from .view import FrameView as FrameView
+from .observation import FrameView as FrameView

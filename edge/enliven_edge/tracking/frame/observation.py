@@ -1,4 +1,4 @@
-"""The points, normals and silhouette of a person in one depth frame, at the working resolution."""
+"""A frame in the world, and the points, normals and silhouette of a person in it, at working resolution."""
 
 from __future__ import annotations
 
@@ -245,3 +245,27 @@ def _turned_to(a, b):  # type: ignore[no-untyped-def]
     """b, turned about where it points away from a."""
     side = 1.0 if b[0] * a[0] + b[1] * a[1] + b[2] * a[2] >= 0.0 else -1.0
     return side * b[0], side * b[1], side * b[2]
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """One reduced depth frame in the world.
+
+    Attributes:
+        time_ns: the sensor's clock.
+        z: (h, w) metres along the optical axis; 0 where nothing is known.
+        points: (h, w, 3) the same pixels in the world frame, metres.
+        camera: the working camera.
+        world_from_camera: (4, 4) the pose of the sensor.
+    """
+
+    time_ns: int
+    z: Float
+    points: Float
+    camera: WorkingCamera
+    world_from_camera: Float
+
+    @property
+    def eye(self) -> Float:
+        """(3,) the sensor's position, world frame."""
+        return self.world_from_camera[:3, 3].copy()

@@ -3,4 +3,4 @@ from .health import (
     HealthSettings as HealthSettings,
     TrackerState as TrackerState,
 )
-from .messages import HEALTH_MESSAGES as HEALTH_MESSAGES
+from .alarm import HEALTH_MESSAGES as HEALTH_MESSAGES

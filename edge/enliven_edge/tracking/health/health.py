@@ -210,12 +210,7 @@ class HealthMonitor:
         self._alarms.tell()
 
     def judge_device(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
-        """Judges what the device reports of itself; None: it reports nothing.
-
-        Args:
-            world_from_camera: (4, 4) pose of the sensor, by its floor or by the settings.
-            floor_known: whether its floor was found.
-        """
+        """Judges what the device reports of itself, see :func:`judge_condition`; None: it reports nothing."""
         if condition is not None:
             judge_condition(self._alarms, condition, world_from_camera, floor_known, self._now_ns)
 

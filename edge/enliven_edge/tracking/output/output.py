@@ -27,8 +27,7 @@ _LEAST = 1e-3
 
 
 class Output:
-    """Smooths, predicts and mirrors the bodies of the tracker or of any other source, for any number of
-    people.
+    """Smooths, predicts and mirrors any number of bodies, of the tracker or of any other source.
 
     Attributes:
         latency: seconds from the sensor's frame to the published pose, as the edge measures them; predicted

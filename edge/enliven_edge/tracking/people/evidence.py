@@ -82,7 +82,7 @@ def evidence(
     shares = capsule_shares(*posture.capsules(), observation.view)
     network = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.spread)
     fit = (report.support, report.violated, report.explained)
-    joints, loose = _joints_held(fitter, posture, observation)
+    joints, loose = joints_held(fitter, posture, observation)
     return np.asarray(gathered(shares, *fit, loose, unsupported, joints, *network, _FIRST, _SECOND))
 
 
@@ -95,7 +95,7 @@ def gathered(  # type: ignore[no-untyped-def]
     Args:
         shares: (C, 4) as of :func:`capsule_shares`.
         support, violated, explained: (C,), (C,) and a number, as of :class:`FitReport`.
-        loose: (20,) as of :func:`uncertainty`.
+        loose: (20,) as of :func:`joints_held`.
         joints: (20, 3) metres, of the posture.
         seen, spread: (20, 3) and (20,) metres, the network's joints; both empty without a network.
         first, second: (20, C) as of :func:`_beside`.
@@ -181,17 +181,13 @@ def _supported(support, violated, ends, radii, count):  # type: ignore[no-untype
     return out
 
 
-def uncertainty(fitter: Fitter, posture: Posture, observation: Observation) -> Float:
-    """(20,) how loosely each joint is held: the root of the trace of its covariance, relative.
+def joints_held(fitter: Fitter, posture: Posture, observation: Observation) -> tuple[Float, Float]:
+    """(20, 3) the joints, world frame, and (20,) how loosely each is held.
 
-    The covariance is J H^-1 J' with the Gauss-Newton matrix H of the frame alone, without what time predicts:
-    a joint that nothing in the picture holds is loose, however steadily it has been predicted.
+    That is the root of the trace of its covariance, relative. The covariance is J H^-1 J' with the
+    Gauss-Newton matrix H of the frame alone, without what time predicts: a joint that nothing in the picture
+    holds is loose, however steadily it has been predicted.
     """
-    return _joints_held(fitter, posture, observation)[1]
-
-
-def _joints_held(fitter: Fitter, posture: Posture, observation: Observation) -> tuple[Float, Float]:
-    """(20, 3) the joints, world frame, and (20,) how loosely each is held, see :func:`uncertainty`."""
     matrix = fitter.information(posture, observation)
     state = (posture.position, posture.rotations, posture.lengths)
     joints, loose = _joint_spread(matrix, *state, *_SKELETON, _TURNS, *_JOINTS)

@@ -116,8 +116,7 @@ class Register:
             absent.place = None
 
     def matched(self, found: list[tuple[Looks, Float]], time_ns: int) -> list[tuple[Absent | None, bool]]:
-        """Matches new people, by looks and (3,) place, to absent ones or None; says of each whether it is
-        sure.
+        """Matches new people, by looks and (3,) place, to absent ones or None; says whether each is sure.
 
         All are matched together, at the least sum of mismatches, so that two who come back are not mistaken
         for each other while either fits better.

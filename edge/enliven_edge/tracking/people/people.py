@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -12,13 +11,11 @@ from enliven.arrays import Bool, Float, Int, UInt8
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.people.duplicates import Duplicates
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.people_finder import PeopleFinder
 from enliven_edge.tracking.people.person import Person
-from enliven_edge.tracking.people.roster import Roster
+from enliven_edge.tracking.people.roster import Duplicates, Roster
 from enliven_edge.tracking.people.visibility import hidden_shares
-from enliven_edge.tracking.scene import RoomModel, ZoneLock
 from enliven_edge.tracking.segment import Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
@@ -55,12 +52,17 @@ class _Visibility:
 
 
 class MultiPersonTracker:
-    """Follows several people, and finds new ones among the pixels of no person."""
+    """Follows several people, and finds new ones among the pixels of no person.
+
+    Attributes:
+        roster: the people, and which of them may perform.
+        finder: finds new people, after :meth:`follow` in each frame.
+    """
 
     def __init__(self, settings: TrackerSettings, fitter: Fitter) -> None:
         self.settings = settings
         self.roster = Roster(settings)
-        self._finder = PeopleFinder(settings, fitter, self.roster)
+        self.finder = PeopleFinder(settings, fitter, self.roster)
         self._fitter = fitter
         self._duplicates = Duplicates()
         self._turn = 0
@@ -74,21 +76,6 @@ class MultiPersonTracker:
         """The people who are followed, in the order in which they were found."""
         return self.roster.people
 
-    @property
-    def lock(self) -> ZoneLock:
-        """The ids that may perform."""
-        return self.roster.lock
-
-    @property
-    def performers(self) -> list[Person]:
-        """The people with an id whom zone and lock let in."""
-        return self.roster.performers
-
-    @property
-    def bystanders(self) -> int:
-        """How many people are seen who are no performers."""
-        return self._finder.bystanders
-
     def segment_ids(self) -> Int:
         """Returns (K,) ids of the people by their index in the last frame's segments."""
         return np.array([p.id for p in self.roster.segmented], np.int64)
@@ -97,33 +84,15 @@ class MultiPersonTracker:
         """Returns (K,) the same ids, with -1 for each person who has never moved."""
         return np.array([p.id if p.travelled else -1 for p in self.roster.segmented], np.int64)
 
-    def lock_to(self, ids: Iterable[int] | None) -> None:
-        """Admits only these ids, or all who are followed now, as performers from now on."""
-        self.roster.lock_to(ids)
-
-    def unlock(self) -> None:
-        """Admits new people as performers again."""
-        self.lock.ids = None
-
     def forget(self) -> None:
         """Drops all people; a person who comes next, or is still there, gets a new id."""
         self.roster.forget()
-        self._finder.clear()
+        self.finder.clear()
 
     def sensor_moved(self, time_ns: int) -> None:
         """Drops all people until they are found again: the sensor was moved, so their places say nothing."""
         self.roster.sensor_moved(time_ns)
-        self._finder.clear()
-
-    def find_new(
-        self, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel, *, believe: bool = True
-    ) -> Bool:
-        """Finds new people after :meth:`follow`; arguments and result as of :meth:`PeopleFinder.find`."""
-        return self._finder.find(view, kind, segments, room, believe=believe)
-
-    def searched_pixels(self, view: FrameView) -> Bool:
-        """Returns the (h, w) pixels that are being searched for new people."""
-        return self._finder.searched_pixels(view)
+        self.finder.clear()
 
     def follow(self, view: FrameView, kind: UInt8) -> Segments:
         """Fits the people who are followed; returns the person at each pixel of the frame."""
@@ -154,7 +123,7 @@ class MultiPersonTracker:
         for second in self._duplicates.found(self.people):
             self.roster.drop_duplicate(second)
         self.roster.decide(view.time_ns)
-        self.roster.register.forget_old(view.time_ns, self.lock.ids or frozenset())
+        self.roster.register.forget_old(view.time_ns, self.roster.lock.ids or frozenset())
         return segments
 
     def _allot_budgets(self, time_ns: int) -> None:
@@ -168,7 +137,7 @@ class MultiPersonTracker:
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
             follower.budget = Budget(_REDETECTION * whole / len(redetecting))
-        self._finder.allot(Budget(whole), first=elapsed is None)
+        self.finder.allot(Budget(whole), first=elapsed is None)
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
         """Takes in a frame of a covered lens: all people move on as hidden ones do."""
@@ -256,4 +225,4 @@ class MultiPersonTracker:
     def _refuse(self, person: Person, time_ns: int) -> None:
         """Drops a body that never moved and does not look like a person: a thing."""
         self.people.remove(person)
-        self._finder.refuse(person.place, time_ns)
+        self.finder.refuse(person.place, time_ns)

@@ -7,9 +7,8 @@ import numpy as np
 from enliven.arrays import Bool, Float, UInt8
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.people.recognition import recognise
 from enliven_edge.tracking.people.roster import Roster
-from enliven_edge.tracking.people.search import Search
+from enliven_edge.tracking.people.search import Search, recognise
 from enliven_edge.tracking.people.spread_search import FoundBody, SpreadSearch
 from enliven_edge.tracking.scene import ROOM, RoomModel
 from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, Segments, segmented
@@ -27,8 +26,7 @@ _LEAST = 6
 _MEASURED = 1 / 3
 """Coarse fits: the cost of measuring the shape of one newcomer."""
 _IN_PLAN = np.array([1.0, 0.0, 1.0])
-"""The part of a step of a newcomer's middle that moves its body: the height of the middle changes with what
-is seen of the person."""
+"""The part of a step of a newcomer's middle that moves its body: its height changes with what is seen."""
 
 
 class PeopleFinder:

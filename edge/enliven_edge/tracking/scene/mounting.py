@@ -31,26 +31,21 @@ makes nothing farther."""
 _SUSPICIOUS_FRAMES = 3
 """Frames in a row that must differ from the room: a single one may be disturbed."""
 _DIFFERENT = 0.6
-"""Part of the share ``moved`` above which the floor is looked for: a small turn of the sensor changes
-less."""
+"""Part of the share ``moved`` above which the floor is looked for: a small turn changes less."""
 _LOOK_AGAIN = 15
 """Frames between two such looks: half a second at 30 frames a second."""
 _TURNED = np.deg2rad(3.0)
-"""Radians by which the floor must have turned for the sensor to have been moved: less is the noise of a
-fit."""
+"""Radians by which the floor must have turned for the sensor to have been moved: less is noise."""
 _LIFTED = 0.12
 """Metres by which the sensor's height must have changed for it to have been moved: less is noise of a fit."""
 _STILL = 0.85
-"""Share of the pixels that hardly change between two frames of a sensor at rest: people move in the
-others."""
+"""Share of the pixels that hardly change between two frames of a sensor at rest: people move in others."""
 _STILL_FRAMES = 3
 """Still frames in a row after which a fall is over: one alone may lie between two movements."""
 _LONGEST_FALL_NS = 3_000_000_000
-"""Nanoseconds after which a fall is over in any case: moving people may keep the image from ever being
-still."""
+"""Nanoseconds after which a fall is over in any case: moving people may never let the image be still."""
 _FALLS_BY = np.deg2rad(30.0)
-"""Radians that the floor's normal may turn between two frames of a fall: 900 degrees a second at 30
-frames."""
+"""Radians that the floor's normal may turn between two frames of a fall: at 30 Hz 900 degrees a second."""
 
 
 class Mounting:

@@ -19,14 +19,12 @@ BEFORE = 1
 UNSEEN = 2
 """Class of a pixel where the room was never seen, nearer than the room around it."""
 UNLIKELY = 3
-"""Class of a pixel where the room was never seen, about as far as the room around it: a person is
-unlikely."""
+"""Class of a pixel where the room was never seen, about as far as the room around it: hardly a person."""
 _FLICKERS = 6.0
 """Times that a pixel has come to the same nearer depth and gone: more often it is an edge of the room, which
 is as near as the nearer depth."""
 _FILL_EVERY_NS = 300_000_000
-"""Nanoseconds between two looks at how much of the room is known: counting and filling pass the whole
-image."""
+"""Nanoseconds between two looks at how much of the room is known: both pass the whole image."""
 _FILL_SHARE = 0.002
 """Share of the image by which the known part must have changed for the fill to be computed anew."""
 _FILL_AFTER = 6
@@ -252,14 +250,12 @@ def _guard(owner, ids, z, guarded, guard_z):  # type: ignore[no-untyped-def]
                 guarded[v, u], guard_z[v, u] = ids[owner[v, u]], z[v, u]
 
 
-def widened(mask: Bool, pixels: int) -> Bool:
-    """The mask grown by a square of ``pixels`` to every side."""
-    return np.asarray(_widened(mask, pixels))
-
-
 @njit(cache=True, nogil=True)
-def _widened(mask, pixels):  # type: ignore[no-untyped-def]
-    """Unites each row with the rows around it, and then with itself moved by up to so many pixels."""
+def widened(mask, pixels):  # type: ignore[no-untyped-def]
+    """The (h, w) mask grown by a square of ``pixels`` to every side.
+
+    Unites each row with the rows around it, and then with itself moved by up to so many pixels.
+    """
     height, width = mask.shape
     out, row = np.zeros((height, width), np.bool_), np.empty(width + 2 * pixels, np.bool_)
     middle = row[pixels : pixels + width]

@@ -95,19 +95,12 @@ def _with_floor(z, made, ray, pose):  # type: ignore[no-untyped-def]
     return out
 
 
-def filled(z: Float) -> Float:
-    """(h, w) the depth, and where it is not known that of the nearest known pixel (two chamfer passes).
-
-    All 0 where nothing is known.
-    """
-    return np.asarray(_filled(z))
-
-
 @njit(cache=True, nogil=True)
-def _filled(z):  # type: ignore[no-untyped-def]
-    """A forward and a backward pass that hand on the value of the nearest known pixel.
+def filled(z):  # type: ignore[no-untyped-def]
+    """(h, w) the depth, and where it is not known that of the nearest known pixel; all 0 where none is known.
 
-    A border of one pixel, from which everything is far, spares the passes a test for the edges.
+    A forward and a backward chamfer pass hand on the value of the nearest known pixel. A border of one
+    pixel, from which everything is far, spares the passes a test for the edges.
     """
     height, width = z.shape
     out, far = np.zeros((height + 2, width + 2)), np.full((height + 2, width + 2), _FAR)

@@ -53,6 +53,10 @@ class ZoneLock:
         """Whether new people are bystanders."""
         return self.ids is not None
 
+    def open(self) -> None:
+        """Admits new people as performers again."""
+        self.ids = None
+
     def admits(self, identity: int) -> bool:
         """Whether this person is a performer."""
         return self.ids is None or identity in self.ids

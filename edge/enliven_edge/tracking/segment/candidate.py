@@ -27,8 +27,7 @@ _LARGE = 0.33
 _LEAST = 0.14
 """Square metres that must be seen of a person to be believed: smaller groups are mostly things."""
 _STOUT = 0.1
-"""Square metres seen at the least of a person a metre tall, from the side; they grow with the height
-squared."""
+"""Square metres seen at the least of a person a metre tall, from the side; they grow as its square."""
 _BULKY = 0.5
 """Square metres seen at the most of a person a metre tall; they grow with the height squared."""
 STANDS = 1.3

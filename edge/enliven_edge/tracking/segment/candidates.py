@@ -10,9 +10,8 @@ import numpy as np
 from enliven.arrays import Bool, Float, UInt8
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.segment.candidate import Candidate, measured
-from enliven_edge.tracking.segment.columns import parted
 from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, SMALLEST_AREA, BlobShape, shape_of
-from enliven_edge.tracking.segment.pieces import Part, all_of, beside_walls
+from enliven_edge.tracking.segment.pieces import Part, all_of, beside_walls, parted
 from enliven_edge.tracking.segment.segmentation import Segments
 
 _SAME = 0.45

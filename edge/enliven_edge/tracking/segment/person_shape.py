@@ -56,8 +56,7 @@ _BOARD = 0.85
 _ROUND = 0.035
 """Metres of standard deviation from its best plane from which a group with limbs is round as a body is."""
 _FREE = 0.6
-"""Share of its outline that is free at the least: a person stands before something, a piece of a wall does
-not."""
+"""Share of its outline that is free at the least: a person stands before something, a wall does not."""
 _HIDDEN = 0.2
 """Share of the outline behind something nearer up to which a crown counts as seen."""
 _MOSTLY_HIDDEN = 0.6

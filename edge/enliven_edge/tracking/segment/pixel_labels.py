@@ -10,8 +10,7 @@ from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.scene import ROOM, UNLIKELY
 
 _ON_SURFACE = 0.025
-"""Metres from a predicted surface within which a pixel lies on it and the search ends: about the noise of
-depth."""
+"""Metres from a predicted surface within which a pixel lies on it and the search ends: depth's noise."""
 
 
 def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int:

@@ -24,8 +24,7 @@ from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_
 REACH = 0.22
 """Metres from the predicted surface within which a pixel is taken for the person's."""
 _REACH_UNLIKELY = 0.08
-"""Metres likewise where a person is unlikely, about as deep as the unseen room: only the body itself
-counts."""
+"""Metres likewise where a person is unlikely, about as deep as the unseen room: the body alone counts."""
 _LIMB_AREA = 0.12
 """Square metres seen up to which a group that touches a person is a limb: a leg seen from the front."""
 _LIMB_LENGTH = 0.95
@@ -108,7 +107,7 @@ def segmented(
     if count > 1:
         grow_surfaces(owner, distance, view.z)
     pixels = _candidates(kind, owner)
-    labels, groups = _grouped(view.z, pixels, 1.0)
+    labels, groups = groups_of(view.z, pixels, 1.0)
     loose, joined = _judged(_table(view, pixels, labels, groups, owner, count))
     counts = _join(owner, labels, pixels, joined, count) if count else np.zeros(0, np.int64)
     if count > 1:
@@ -131,21 +130,6 @@ def lying_on(view: FrameView, postures: Sequence[Posture], above: float, reach: 
     return np.asarray(owner >= 0)
 
 
-def loose_groups(z: Float, kind: UInt8, owner: Int, tightness: float = 1.0) -> tuple[Int, int]:
-    """(h, w) groups 1..n of the unowned candidate pixels, joined by small steps in depth, and n."""
-    return groups_of(z, _candidates(kind, owner), tightness)
-
-
-def groups_of(z: Float, pixels: Int, tightness: float = 1.0) -> tuple[Int, int]:
-    """(h, w) groups 1..n of pixels that are joined by small steps in depth, and n.
-
-    Args:
-        pixels: (M,) int32 the flat places of the pixels in reading order.
-    """
-    labels, groups = _grouped(z, pixels, tightness)
-    return np.asarray(labels), int(groups)
-
-
 @njit(cache=True, nogil=True)
 def _candidates(kind, owner):  # type: ignore[no-untyped-def]
     """(M,) the flat places, in reading order, of the pixels without an owner that may be a person's."""
@@ -157,8 +141,13 @@ def _candidates(kind, owner):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _grouped(z, pixels, tightness):  # type: ignore[no-untyped-def]
-    """(h, w) the group of each of (M,) pixels, 0 for all other pixels; and the number of groups."""
+def groups_of(z, pixels, tightness):  # type: ignore[no-untyped-def]
+    """(h, w) groups 1..n of pixels that are joined by small steps in depth, and n; 0 for all other pixels.
+
+    Args:
+        pixels: (M,) int32 the flat places of the pixels in reading order.
+        tightness: factor on the steps.
+    """
     shape, width, z = z.shape, z.shape[1], z.ravel()
     # Until the groups are numbered a pixel's label is its number among the pixels, from 1.
     labels, parent, row = np.zeros(len(z), np.int32), np.arange(len(pixels), dtype=np.int32), 0

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Bool, Float
 from enliven.kernels import njit
-from enliven.masks import pixels_of
 
 BIN = 0.04
 """Metres of a step in which widths are counted: several to a head."""
@@ -64,19 +62,16 @@ def filled_cells(along, height):  # type: ignore[no-untyped-def]
     return np.count_nonzero(met)
 
 
-def outline(z: Float, mask: Bool) -> tuple[float, float, float, bool]:
+@njit(cache=True, nogil=True)
+def outline_of_pixels(z, mask, pixels):  # type: ignore[no-untyped-def]
     """Returns of a mask's sides and top the shares next to something farther, nearer and the image's border.
 
     The fourth value is whether the mask runs out of the image below. Depth is compared beyond two pixels,
     because the first may lie on the edge itself. Where too little of it is known, all the outline is free.
+
+    Args:
+        pixels: (N,) the places of the mask's pixels, in reading order.
     """
-    farther, nearer, border, cut = outline_of_pixels(z, mask, pixels_of(mask))
-    return farther, nearer, border, cut
-
-
-@njit(cache=True, nogil=True)
-def outline_of_pixels(z, mask, pixels):  # type: ignore[no-untyped-def]
-    """See :func:`outline`; with the (N,) places of the mask's pixels, in reading order."""
     height, width = z.shape
     farther, nearer, other, unknown = 0, 0, 0, 0
     for i in _edges(mask, pixels):

@@ -30,26 +30,8 @@ def grow_surfaces(owner: Int, distance: Float, z: Float) -> None:
         distance: (h, w) metres from the owner's predicted surface.
         z: (h, w) metres along the optical axis.
     """
-    if _contested(owner, distance, z):
+    if _meet(owner, z, distance, _PLAIN):
         _grow(owner, distance, z)
-
-
-@njit(cache=True, nogil=True)
-def _contested(owner, distance, z):  # type: ignore[no-untyped-def]
-    """Whether a pixel that is not plainly its owner's touches another person's."""
-    height, width = owner.shape
-    for v in range(height):
-        if not _abut(owner, v):
-            continue
-        for u in range(width):
-            if owner[v, u] < 0:
-                continue
-            for q, p in ((v, u - 1), (v - 1, u)):
-                if q < 0 or p < 0 or owner[q, p] < 0 or owner[q, p] == owner[v, u]:
-                    continue
-                if max(distance[v, u], distance[q, p]) > _PLAIN and _near(z[v, u], z[q, p]):
-                    return True
-    return False
 
 
 @njit(cache=True, nogil=True)
@@ -68,8 +50,8 @@ def _abut(owner, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _meet(owner, z):  # type: ignore[no-untyped-def]
-    """Whether two people's pixels are neighbours on one surface."""
+def _meet(owner, z, distance, least):  # type: ignore[no-untyped-def]
+    """Whether two people's pixels are neighbours on one surface, at a ``distance`` (h, w) above the least."""
     height, width = owner.shape
     for v in range(height):
         if not _abut(owner, v):
@@ -78,7 +60,7 @@ def _meet(owner, z):  # type: ignore[no-untyped-def]
             for q, p in ((v, u - 1), (v - 1, u)):
                 if q < 0 or p < 0 or owner[q, p] == owner[v, u] or min(owner[q, p], owner[v, u]) < 0:
                     continue
-                if _near(z[v, u], z[q, p]):
+                if max(distance[v, u], distance[q, p]) > least and _near(z[v, u], z[q, p]):
                     return True
     return False
 
@@ -118,7 +100,7 @@ def return_detached(owner: Int, z: Float, counts: Int) -> Int:
     Returns:
         (K,) each person's pixels now.
     """
-    if not _meet(owner, z):
+    if not _meet(owner, z, z, 0.0):  # anywhere: all depths are above 0
         return counts
     number, owner_of, size = _pieces(_joined(owner, z), owner)
     largest = np.array([_largest(owner_of, size, k) for k in range(len(counts))])

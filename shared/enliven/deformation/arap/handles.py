@@ -24,7 +24,7 @@ from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap.factor import Factor
 from enliven.deformation.arap.solves import unit_column
 from enliven.kernels import njit
-from enliven.rotation import nearest_quaternion
+from enliven.rotation import nearest_quaternion, rotation_matrix
 
 
 class HeldVertices(NamedTuple):
@@ -150,7 +150,7 @@ def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
     for r in range(3):
         m[r, r] += push
     w, x, y, z = nearest_quaternion(m)
-    _turn(w, x, y, z, m)
+    rotation_matrix((w, x, y, z), m)
     after = 0.0
     for h in range(count):
         at = 16 * held.places[h] + 12
@@ -167,7 +167,7 @@ def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
         length = math.sqrt(x * x + y * y + z * z)
         half = part * math.atan2(length, abs(w))
         bend = math.copysign(math.sin(half) / length, w) if length > 0.0 else 0.0
-        _turn(math.cos(half), bend * x, bend * y, bend * z, m)
+        rotation_matrix((math.cos(half), bend * x, bend * y, bend * z), m)
         for c in range(3):
             new[c] = old[c] + part * (new[c] - old[c])
     for i in range(len(shown)):
@@ -177,11 +177,3 @@ def follow(held, frames, shown, targets, share):  # type: ignore[no-untyped-def]
         for r in range(3):
             frames[at + r] = m[r, 0] * x + m[r, 1] * y + m[r, 2] * z + new[r]
             shown[i, r] = m[r, 0] * u + m[r, 1] * v + m[r, 2] * w + new[r]
-
-
-@njit(cache=True, nogil=True)
-def _turn(w, x, y, z, out):  # type: ignore[no-untyped-def]
-    """``out`` (3, 3) <- the rotation of a unit quaternion."""
-    out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    out[1, 0], out[1, 1], out[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    out[2, 0], out[2, 1], out[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)

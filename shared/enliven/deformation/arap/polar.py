@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from enliven.kernels import njit
-from enliven.rotation import nearest_quaternion
+from enliven.rotation import nearest_quaternion, rotation_matrix
 
 N = 64
 """Cells of a block; a block is one array, row k of it is ``block[k * N : (k + 1) * N]``."""
@@ -133,13 +133,9 @@ def polar(block, count, frames, at):  # type: ignore[no-untyped-def]
         for k in range(9):
             last = frames[16 * (at + n) + 4 * (k // 3) + k % 3]
             m[k % 3, k // 3] = block[(S + k) * N + n] + push * last
-        w, x, y, z = nearest_quaternion(m)
-        block[9 * N + n], block[13 * N + n] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)
-        block[10 * N + n], block[12 * N + n] = 2 * (x * y + w * z), 2 * (x * y - w * z)
-        block[11 * N + n], block[15 * N + n] = 2 * (x * z - w * y), 2 * (x * z + w * y)
-        block[14 * N + n], block[16 * N + n] = 2 * (y * z + w * x), 2 * (y * z - w * x)
-        block[17 * N + n] = 1 - 2 * (x * x + y * y)
+        rotation_matrix(nearest_quaternion(m), m)
         trace = 0.0
         for k in range(9):
+            block[(R + k) * N + n] = m[k % 3, k // 3]
             trace += block[(S + k) * N + n] * block[(R + k) * N + n]
         block[TRACE * N + n] = trace

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -73,15 +73,8 @@ def joined_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
     sets = [planes for planes in sets if len(planes)]
     if len(sets) < 2:
         return sets[0] if sets else None
-    return PlaneConstraints(
-        np.concatenate([p.points for p in sets]),
-        np.concatenate([p.node_indices for p in sets]),
-        np.concatenate([p.node_weights for p in sets]),
-        np.concatenate([p.normals for p in sets]),
-        np.concatenate([p.offsets for p in sets]),
-        np.concatenate([p.weights for p in sets]),
-        np.concatenate([p.one_sided for p in sets]),
-    )
+    parts = [part.name for part in fields(PlaneConstraints)]
+    return PlaneConstraints(*(np.concatenate([getattr(planes, part) for planes in sets]) for part in parts))
 
 
 def grid_subsample(points: Float | Float32, most: int) -> Int:

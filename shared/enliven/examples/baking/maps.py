@@ -16,7 +16,7 @@ from scipy.linalg import cho_solve
 
 from enliven.arrays import Float, Int32
 from enliven.kernels import njit
-from enliven.rotation import nearest_quaternion, nearest_rotation
+from enliven.rotation import nearest_quaternion, nearest_rotation, rotation_matrix
 
 _PLACE = 1e-6
 """How strongly a pivot is kept where its rotation would take it, where nothing else says."""
@@ -223,10 +223,7 @@ def _block(own, left, axes, fresh, found):  # type: ignore[no-untyped-def]
         scale[a] = min(max(np.sqrt((turned[:, a] ** 2).sum()), _LEAST), _MOST)
     turn = np.empty((3, 3))
     for _ in range(3 if fresh else 2):
-        w, x, y, z = nearest_quaternion(flat * scale)
-        turn[0, 0], turn[0, 1], turn[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-        turn[1, 0], turn[1, 1], turn[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-        turn[2, 0], turn[2, 1], turn[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+        rotation_matrix(nearest_quaternion(flat * scale), turn)
         for a in range(3):
             along = turn[0, a] * flat[0, a] + turn[1, a] * flat[1, a] + turn[2, a] * flat[2, a]
             scale[a] = min(max(along / max(spread[a, a], 1e-300), _LEAST), _MOST)

@@ -6,22 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.document import (
-    STILL,
-    GraphPart,
-    GraphShape,
-    PoseStream,
-    Project,
-    Puppet,
-    RigBase,
-    Shape,
-    SkinWeights,
-)
+from enliven.document import Project, RigBase, graph_shape_at_rest
 from enliven.formats.project.file import project_bytes
 from enliven.meshes import Mesh
-
-_REST = "rest"
-"""The id of the stream of a possessed mesh at rest."""
 
 
 def character_bytes(project: Project, character: str) -> bytes:
@@ -39,34 +26,17 @@ def character_bytes(project: Project, character: str) -> bytes:
 def project_of_mesh(mesh: Mesh, name: str) -> Project:
     """Returns a project of a mesh that is to be possessed: it has one node, until it is put on a stage."""
     vertices = _rounded(mesh.vertices)
-    return _graph(replace(mesh, vertices=vertices), name, vertices.mean(0)[None], np.empty((0, 2), np.int32))
+    one = graph_shape_at_rest(
+        name, vertices.mean(0)[None], np.empty((0, 2), np.int32), replace(mesh, vertices=vertices)
+    )
+    return Project().with_streams(one[1]).with_characters(one[0])
 
 
 def _alone(one: RigBase, project: Project) -> Project:
-    if isinstance(one, GraphShape):
-        return _graph(_bare(one.mesh), one.id, one.positions, one.edges)
-    if isinstance(one, Shape):
-        spans, mesh = (STILL,) * len(one.skeleton), None if one.mesh is None else _bare(one.mesh)
-        still = one.with_changes(spans=spans, layers=(), travel=None, pins=(), mesh=mesh)
-        return Project().with_characters(still)
-    assert isinstance(one, Puppet)
-    still = one.with_changes(layers=(), mesh=_bare(one.mesh))
-    return (
-        Project()
-        .with_takes(*(project.takes[name] for name in still.needed()["takes"]))
-        .with_characters(still)
-    )
-
-
-def _graph(mesh: Mesh, name: str, nodes: np.ndarray, edges: np.ndarray) -> Project:
-    """Returns a possessed mesh at rest; its skin is made anew from the mesh on the stage."""
-    count = len(mesh.vertices)
-    skin = SkinWeights(
-        np.zeros((count, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1))
-    )
-    stream = PoseStream(_REST, np.tile(np.eye(3), (1, len(nodes), 1, 1)), nodes[None], 1.0)
-    part = GraphPart(_REST, np.arange(len(nodes)))
-    return Project().with_streams(stream).with_characters(GraphShape(name, nodes, edges, mesh, skin, (part,)))
+    """Returns a project of a character at rest, with the takes that it needs then."""
+    still, streams = one.at_rest(None if one.mesh is None else _bare(one.mesh))
+    takes = (project.takes[name] for name in still.needed()["takes"])
+    return Project().with_takes(*takes).with_streams(*streams).with_characters(still)
 
 
 def _bare(mesh: Mesh) -> Mesh:

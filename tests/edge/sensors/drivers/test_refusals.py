@@ -21,7 +21,7 @@ from troubled import camera, picture
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder
-from enliven_edge.sensors import extras
+from enliven_edge.sensors import attached_cameras as cameras
 from enliven_edge.sensors.drivers import refusals
 from enliven_edge.sensors.drivers.lens import known_or_typical
 from enliven_edge.sensors.drivers.refusals import SAID, SYSTEM, chosen, refused
@@ -132,9 +132,9 @@ def test_two_of_one_name_are_told_with_how_to_name_one():
 )
 def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package, version, why):
     """Said before the library is loaded."""
-    monkeypatch.setattr(extras, "version", {package: version}.__getitem__)
+    monkeypatch.setattr(cameras, "version", {package: version}.__getitem__)
     with pytest.raises(ResourceError) as raised:
-        extras.library(package, sensor)
+        cameras.library(package, sensor)
     said = str(raised.value)
     assert f"{package} {version} is installed" in said and why in said
     assert f'pip install "enliven-edge[{sensor}]"' in said
@@ -145,7 +145,7 @@ def test_versions_that_work_are_let_be():
         "depthai": ("3.6.1", "3.7.0", "3.11.0", "3.12.0"),
         "pyrealsense2": ("2.56.5.9235", "2.59.1.11053"),
     }
-    assert not any(extras.unsupported(package, v) for package, versions in good.items() for v in versions)
+    assert not any(cameras.unsupported(package, v) for package, versions in good.items() for v in versions)
 
 
 @pytest.fixture(scope="module", params=LIBRARIES)

@@ -18,8 +18,7 @@ from enliven import cli
 from enliven.errors import InputError
 from enliven_edge.sensors.stereo import Rectification, load_calibration
 from enliven_edge.sensors.stereo.board import CalibrationBoard
-from enliven_edge.sensors.stereo.collecting import Keeper
-from enliven_edge.sensors.stereo.judging import judge
+from enliven_edge.sensors.stereo.judging import Keeper, judge
 from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, BoardSighting, _flat, solve
 
 BOARD = CalibrationBoard()

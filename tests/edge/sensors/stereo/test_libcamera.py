@@ -22,7 +22,7 @@ from enliven import cli
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven_edge.sensors.drivers.libcamera import LibcameraSensor
-from enliven_edge.sensors.drivers.libcamera_formats import COLOUR, GREY, image_of
+from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, image_of
 from enliven_edge.sensors.isolation import IsolatedOpener
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
 from enliven_edge.sensors.reopening import kept_open

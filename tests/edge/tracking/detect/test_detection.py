@@ -18,7 +18,7 @@ from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.appearance import turned_about
 from enliven_edge.tracking.detect.detection import detect, detect_another
 from enliven_edge.tracking.detect.fit_quality import quality
-from enliven_edge.tracking.detect.posing import posed
+from enliven_edge.tracking.detect.hypotheses import posed
 from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points

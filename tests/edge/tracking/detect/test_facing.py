@@ -5,10 +5,15 @@ import pytest
 from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 
 from enliven_edge.tracking.body_model import joint_limits, model
-from enliven_edge.tracking.body_model.chest import ahead_in_plan, chest_axes, chest_axes_about
-from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.body_model.posture import (
+    Posture,
+    ahead_in_plan,
+    chest_axes,
+    chest_axes_about,
+    rotation,
+)
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing_score, turned_about
-from enliven_edge.tracking.detect.facing_side import Facing, _advantage, backward
+from enliven_edge.tracking.detect.fit_quality import Facing, _advantage, backward
 
 
 def forward_in_plan(posture):
@@ -75,15 +80,15 @@ def bent(pitch: float, yaw: float = 0.0) -> Posture:
 @pytest.mark.parametrize("yaw", [0.0, 1.1, np.pi, -2.0])
 def test_people_bend_forward(yaw):
     """Who bows towards the sensor does not lean backward away from it, though the network says nothing."""
-    assert backward(bent(0.0, yaw)) == 0.0
-    assert backward(bent(0.6, yaw)) == 0.0
-    assert backward(bent(-0.6, yaw)) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
+    assert backward(bent(0.0, yaw).rotations) == 0.0
+    assert backward(bent(0.6, yaw).rotations) == 0.0
+    assert backward(bent(-0.6, yaw).rotations) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
     assert any(verdicts(turned_about(bent(0.6, yaw)), seen_facing(None)))
     assert not any(verdicts(bent(0.6, yaw), seen_facing(None)))
 
 
 def test_who_lies_on_the_back_does_not_lean():
-    assert backward(bent(-1.5)) == 0.0
+    assert backward(bent(-1.5).rotations) == 0.0
 
 
 def test_a_slight_doubt_turns_nobody():
@@ -131,7 +136,7 @@ def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
     speed = np.linalg.norm(velocity[[0, 2]])
     plainly = np.clip((speed - 0.45) / 0.45, 0.0, 1.0)
     slow += 4.5 * plainly * (velocity[[0, 2]] / speed) @ forward_in_plan(posture)
-    slow += 15.0 * (backward(turned) - backward(posture))
+    slow += 15.0 * (backward(turned.rotations) - backward(posture.rotations))
     ways = seen.estimate.facing
     found = _advantage(posture.rotations, posture.position, EYE, velocity, ways)
     assert found == pytest.approx(slow, abs=1e-9)

@@ -12,8 +12,7 @@ from enliven.person.joints import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import turned_about
-from enliven_edge.tracking.detect.hypotheses import BANK
-from enliven_edge.tracking.detect.posing import aligned_to, posed
+from enliven_edge.tracking.detect.hypotheses import BANK, aligned_to, posed
 from enliven_edge.tracking.fit.gauss_newton import stepped
 
 SEEDS = st.integers(0, 10_000)

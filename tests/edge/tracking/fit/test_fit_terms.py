@@ -98,7 +98,7 @@ def test_the_floors_gradient_by_the_girth_holds_for_every_build(seed, girth):
     posture = random_posture(seed, 0.5)
     posture.position[1] -= 0.5
     posture.lengths[model.GIRTH] = girth
-    direction = np.zeros(model.UNKNOWNS)
+    direction = np.zeros(model.DOFS + len(model.LENGTHS))
     direction[model.DOFS + model.GIRTH] = 1.0
     _, gradient = floor_energy(posture)
     assert 2 * gradient @ direction == pytest.approx(

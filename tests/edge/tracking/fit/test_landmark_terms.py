@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.fit import carried_points, terms
+from enliven_edge.tracking.fit import normal_equations, terms
 from enliven_edge.tracking.fit.gauss_newton import stepped
 
 JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
 SEEDS = st.integers(0, 10_000)
-COUNTS = st.sampled_from([model.DOFS, model.UNKNOWNS])
+COUNTS = st.sampled_from([model.DOFS, (model.DOFS + len(model.LENGTHS))])
 """Unknowns where the lengths are frozen, and where they are not."""
 WEIGHT = 1.7
 STEP = 1e-6
@@ -30,7 +30,7 @@ def random_posture(seed: int) -> Posture:
 
 
 def moved_by(posture: Posture, step: np.ndarray) -> Posture:
-    full = np.zeros(model.UNKNOWNS)
+    full = np.zeros(model.DOFS + len(model.LENGTHS))
     full[: len(step)] = step
     return Posture(*stepped(posture.position, posture.rotations, posture.lengths, full, *TURNS))
 
@@ -43,7 +43,7 @@ def random_landmarks(posture: Posture, seed: int) -> np.ndarray:
     return np.concatenate([places, weights[:, None], dice.uniform(0.12, 0.4, (20, 1))], 1)
 
 
-def near(posture: Posture, landmarks: np.ndarray, count: int = model.UNKNOWNS):
+def near(posture: Posture, landmarks: np.ndarray, count: int = (model.DOFS + len(model.LENGTHS))):
     """(energy, gradient, upper triangle of the matrix)."""
     free = count - model.DOFS
     around = (*JOINTS, posture.lengths, body_of(posture, free), WEIGHT)
@@ -65,7 +65,7 @@ def differences(of, posture: Posture, count: int) -> np.ndarray:
 def test_a_carried_point_is_where_the_joint_is(seed):
     posture, point = random_posture(seed), np.empty(3)
     for j, joint in enumerate(posture.joints()):
-        carried_points.carried(point, JOINTS[0][j], JOINTS[1][j], posture.lengths, body_of(posture))
+        normal_equations.carried(point, JOINTS[0][j], JOINTS[1][j], posture.lengths, body_of(posture))
         np.testing.assert_allclose(point, joint, atol=1e-12)
 
 
@@ -73,8 +73,8 @@ def test_a_carried_point_is_where_the_joint_is(seed):
 @settings(max_examples=25, deadline=None)
 def test_a_joint_moves_by_the_lengths_as_its_differences_say(seed, joint):
     posture, by = random_posture(seed), np.empty((3, 12))
-    carried_points.by_length(by, JOINTS[0][joint], JOINTS[1][joint], body_of(posture))
-    slow = differences(lambda p: p.joints()[joint], posture, model.UNKNOWNS)[model.DOFS :]
+    normal_equations.by_length(by, JOINTS[0][joint], JOINTS[1][joint], body_of(posture))
+    slow = differences(lambda p: p.joints()[joint], posture, (model.DOFS + len(model.LENGTHS)))[model.DOFS :]
     np.testing.assert_allclose(by, slow.T, atol=1e-7)
 
 

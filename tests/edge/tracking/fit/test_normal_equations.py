@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.fit import carried_points, data_term
+from enliven_edge.tracking.fit import data_term
+from enliven_edge.tracking.fit import normal_equations as equations
 from enliven_edge.tracking.fit.gauss_newton import solve_damped
 from enliven_edge.tracking.fit.normal_equations import add_place, add_ray
 
@@ -39,12 +40,12 @@ def test_normal_equations_match_one_row_a_point(seed, count):
     slow, slow_gradient, slow_energy = np.zeros((42, 42)), np.zeros(42), 0.0
     for point, normal in zip(points, normals, strict=True):
         c, t, distance = nearest(point, normal, ends, radii)
-        cost, weight = carried_points.robust(distance, 0.07)
+        cost, weight = equations.robust(distance, 0.07)
         slow_energy += cost / len(points)
         foot = ends[c, 0] + t * (ends[c, 1] - ends[c, 0])
         outward = (point - foot) / np.linalg.norm(point - foot)
         row = np.zeros(42)
-        carried_points.point_row(
+        equations.point_row(
             row, -1.0, frames[c], foot, outward, (1 - t) * local[c, 0] + t * local[c, 1], body
         )
         row[-1] -= (radii[c, 0] + t * (radii[c, 1] - radii[c, 0])) / posture.lengths[-1]
@@ -68,7 +69,7 @@ def test_rays_and_places_are_gathered_as_one_row_each_would_be(seed, count):
         for joint, frame in enumerate(model.JOINT_FRAMES):
             at, local = posture.joints()[joint], model.JOINT_OFFSETS[joint]
             by, apart, normal = np.empty((3, free)), dice.normal(size=3), dice.normal(size=3)
-            carried_points.by_length(by, frame, local, body)
+            equations.by_length(by, frame, local, body)
             residual, weight = dice.normal(), dice.uniform(0, 2)
             add_ray(sums, frame, normal, at, normal @ by, model.FRAME_LENGTHS, residual, weight)
             add_place(sums, frame, at, apart, by, model.FRAME_LENGTHS, weight)
@@ -79,7 +80,7 @@ def test_rays_and_places_are_gathered_as_one_row_each_would_be(seed, count):
     slow, slow_gradient = np.zeros((count, count)), np.zeros(count)
     for frame, at, way, local, much, weight in rows:
         row = np.zeros(count)
-        carried_points.point_row(row, 1.0, frame, at, way, local, body)
+        equations.point_row(row, 1.0, frame, at, way, local, body)
         slow += weight * np.outer(row, row)
         slow_gradient += weight * much * row
     np.testing.assert_allclose(gradient, slow_gradient, atol=1e-9)

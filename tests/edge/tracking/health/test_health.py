@@ -13,11 +13,10 @@ from enliven.frames import BodyFrame, DepthFrame
 from enliven.health import HealthKind, Severity
 from enliven.person.body import Body
 from enliven.person.joints import Joint
-from enliven_edge.tracking.frame.depth_survey import survey
-from enliven_edge.tracking.frame.frame_timing import FrameTiming
-from enliven_edge.tracking.health.alarm import Alarm
+from enliven_edge.tracking.frame.frame_check import FrameTiming
+from enliven_edge.tracking.frame.reduction import survey
+from enliven_edge.tracking.health.alarm import HEALTH_MESSAGES, Alarm
 from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings, TrackerState
-from enliven_edge.tracking.health.messages import HEALTH_MESSAGES
 
 STEP = 33_333_333
 CAMERA = Intrinsics(160, 120, 130, 130, 79.5, 59.5)

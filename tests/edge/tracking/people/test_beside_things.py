@@ -5,8 +5,7 @@ import pytest
 
 from enliven.person.joints import Joint
 from enliven_edge.tracking.fit.fit import Fitter
-from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import FrameView
+from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people import follower
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.segment.segmentation import lying_on

@@ -42,8 +42,8 @@ def test_what_a_board_hides_is_hidden_and_what_is_beside_the_image_is_outside():
 def test_a_joint_that_nothing_holds_is_the_loosest():
     """Behind a board from the hips down, the feet are looser than the hands, and looser than in full view."""
     fitter = Fitter(FitSettings())
-    full = of_joints.uncertainty(fitter, standing(), observed(standing()))
-    hidden = of_joints.uncertainty(fitter, standing(), observed(standing(), hide=70))
+    full = of_joints.joints_held(fitter, standing(), observed(standing()))[1]
+    hidden = of_joints.joints_held(fitter, standing(), observed(standing(), hide=70))[1]
     feet, head = [15, 19], 3
     assert hidden[feet].min() > 2.0 * hidden[head]
     assert (hidden[feet] > 1.5 * full[feet]).all()
@@ -70,7 +70,7 @@ def test_uncertainty_is_that_of_the_inverse_matrix(seed):
             at = Posture(*stepped(posture.position, posture.rotations, posture.lengths, moved, *turns))
             rows[:, :, k] += sign * at.joints() / (2 * h)
     slow = np.sqrt(np.einsum("jak,kl,jal->j", rows, np.linalg.inv(full), rows))
-    np.testing.assert_allclose(of_joints.uncertainty(fitter, posture, observation), slow, rtol=1e-3)
+    np.testing.assert_allclose(of_joints.joints_held(fitter, posture, observation)[1], slow, rtol=1e-3)
 
 
 def test_the_network_is_evidence_where_there_is_one():

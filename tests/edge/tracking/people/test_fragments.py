@@ -12,8 +12,7 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
-from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import FrameView
+from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.identity import Looks
 from enliven_edge.tracking.people.people import MultiPersonTracker
@@ -52,7 +51,7 @@ def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.nda
     room = RoomModel(view.z.shape)
     room.age = age
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
-    return tracker.find_new(view, kind, segmented(view, kind, []), room, believe=False)
+    return tracker.finder.find(view, kind, segmented(view, kind, []), room, believe=False)
 
 
 def test_a_shank_beside_somebody_is_held():

@@ -13,8 +13,7 @@ from enliven_edge.tracking.body_model import joint_limits
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
-from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import FrameView
+from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people import follower, redetection
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.settings import FitSettings, TrackerSettings

@@ -12,8 +12,7 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.fit.gauss_newton import stepped
-from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import FrameView
+from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people.person import heights_beside, mean_point
 from enliven_edge.tracking.people.visibility import hidden_shares, trunk_shown
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.segment.columns import columns_of, parted
+from enliven_edge.tracking.segment.pieces import columns_of, parted
 
 
 def obvious_columns(points):

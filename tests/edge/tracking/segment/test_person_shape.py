@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import FrameView
-from enliven_edge.tracking.segment.columns import parted
+from enliven.masks import pixels_of
+from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.segment.person_shape import _flattened, shape_of
-from enliven_edge.tracking.segment.shape_kernels import outline
+from enliven_edge.tracking.segment.pieces import parted
+from enliven_edge.tracking.segment.shape_kernels import outline_of_pixels
 
 CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
 MOUNT = world_from_level_camera(1.2)
@@ -109,6 +109,10 @@ def test_the_images_border_counts_as_measured():
     z[:20, :20], mask[:20, :20] = 2.5, True
     free, _, border, _ = outline(z, mask)
     assert (free, border) == (0.0, 1.0)
+
+
+def outline(z, mask):
+    return outline_of_pixels(z, mask, pixels_of(mask))
 
 
 def obvious_outline(z, mask):

@@ -11,11 +11,10 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture, rotation
-from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
-from enliven_edge.tracking.frame.view import FrameView
+from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.scene.room import ROOM, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import _span, image_boxes, label_pixels
-from enliven_edge.tracking.segment.segmentation import REACH, SPECKLE, loose_groups, segmented
+from enliven_edge.tracking.segment.segmentation import REACH, SPECKLE, _candidates, groups_of, segmented
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
 MOUNT = world_from_level_camera(1.2)
@@ -143,7 +142,7 @@ def test_who_is_nowhere_has_an_empty_box():
 def test_loose_groups_match_a_flood_fill(seed):
     mask = np.random.default_rng(seed).random((30, 40)) < 0.5
     kind, nobody = np.where(mask, UNSEEN, 0).astype(np.uint8), np.full((30, 40), -1)
-    labels, count = loose_groups(np.ones((30, 40)), kind, nobody)
+    labels, count = groups_of(np.ones((30, 40)), _candidates(kind, nobody), 1.0)
     expected, expected_count = ndimage.label(mask)
     assert count == expected_count
     np.testing.assert_array_equal(labels, expected)
@@ -153,7 +152,7 @@ def test_a_step_in_depth_parts_two_groups():
     z = np.ones((10, 10))
     z[:, 5:] = 2.0
     kind, nobody = np.full((10, 10), UNSEEN, np.uint8), np.full((10, 10), -1)
-    assert loose_groups(z, kind, nobody)[1] == 2
+    assert groups_of(z, _candidates(kind, nobody), 1.0)[1] == 2
 
 
 def contacts_slowly(view, owner, group, people):

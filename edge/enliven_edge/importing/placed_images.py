@@ -1,0 +1,156 @@
+"""Depth images with the poses of a scan's camera, or the calibrations of RealSense cameras, beside them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.camera import LEVEL_WORLD_FROM_CAMERA, Intrinsics
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven_edge.importing.base import (
+    DEFAULT_OPTIONS,
+    ImportOptions,
+    Reader,
+    floats_of,
+    natural_order,
+    text_of,
+)
+from enliven_edge.importing.images import is_depth_png, png_size, read_colour, read_depth_png
+
+_REPOSITORY = "device_repository.json"
+
+
+class RealSenseReader(Reader):
+    """16-bit PNG in millimetres named after a device (``0_M11_depth_0.png``) of device_repository.json."""
+
+    name = "realsense"
+    description = "RealSense depth PNG (N_DEVICE_depth_N.png) with device_repository.json"
+    note = "no times in the files: evenly spaced"
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        images = _images(paths)
+        return bool(images) and (images[0].parent / _REPOSITORY).is_file() and is_depth_png(images[0])
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        images = _images(paths)
+        if not images:
+            raise InputError("no file is named N_DEVICE_depth_N.png", where=str(paths[0]))
+        for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
+            device = path.stem.split("_")[1]
+            entry = _device(path.parent / _REPOSITORY, device)
+            camera = _stated_camera(
+                entry, *png_size(path), where=f"{path.parent / _REPOSITORY}, device {device}"
+            )
+            sensor = options.device or f"{_model(entry)}-{entry.get('Serial', device)}"
+            yield DepthFrame(read_depth_png(path), camera, time_ns, sensor)
+
+
+def _images(paths: Sequence[Path]) -> list[Path]:
+    named = (path for path in paths if path.suffix == ".png" and len(path.stem.split("_")) == 4)
+    return sorted((path for path in named if path.stem.split("_")[2] == "depth"), key=natural_order)
+
+
+def _model(entry: dict[str, Any]) -> str:
+    """ "Intel RealSense D415" as "realsense-d415"."""
+    return "-".join(str(entry.get("Type", "RealSense")).lower().split()[-2:])
+
+
+def _device(repository: Path, device: str) -> dict[str, Any]:
+    try:
+        entries = json.loads(text_of(repository))
+        known = {str(entry["Device"]): entry for entry in entries}
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise InputError(f"the list of devices is damaged ({error!r})", where=str(repository)) from None
+    if device not in known:
+        raise InputError(
+            f"the device {device} is not in the list",
+            where=str(repository),
+            mend=f"Known: {', '.join(sorted(known))}.",
+        )
+    return known[device]
+
+
+def _stated_camera(entry: dict[str, Any], width: int, height: int, *, where: str) -> Intrinsics:
+    """The depth camera at this size: as stated, or scaled from a stated size of the same shape."""
+    stated: dict[str, list[float]] = {}
+    for group in entry.get("Depth Intrinsics", []):
+        stated.update(group)
+    for size, matrix in stated.items():
+        full_width, full_height = (int(number) for number in size.split("x"))
+        if full_width * height == width * full_height and len(matrix) == 9:
+            full = Intrinsics(full_width, full_height, matrix[0], matrix[4], matrix[2], matrix[5])
+            return full if full_width == width else full.scaled(width / full_width)
+    raise InputError(
+        f"there is no depth calibration for {width}x{height}",
+        where=where,
+        mend=f"Stated are {', '.join(stated) or 'none'}.",
+    )
+
+
+_SUFFIX = ".depth.png"
+_CAMERA = "camera-intrinsics.txt"
+_LENS = ((0, 0), (1, 1), (0, 2), (1, 2))
+"""Rows and columns of fx, fy, cx, cy in the camera matrix."""
+
+
+class PosedDepthReader(Reader):
+    """16-bit PNG in millimetres with camera-to-world matrices, as 3D scanning data sets have them.
+
+    The files' world is a camera's (+Y down); it is turned so that +Y is up. Where the floor is, the files
+    do not say: y = 0 is at the height of that camera.
+    """
+
+    name = "posed-depth"
+    description = "depth PNG with camera poses (frame-N.depth.png, frame-N.pose.txt, camera-intrinsics.txt)"
+    note = "no times in the files: evenly spaced; no floor: y = 0 is at the first camera"
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        images = [path for path in paths if path.name.endswith(_SUFFIX)]
+        if not images or not is_depth_png(images[0]):
+            return False
+        return _pose_file(images[0]).is_file() and (images[0].parent / _CAMERA).is_file()
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
+        if not images:
+            raise InputError(f"no file is named *{_SUFFIX}", where=str(paths[0]))
+        matrix = _matrix(images[0].parent / _CAMERA, 3)
+        fx, fy, cx, cy = (float(matrix[at]) for at in _LENS)
+        for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
+            width, height = png_size(path)
+            camera = Intrinsics(width, height, fx, fy, cx, cy)
+            pose = LEVEL_WORLD_FROM_CAMERA @ _rigid(_matrix(_pose_file(path), 4), _pose_file(path))
+            colour = read_colour(path.with_name(path.name.removesuffix(_SUFFIX) + ".color.png"))
+            yield DepthFrame(read_depth_png(path), camera, time_ns, options.device or "rgbd", colour, pose)
+
+
+def _pose_file(depth: Path) -> Path:
+    return depth.with_name(depth.name.removesuffix(_SUFFIX) + ".pose.txt")
+
+
+def _matrix(path: Path, side: int) -> Float:
+    """Reads (side, side) numbers from a text file."""
+    values = floats_of(path)
+    if values.size != side * side or not np.isfinite(values).all():
+        raise InputError(
+            f"it holds {values.size} numbers, expected {side * side} finite ones", where=str(path)
+        )
+    return values.reshape(side, side)
+
+
+def _rigid(matrix: Float, path: Path) -> Float:
+    """Returns (4, 4) the matrix after checking that it is a rotation and a translation."""
+    turn = matrix[:3, :3]
+    if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0:
+        raise InputError(
+            "the pose is not a rotation and a translation",
+            where=str(path),
+            mend="Remove the frame: its tracking was lost.",
+        )
+    return matrix
