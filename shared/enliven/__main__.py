@@ -1,5 +1,17 @@
-"""python -m enliven: the same as the ``enliven`` command."""
+"""The ``enliven`` command, and python -m enliven: Ctrl-C ends it quietly even while modules are loaded."""
 
-from enliven.cli import main
+import sys
 
-main()
+
+def main() -> None:
+    """Loads the command line and runs it."""
+    try:
+        from enliven.cli import main as run
+
+        run()
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

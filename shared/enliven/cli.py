@@ -33,6 +33,7 @@ HELP = """Step into any mesh and bring it alive.
   enliven import DEPTH/*.png -o take.mcap  bring in a recording made by others
   enliven track TAKE.mcap -o bodies.mcap   make takes of the people in a recording of depth
   enliven edge --sensor synthetic          the program beside the camera
+  enliven stage put HORSE.obj              put a character on the stage of a running edge
   enliven view --edge 192.168.1.20         the program on a screen
   enliven studio SPIDER.glb                sketch, animate, cut and merge shapes
   enliven graph HORSE.obj -o horse.png     what a mesh is possessed by

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import difflib
 import os
 import stat
 from pathlib import Path
@@ -82,6 +83,22 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
         except OSError as error:
             what = f"it cannot be read ({error.strerror or error})"
             raise InputError(what, where=str(path), mend="Name a file that can be read.") from None
+
+
+def need_folder(*paths: Path | None) -> None:
+    """Refuses files to be made in a folder that is not there, before any work; None is no file.
+
+    Raises:
+        ResourceError: which folder is missing, with the nearest name beside it.
+    """
+    for path in paths:
+        folder = Path() if path is None else path.parent
+        if not folder.is_dir():
+            there = [one.name for one in folder.parent.iterdir()] if folder.parent.is_dir() else []
+            near = difflib.get_close_matches(folder.name, there, n=1)
+            guess = f"Did you mean {folder.with_name(near[0])}? " if near else ""
+            what, mend = f"there is no folder {str(folder)!r}", f"{guess}Make it, or check its name."
+            raise ResourceError(what, where=str(path), mend=mend)
 
 
 def write_file(path: Path, data: bytes | str, mend: str = _ROOM) -> None:

@@ -6,16 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from patience import PATIENCE
 from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.project import character_bytes, project_of_mesh
+from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.samples import cactus_project
 from enliven.wire import MAX_PART_BYTES, MAX_SENT_BYTES, Awaited, CharacterPart, Done, PutCharacter
 from enliven_edge import arrivals as module
@@ -29,6 +30,8 @@ from .stage.test_stage import FRAME, farthest, person
 MESH = make_chair(0.05)
 CHAIR = character_bytes(project_of_mesh(MESH, "chair"), "chair")
 SETTINGS = EdgeSettings(nodes=32)
+COMPILED_WITHIN = 10 * PATIENCE
+"""Seconds in which a character is prepared, even where its kernels are compiled first."""
 
 
 def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
@@ -37,7 +40,7 @@ def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
 
 def send(arrivals: Arrivals, data: bytes, order: PutCharacter, step=MAX_PART_BYTES) -> int:
     """Does what a client does until the character stands there; returns how many parts were sent."""
-    parts, deadline = 0, time.monotonic() + PATIENCE
+    parts, deadline = 0, time.monotonic() + COMPILED_WITHIN
     while (answer := arrivals.put(order)) != Done():
         assert isinstance(answer, Awaited) and time.monotonic() < deadline
         at = answer.received
@@ -81,19 +84,19 @@ def test_a_character_of_any_rig_is_put_and_performs_and_equal_data_is_sent_once(
 def test_who_holds_a_character_goes_on_in_its_next_revision():
     """The chair is edited while its performer stands elsewhere with a knee up: nothing jumps, it stays up."""
     stage = possessed()
-    arrivals = Arrivals(stage, SETTINGS)
+    arrivals, old = Arrivals(stage, SETTINGS), stage.actors["chair"].character
     for i in range(1, 25):
         before = stage.perform([person(x=0.02 * i, lift=0.03 * i)], i * FRAME)[0]
     taller = replace(MESH, vertices=MESH.vertices * [1.0, 1.02, 1.0])
     data = character_bytes(project_of_mesh(taller, "chair"), "chair")
-    shape = lambda pose: np.sort(pose.positions, axis=0)[[2, -3]]  # noqa: E731
     send(arrivals, data, order_of(data))
     assert (
         stage.holders == {1}
         and stage.actors["chair"].character.vertices[:, 1].max() > 1.01 * MESH.vertices[:, 1].max()
     )
     after = [stage.perform([person(x=0.48, lift=0.72)], i * FRAME)[0] for i in range(25, 60)]
-    assert np.abs(shape(after[0]) - shape(before)).max() < 0.05, "it is where it was"
+    moved = skin_vertices(stage.actors["chair"].character, after[0]) - skin_vertices(old, before)
+    assert np.linalg.norm(moved, axis=1).max() < 0.2, "its legs are where they were"
     assert farthest(after[0], after[-1]) < 0.03, "it has arrived with its first frame"
     stage.release("chair")
     send(arrivals, CHAIR, order_of(CHAIR, revision=2))

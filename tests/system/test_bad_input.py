@@ -174,3 +174,33 @@ def test_settings_with_a_misspelt_key(tmp_path, enliven):
     asked = enliven("edge", "--settings", str(path))
     assert asked.returncode == 3
     assert "Did you mean tracker.lost_after" in asked.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (("edge", "--parts", "left foo"), 2, "Did you mean left foot?"),
+        (("run", "--parts", "legs / left foo"), 2, "Did you mean left foot?"),
+        (("edge", "--record", "moveis/take.mcap"), 4, "Did you mean movies?"),
+        (("run", "--film", "--out", "moveis/out"), 4, "Did you mean movies?"),
+        (("graph", "chair", "-o", "moveis/chair.png"), 4, "Did you mean movies?"),
+        (("view", "--film", "moveis/out.mp4"), 4, "there is no folder 'moveis'"),
+        (("retarget", "a.bvh", "b.glb", "-o", "out.fbx"), 3, "Known: .bvh, .glb"),
+        (("retarget", "a.bvh", "b.glb", "-o", "out.glb", "--sheet", "moveis/out.png"), 4, "no folder"),
+        (("examples", "fit", "a.toml", "-o", "moveis/out.mcap"), 4, "no folder"),
+        (("view", "x.glb"), 3, "enliven studio x.glb, or make a film of it: enliven export x.glb"),
+        (("view", "x.enliven"), 3, "Open it: enliven studio x.enliven."),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_what_is_wrong_on_a_command_line_is_said_before_any_work(
+    tmp_path, monkeypatch, enliven, words, code, said
+):
+    (tmp_path / "movies").mkdir()
+    for name in ("x.glb", "x.enliven"):
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    result = enliven(*words)
+    assert result.returncode == code and said in " ".join(result.stderr.split()), result.stderr
+    assert not (tmp_path / "moveis").exists()

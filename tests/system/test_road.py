@@ -172,6 +172,25 @@ def test_ctrl_c_leaves_no_orphan(tmp_path):
     assert not any(is_alive(child) for child in children)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
+@pytest.mark.parametrize("while_it", ["imports", "starts its programs"])
+def test_ctrl_c_in_the_first_second_prints_no_traceback(tmp_path, while_it):
+    """The log of imports says when modules of enliven are being loaded."""
+    command = [sys.executable, "-X", "importtime", "-m", "enliven", "run", "--film", "--out", str(tmp_path)]
+    hearing = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with (tmp_path / "said.txt").open("w+") as said:
+        started = subprocess.Popen(
+            command, stdout=said, stderr=said, start_new_session=True, preexec_fn=hearing
+        )
+        if while_it == "imports":
+            until(lambda: "enliven.errors" in (tmp_path / "said.txt").read_text(), "an import")
+        else:
+            until(lambda: children_of(started.pid), "a child")
+        os.killpg(started.pid, signal.SIGINT)
+        assert started.wait(timeout=PATIENCE) == 130
+    assert "Traceback" not in (tmp_path / "said.txt").read_text()
+
+
 @pytest.mark.skipif(os.name == "nt", reason="a parent's end is seen on POSIX only")
 def test_children_of_a_killed_run_end_by_themselves(tmp_path):
     started, children = started_run(tmp_path)

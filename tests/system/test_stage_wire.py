@@ -47,7 +47,7 @@ class StagedEdge:
         self.until(lambda: self.holders("chair"))
 
     def until(self, done: Callable[[], object]) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + 10 * PATIENCE  # kernels may have to be compiled first
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.link.poll()

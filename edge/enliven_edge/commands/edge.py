@@ -9,11 +9,13 @@ import os
 import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from enliven.commands import known_parts
 from enliven.errors import InputError
+from enliven.files import need_folder
 from enliven.settings import load_settings
 
 if TYPE_CHECKING:
@@ -60,8 +62,12 @@ def edge(
         list[str] | None,
         typer.Option(
             help="What takes hold: all, legs, 'upper body', ...; of two performers: 'legs / torso'; "
-            "several: one for each --mesh."
+            "several: one for each --mesh.",
+            callback=known_parts,
         ),
+    ] = None,
+    up: Annotated[
+        Literal["x", "y", "z"] | None, typer.Option(help="The meshes' own axis that points up; else guessed.")
     ] = None,
     physics: Annotated[
         str | None, typer.Option(help="Loose things to knock about: boxes, dodgeball, or none.")
@@ -105,6 +111,7 @@ def edge(
       enliven edge --sensor synthetic --mesh chair --mesh HORSE.obj
     """
     _one_thread_for_matrices()
+    need_folder(record)
     from enliven_edge.network import check_open, raise_descriptor_limit
     from enliven_edge.physics import PhysicsSettings
     from enliven_edge.settings import characters_of
@@ -112,6 +119,8 @@ def edge(
     chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port, open=open_to_all)
     check_open(chosen.wire.host, chosen.wire.open)
     raise_descriptor_limit()
+    if up is not None:
+        chosen = dataclasses.replace(chosen, up=up)
     if physics is not None:
         world = load_settings(PhysicsSettings, {"world": physics}, where="--physics").world
         chosen = dataclasses.replace(chosen, physics=dataclasses.replace(chosen.physics, world=world))
@@ -160,7 +169,7 @@ def serve(
     if chosen.physics.world != "none":
         need("mujoco", "physics", "--physics")
     need_free(chosen.wire)
-    with contextlib.ExitStack() as stack:
+    with at_signals(_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
         controls = stack.enter_context(open_controls(chosen.controls, folder))
         sensors = opened(sources, stack, wait_for_sensor)
         sensor = stack.enter_context(_one_of(sensors, sources, chosen, once))
@@ -193,6 +202,11 @@ def serve(
             service.run()
         outlet.end(service.pace)
         log.info("%d frames, %.1f ms at the median", service.frames, service.pace.latency_ms(50))
+
+
+def _interrupt() -> None:
+    """Ends the preparation at SIGTERM as Ctrl-C does: what was opened is closed."""
+    raise KeyboardInterrupt
 
 
 def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourPoseEstimator | None:

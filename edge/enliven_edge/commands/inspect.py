@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import track
 
 from enliven.errors import InputError
+from enliven.files import need_folder
 from enliven_edge.commands.progress import facts_table
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def inspect(
     from enliven_edge.inspection import SensorLog
     from enliven_edge.sensors import DiaryEntries
 
+    need_folder(output, sheet)
     source, log = Recording(recording), SensorLog()
     count = source.info.topics[DEPTH_TOPIC].count if DEPTH_TOPIC in source.info.topics else 0
     if output is None:
@@ -93,7 +95,6 @@ def _film(
             if n in picked:
                 kept.append(picture)
     if sheet is not None:
-        sheet.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(contact_sheet(kept, 4, 480)).save(sheet)
 
 

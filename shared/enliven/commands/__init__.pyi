@@ -1,2 +1,3 @@
 from .lazy import LazyCommands as LazyCommands
+from .part_names import known_parts as known_parts
 from .processes import parent_is_gone as parent_is_gone, terminate_as_interrupt as terminate_as_interrupt

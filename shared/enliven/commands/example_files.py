@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from enliven.errors import InputError, ResourceError
+from enliven.files import need_folder
 
 if TYPE_CHECKING:
     from enliven.document import Project, Puppet
@@ -61,6 +62,7 @@ def writer(output: Path) -> Callable[[Job], str]:
 
     own = {".mcap": _write_take, ".enliven": _write_project}
     if output.suffix.lower() in own:
+        need_folder(output)
         return own[output.suffix.lower()]
     exporter = exporter_of(output, tuple(own))
     if exporter.jointed:

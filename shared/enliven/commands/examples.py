@@ -9,6 +9,7 @@ import typer
 
 from enliven.commands.example_files import Job, opened, sheet_maker, span_of, writer
 from enliven.errors import InputError
+from enliven.files import need_folder
 
 if TYPE_CHECKING:
     from enliven.meshes import Axis
@@ -60,6 +61,7 @@ def new(
       enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
       enliven examples new TREX.ply WALK.bvh -o trex.toml --up z --turned 90 --poses 4
     """
+    need_folder(output)
     from enliven.document import Project
     from enliven.example_sessions import MeshTable, TakeTable, fitted, write_session
     from enliven.meshes import load_mesh
@@ -146,6 +148,7 @@ def fit(
     from enliven.examples import missing, motion_of, unposed
 
     write = writer(output)
+    need_folder(sheet)
     draw = sheet_maker("puppet") if sheet else None
     found = opened(session, puppet)
     project, made = found.project, found.puppet

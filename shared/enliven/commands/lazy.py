@@ -19,6 +19,7 @@ GROUP = "enliven.commands"
 _ORDER = (
     "run",
     "edge",
+    "stage",
     "view",
     "import",
     "sensors",

@@ -40,10 +40,7 @@ class Process:
 
 
 def run_together(processes: Sequence[Process]) -> int:
-    """Runs the programs until the leading one ends, one fails, or Ctrl-C; returns the exit code.
-
-    Interrupts are left to the children, which the terminal sends them too, and this waits for them.
-    """
+    """Runs the programs until the leading one ends, one fails, or Ctrl-C; returns the exit code."""
     with _ended_together() as children:
         try:
             for process in processes:
@@ -66,9 +63,26 @@ def is_listening(host: str, port: int) -> bool:
 
 
 def _start(process: Process) -> subprocess.Popen[bytes]:
-    """Starts the program as a child that knows its parent's process id."""
+    """Starts the program as a child that knows its parent's process id.
+
+    It is born deaf to Ctrl-C, which would end it in the middle of an import: this program ends it.
+    """
     environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
-    return subprocess.Popen([sys.executable, "-m", "enliven", *process.arguments], env=environment)
+    with _interrupts_held():
+        return subprocess.Popen([sys.executable, "-m", "enliven", *process.arguments], env=environment)
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Holds Ctrl-C back until the end of the block; a program started in it never gets one (POSIX)."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _wait_until_ready(process: Process, child: subprocess.Popen[bytes]) -> int | None:

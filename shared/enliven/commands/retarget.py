@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from enliven.commands.example_files import sheet_maker
+from enliven.files import need_folder
 
 if TYPE_CHECKING:
     from enliven.document import Clip
@@ -78,6 +79,7 @@ def retarget(
     from enliven.takes import read_take
 
     exporter = exporter_of(output)
+    need_folder(sheet, write_map)
     draw = sheet_maker("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)

@@ -6,12 +6,14 @@ import importlib.util
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import typer
 
+from enliven.commands.part_names import known_parts
 from enliven.commands.processes import Process, is_listening, run_together
 from enliven.errors import InputError, ResourceError
+from enliven.files import need_folder
 from enliven.wire import free_ports
 
 _FILM_SECONDS = 10.0
@@ -30,7 +32,7 @@ def run(
     ),
     possess_at: float = typer.Option(1.5, help="Seconds after the first frame at which the body takes hold."),
     parts: list[str] | None = typer.Option(
-        None, help="What takes hold: 'legs', 'upper body', ...; else all."
+        None, help="What takes hold: 'legs', 'upper body', ...; else all.", callback=known_parts
     ),
     out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
     film: bool | None = typer.Option(
@@ -38,6 +40,9 @@ def run(
     ),
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
     size: str | None = typer.Option(None, help="Of window or film, such as 640x360: quicker to draw."),
+    up: Literal["x", "y", "z"] | None = typer.Option(
+        None, help="The meshes' own axis that points up; else guessed."
+    ),
     physics: str | None = typer.Option(None, help="Loose things to knock about: boxes or dodgeball."),
     drive: list[str] | None = typer.Option(
         None, help="What moves it: graph, or skeleton (of a rigged glTF)."
@@ -67,6 +72,7 @@ def run(
     for what, path in (("recording", recording), ("file of settings", settings)):
         if path is not None and not path.exists():
             raise InputError(f"there is no such {what}", where=str(path), mend="Check the path.")
+    need_folder(out, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         typer.echo("enliven: there is no display here, so this makes a film; with one, a window opens")
@@ -76,9 +82,12 @@ def run(
         typer.echo(
             f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds says otherwise"
         )
+    if as_film:
+        out.mkdir(exist_ok=True)
     ports = free_ports()
     where = {"port": ports[0], "control_port": ports[1]}
-    moves = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics, "possess_at": possess_at}
+    moves: dict[str, Any] = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics}
+    moves |= {"possess_at": possess_at, "up": up}
     source: dict[str, Any] = {"sensor": sensor, "set": option, "recording": None if sensor else recording}
     source |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
     # For a film the edge waits for its viewer, so that no frame is lost.

@@ -16,7 +16,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
+from enliven.files import need_folder
 
 ENTRY_POINTS = "enliven.exporters"
 """Other packages add exporters through this group: an entry point names an :class:`Exporter`."""
@@ -69,9 +70,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
         if option not in known:
             what = f"{path.suffix.lower()} has no {option!r} to choose"
             raise InputError(what, where=str(path), mend="Leave it out.")
-    if not path.parent.is_dir():
-        what = f"there is no folder {str(path.parent)!r}"
-        raise ResourceError(what, where=str(path), mend="Make it first, or check its name.")
+    need_folder(path)
     found.check(**options)
     return found
 

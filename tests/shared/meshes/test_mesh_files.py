@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError, ResourceError
-from enliven.meshes.files import WRITABLE, load_mesh, save_mesh
+from enliven.meshes.files import WRITABLE, load_mesh, load_upright, save_mesh
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.text import fans
 
@@ -177,3 +177,22 @@ def test_the_colour_of_a_gltf_material_is_linear_light(tmp_path):
     colours = load_mesh(path).mesh.colours
     assert colours is not None
     np.testing.assert_allclose(colours[0].astype(int), [128, 0, 255], atol=1)
+
+
+@pytest.mark.parametrize("high", [0.3, 1.0, 3.0])
+def test_a_mesh_that_lies_down_is_turned_and_one_that_may_is_asked_about(tmp_path, high):
+    """A tetrahedron that stands on the floor, its middle over the origin, with another axis up each time."""
+    standing = Mesh((TETRAHEDRON.vertices - [0.25, 0, 0.25]) * [1, high, 1], TETRAHEDRON.faces)
+    lying = Mesh(standing.vertices[:, [0, 2, 1]] * [1, -1, 1], standing.faces)
+    for name, mesh, note in (("standing", standing, ""), ("lying", lying, "--up y")):
+        save_mesh(mesh, tmp_path / f"{name}.off")
+        read, notes = load_upright(tmp_path / f"{name}.off")
+        np.testing.assert_allclose(read.vertices, standing.vertices, atol=1e-6)
+        assert note in " ".join(notes) and bool(notes) == bool(note)
+    kept, notes = load_upright(tmp_path / "lying.off", "y")
+    np.testing.assert_allclose(kept.vertices, lying.vertices, atol=1e-6)
+    save_mesh(lying, tmp_path / "lying.glb")
+    assert np.ptp(load_upright(tmp_path / "lying.glb").mesh.vertices[:, 1]) == pytest.approx(1.0), "+Y is up"
+    flat = Mesh((standing.vertices + 1) * [1, 0.05, 1], standing.faces)
+    save_mesh(flat, tmp_path / "flat.off")
+    assert "times as long as high" in " ".join(load_upright(tmp_path / "flat.off").notes)

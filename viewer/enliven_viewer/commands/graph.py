@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from enliven.errors import InputError
+from enliven.files import need_folder
 
 CHAIR = "chair"
 _LONGEST_EDGE = 0.04
@@ -43,6 +44,7 @@ def graph(
         raise InputError(
             f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {known}."
         )
+    need_folder(output)
     # Heavy modules are imported only here, so that the help is quick.
     from enliven.deformation.graph import DeformationGraph, character_from
     from enliven.meshes import fit_height, load_mesh, refine

@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from enliven.commands import terminate_as_interrupt
-from enliven.errors import ResourceError
+from enliven.errors import InputError, ResourceError
+from enliven.files import need_folder
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
 from enliven_viewer.settings import ViewerSettings, sized
@@ -51,6 +52,8 @@ def view(
     chosen = sized(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
     if wait is not None:
         chosen = replace(chosen, film=replace(chosen.film, patience=wait))
+    need_folder(film, sheet)
+    _need_take(take)
     filming = film is not None or sheet is not None
     if not filming and not has_display():
         raise ResourceError(
@@ -64,6 +67,22 @@ def view(
             _film(take, address, film, sheet, chosen, seconds, hud)
         else:
             _window(take, address, chosen, seconds, hud)
+
+
+_OTHERS = {
+    ".glb": "Play it in enliven studio {0}, or make a film of it: enliven export {0} -o film.mp4",
+    ".enliven": "Open it: enliven studio {0}",
+    ".mp4": "Any player of films shows it",
+}
+_OTHERS |= dict.fromkeys((".gltf", ".bvh"), _OTHERS[".glb"])
+"""By ending, what to do with a file that is no take."""
+
+
+def _need_take(take: Path | None) -> None:
+    """Refuses a file that something else plays, with what does."""
+    if take is not None and take.suffix.lower() in _OTHERS and take.exists():
+        mend = _OTHERS[take.suffix.lower()].format(take) + "."
+        raise InputError("it is no take", where=str(take), mend=mend)
 
 
 def _film(

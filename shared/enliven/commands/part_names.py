@@ -1,0 +1,23 @@
+"""Checks the parts of the body that a command line names, before anything is started."""
+
+from __future__ import annotations
+
+import typer
+
+from enliven.errors import InputError
+
+
+def known_parts(texts: list[str] | None) -> list[str] | None:
+    """Returns the texts of --parts, each "legs", or for several performers "legs / torso".
+
+    Raises:
+        typer.BadParameter: for a part that no body has, with the nearest one.
+    """
+    from enliven.person import parts_named
+
+    try:
+        for text in texts or []:
+            parts_named(part.strip() for part in text.split("/"))
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from None
+    return texts
