@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -17,6 +17,7 @@ from enliven.wire import (
     character_to_message,
     cues_to_message,
     health_to_messages,
+    hold_to_message,
     props_to_message,
 )
 from enliven_edge.network.command_queue import CommandQueue
@@ -103,7 +104,7 @@ class Outlet:
         """Sends the result of one frame, poses first."""
         for pose in tick.poses:
             self._write(self._publisher.publish_pose(pose, tick.read_ns), tick.time_ns)
-        for message in _messages(tick):
+        for message in _messages(tick, self._publisher.revision):
             self.send(message, tick.time_ns)
 
     def send(self, message: Any, time_ns: int) -> None:
@@ -179,7 +180,7 @@ class Outlet:
             self._take.write(message, time_ns)
 
 
-def _messages(tick: Tick) -> Iterator[Any]:
+def _messages(tick: Tick, revision_of: Callable[[str], int]) -> Iterator[Any]:
     """Yields the messages of a frame's result, but for the poses, which the publisher codes and numbers."""
     at = tick.time_ns
     yield bodies_to_message(tick.bodies, at, tick.read_ns)
@@ -190,6 +191,8 @@ def _messages(tick: Tick) -> Iterator[Any]:
         yield props_to_message(tick.props)
     for board in tick.boards:
         yield board_to_message(board)
+    for event in tick.holds:
+        yield hold_to_message(event, revision_of(event.character))
 
 
 def _publisher(wire: WireSettings) -> Publisher:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, TypeGuard
+from typing import Any, Protocol, TypeGuard
 
 from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Character, Pose
@@ -35,6 +35,18 @@ class Actor(Protocol):
     @property
     def holds(self) -> Sequence[Hold]:
         """The holds on it, the oldest first."""
+
+    @property
+    def settings(self) -> Any:
+        """How it meets and follows its performers: a dataclass."""
+
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Where the mesh stands: scale, radians about +Y, x, y, z in metres; empty where it has none."""
+
+    @property
+    def size(self) -> float:
+        """Metres of the mesh as modelled for one of its rest space."""
 
     @property
     def uses_surface(self) -> bool:

@@ -17,6 +17,7 @@ from enliven.person import Body
 from enliven.possession import Cues, Mode
 from enliven_edge.stage.actor import Actor, ChosenActor, is_chosen
 from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
+from enliven_edge.stage.hold_log import HoldLog
 from enliven_edge.stage.tick import Tick
 
 log = logging.getLogger(__name__)
@@ -40,8 +41,8 @@ class Stage:
         self.actors: dict[str, Actor] = {}
         self._bodies: list[Body] = []
         self._places: dict[str, Float] = {}
-        self._parts: dict[tuple[str, int], str] = {}
         self._view: ScreenView | None = None
+        self._log = HoldLog()
         for actor in actors:
             self.put(actor)
 
@@ -66,7 +67,7 @@ class Stage:
             body = next((body for body in self._bodies if body.id == hold.body), None)
             try:
                 if body is not None:
-                    actor.possess(body, self._parts.get((name, hold.body), "all"), "join")
+                    self._log.possess(actor, body, self._log.parts.get((name, hold.body), "all"), "join")
             except InputError as error:
                 log.warning("%s", error)
 
@@ -76,7 +77,7 @@ class Stage:
         Raises:
             InputError: where there is no such character.
         """
-        self._actor(character)
+        self._log.removed(self._actor(character))
         del self.actors[character]
         self._places.pop(character, None)
 
@@ -100,7 +101,9 @@ class Stage:
         seen = surfaces() if surfaces is not None and self.uses_surface else None
         poses = []
         for name in self.actors:
-            pose = self._actor(name).perform(self._in_order(name), time_ns, seen)
+            actor = self._actor(name)
+            with self._log.frame(actor, time_ns):
+                pose = actor.perform(self._in_order(name), time_ns, seen)
             self._places[name] = pose.positions.mean(0)[FLOOR]
             poses.append(pose)
         return poses
@@ -112,7 +115,8 @@ class Stage:
             poses: as :meth:`perform` returned them.
             read_ns: wall clock when the frame was read.
         """
-        return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), self.holders)
+        held, changes = self.holders, self._log.take()
+        return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), held, changes)
 
     @property
     def occupied(self) -> bool:
@@ -171,8 +175,7 @@ class Stage:
                 who, where=f"possessing {character!r}", mend="Step in front of the sensor first."
             )
         taking = (actor.next_performer(present) if mode == "join" else None) or present[0]
-        actor.possess(taking, parts, mode)
-        self._parts[character, taking.id] = parts
+        self._log.possess(actor, taking, parts, mode)
 
     def idle(self, character: str) -> Body | None:
         """Returns the performer in view who would take a character next and holds none; None without one."""
@@ -230,7 +233,7 @@ class Stage:
                 mend = f"Holding: {', '.join(map(str, sorted(self.holders))) or 'nobody'}."
                 raise InputError(f"performer {body} holds no character", where="stage", mend=mend)
         for actor in meant:
-            actor.release(body)
+            self._log.release(actor, body)
 
     def set_view(self, view: ScreenView) -> None:
         """Sets the viewer's direction: rigged characters match poses as they look on its screen."""

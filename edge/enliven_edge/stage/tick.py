@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from enliven.document import Pose, Props
+from enliven.document import HoldEvent, Pose, Props
 from enliven.frames import Frame
 from enliven.matching import Board
 from enliven.person import Body
@@ -24,6 +24,7 @@ class Tick:
         cues: by character id, the nodes that are held, or would be.
         boards: the matches to choose from, of each rigged character.
         holders: the ids of the performers who hold a character.
+        holds: changes of who holds what, since the frame before.
         props: the loose things among them, where there are physics.
     """
 
@@ -34,6 +35,7 @@ class Tick:
     cues: Mapping[str, Cues] = field(default_factory=dict)
     boards: Sequence[Board] = ()
     holders: frozenset[int] = frozenset()
+    holds: Sequence[HoldEvent] = ()
     props: Props | None = None
 
     @property

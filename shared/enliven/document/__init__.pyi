@@ -1,4 +1,9 @@
-from .body_take import BodyTake as BodyTake, HoldChange as HoldChange
+from .body_take import (
+    BodyTake as BodyTake,
+    HoldChange as HoldChange,
+    HoldEvent as HoldEvent,
+    HoldMode as HoldMode,
+)
 from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
 from .clip import Clip as Clip
 from .constraints import (

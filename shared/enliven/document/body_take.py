@@ -11,6 +11,8 @@ from enliven.arrays import AnyArray, Float, Int
 from enliven.errors import InputError
 from enliven.person import Body, Joint
 
+HoldMode = Literal["alone", "join", "extend", "release", "take over", "remove"]
+"""What happens to the holds of a character."""
 _LONGEST = 1e7
 """Seconds that a take may last, 115 days: what lies beyond is a damaged clock."""
 
@@ -26,6 +28,7 @@ class BodyTake:
         joints: (F, B, 20, 3) float64 metres, world frame; 0 for a performer who is not in view.
         confidence: (F, B, 20) float64 in [0, 1].
         present: (F, B) bool, who is in view.
+        stature: (F, B) metres from soles to crown, 0 where it was not measured; None: nowhere.
 
     Raises:
         InputError: where the arrays do not fit together or are not finite.
@@ -37,13 +40,15 @@ class BodyTake:
     joints: Float
     confidence: Float
     present: AnyArray
+    stature: Float | None = None
 
     def __post_init__(self) -> None:
         kinds = {"seconds": np.float64, "people": np.int64, "joints": np.float64, "confidence": np.float64}
-        for name, kind in {**kinds, "present": np.bool_}.items():
-            array = np.array(getattr(self, name), kind)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        for name, kind in {**kinds, "present": np.bool_, "stature": np.float64}.items():
+            if getattr(self, name) is not None:
+                array = np.array(getattr(self, name), kind)
+                array.setflags(write=False)
+                object.__setattr__(self, name, array)
         problem = _problem_of(self)
         if problem:
             raise InputError(problem, where=f"take {self.id!r}", mend="Record it again.")
@@ -55,8 +60,14 @@ class BodyTake:
 
     def bodies(self, frame: int) -> list[Body]:
         """Returns the performers in view in a frame, in the order of :attr:`people`."""
+        tall = np.zeros(len(self.people)) if self.stature is None else self.stature[frame]
         return [
-            Body(int(self.people[i]), self.joints[frame, i], self.confidence[frame, i])
+            Body(
+                int(self.people[i]),
+                self.joints[frame, i],
+                self.confidence[frame, i],
+                stature=float(tall[i]) or None,
+            )
             for i in np.flatnonzero(self.present[frame])
         ]
 
@@ -65,18 +76,52 @@ class BodyTake:
 class HoldChange:
     """A performer takes hold of a character, or lets go, at a moment of a take.
 
+    A change follows the frame of its moment, except for "take over", which comes before it.
+
     Attributes:
         seconds: of the take.
         performer: the id; None: the first in view, and for "release" all.
         parts: the parts of the body that take hold: "all", "legs", "upper body", ...
         mode: "alone" ends all other holds, "join" keeps those of other performers, "extend" keeps the
-            performer's own too, "release" lets go.
+            performer's own too; "release" lets go; "take over" goes on with what ``former`` held; "remove"
+            takes the character from the stage.
+        former: the id of the performer who was away for long, for "take over".
     """
 
     seconds: float
     performer: int | None = None
     parts: str = "all"
-    mode: Literal["alone", "join", "extend", "release"] = "alone"
+    mode: HoldMode = "alone"
+    former: int | None = None
+
+
+@dataclass(frozen=True)
+class HoldEvent:
+    """A change of holds as it happens on a stage, with all that solving it again needs.
+
+    Attributes:
+        character: its id.
+        time_ns: the sensor's clock, of the frame that it follows.
+        mode, performer, parts, former: as in :class:`HoldChange`.
+        body: the performer as they took hold, exactly; None where nothing is taken hold of.
+        holders: the ids of all who hold the character from now on.
+        settings: the actor's settings as JSON.
+        place: where the mesh stood before: scale, radians about +Y, and x, y, z in metres; empty for an actor
+            that has no such place.
+        size: metres of the mesh as modelled for one of its rest space.
+    """
+
+    character: str
+    time_ns: int
+    mode: HoldMode
+    performer: int | None = None
+    parts: str = "all"
+    former: int | None = None
+    body: Body | None = None
+    holders: tuple[int, ...] = ()
+    settings: str = "{}"
+    place: tuple[float, ...] = ()
+    size: float = 1.0
 
 
 def _problem_of(take: BodyTake) -> str:
@@ -86,6 +131,8 @@ def _problem_of(take: BodyTake) -> str:
         return "it has no frames or no performers"
     if shapes != ((frames, people, joints, 3), (frames, people, joints), (frames, people)):
         return f"joints {shapes[0]}, confidence {shapes[1]}, present {shapes[2]}"
+    if take.stature is not None and (take.stature.shape != shapes[2] or not (take.stature >= 0.0).all()):
+        return "a stature is below zero, or missing"
     if len(set(take.people.tolist())) != people:
         return "two performers have one id"
     if not (np.isfinite(take.joints).all() and np.isfinite(take.seconds).all()):

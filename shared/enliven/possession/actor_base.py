@@ -22,12 +22,18 @@ class ActorBase:
     holds: Any
     busy: frozenset[int] = frozenset()
     aside: float = 0.0
+    size: float = 1.0
     _candidate: tuple[int | None, str] = (None, "all")
 
     @property
     def state(self) -> State:
         """Whether a performer holds it."""
         return "possessed" if self.holds else "free"
+
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Where the mesh stands, for an actor that has a placement; else empty."""
+        return ()
 
     @property
     def candidate(self) -> tuple[int | None, str]:

@@ -47,6 +47,7 @@ class EmbeddedActor(ActorBase):
         self.character, self.graph = character, graph
         self.settings = settings or ActorSettings()
         self.holds: list[EmbeddedHold] = []
+        self.size = size
         height = float(np.ptp(character.vertices[:, 1])) or 1.0
         self._rules = PlacementRules(self.settings, graph, height, size)
         self._placement = AS_MODELLED
@@ -62,6 +63,11 @@ class EmbeddedActor(ActorBase):
     def uses_surface(self) -> bool:
         """Whether it follows what the sensor sees of its performers' surfaces."""
         return self.settings.follow != "skeleton"
+
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Where the mesh stands: scale, radians about +Y, x, y, z in metres."""
+        return self._placement.scale, self._placement.yaw, *self._placement.offset.tolist()
 
     @property
     def body_id(self) -> int:

@@ -27,6 +27,7 @@ from .envelope import (
     unpack_control as unpack_control,
     unpack_stream as unpack_stream,
 )
+from .holds import hold_to_message as hold_to_message, message_to_hold as message_to_hold
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
 from .ports import free_ports as free_ports
 from .posecode import PoseCodec as PoseCodec, warm_up as warm_up
@@ -64,6 +65,7 @@ from .sockets import (
 from .streams import (
     BodiesMessage as BodiesMessage,
     CuesMessage as CuesMessage,
+    HoldMessage as HoldMessage,
     MatchesMessage as MatchesMessage,
     PoseMessage as PoseMessage,
     PropsMessage as PropsMessage,
@@ -74,6 +76,7 @@ from .topics import (
     BY_TYPE as BY_TYPE,
     CHARACTER as CHARACTER,
     CUES as CUES,
+    HOLDS as HOLDS,
     MATCHES as MATCHES,
     MAX_STREAM_BYTES as MAX_STREAM_BYTES,
     POSE as POSE,

@@ -30,6 +30,8 @@ MAX_TRANSFORMS = 4096
 """Transforms of a pose: a deformation graph has some hundred nodes, a detailed rig some hundred bones."""
 MAX_PROPS = 1024
 """Loose things of a message: more than the physics moves in real time."""
+MAX_SETTINGS = 32 * 1024
+"""Characters of an actor's settings: all with 400 stiff spots."""
 MAX_HEALTH = 8
 """Health states of a heartbeat: more would exceed the size that older programs accept."""
 

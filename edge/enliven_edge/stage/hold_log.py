@@ -1,0 +1,104 @@
+"""The log of holds: who took hold of which character, how, and who let go."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+
+from enliven.document import HoldEvent, HoldMode
+from enliven.person import Body
+from enliven.possession import Mode
+from enliven_edge.stage.actor import Actor
+
+
+class HoldLog:
+    """Collects what happens to the holds of all characters until it is told to viewers and to the take.
+
+    Attributes:
+        time_ns: the sensor's clock, of the last frame that was performed.
+        parts: by character and performer, the parts of the body that took hold last.
+    """
+
+    def __init__(self) -> None:
+        self.time_ns = 0
+        self.parts: dict[tuple[str, int], str] = {}
+        self._events: list[HoldEvent] = []
+
+    def possess(self, actor: Actor, body: Body, parts: str, mode: Mode) -> None:
+        """Lets a performer take hold of a character.
+
+        Raises:
+            InputError: where it is refused; nothing is logged then.
+        """
+        place = actor.place
+        actor.possess(body, parts, mode)
+        self.parts[actor.character.id, body.id] = parts
+        self._add(actor, mode, body.id, parts=parts, body=body, place=place)
+
+    def release(self, actor: Actor, who: int | None) -> None:
+        """Ends the hold of one performer, or of all.
+
+        Raises:
+            InputError: where that performer holds nothing of it.
+        """
+        place, held = actor.place, bool(actor.holds)
+        actor.release(who)
+        if held:
+            self._add(actor, "release", who, place=place)
+
+    @contextmanager
+    def frame(self, actor: Actor, time_ns: int) -> Iterator[None]:
+        """Logs what the actor itself changes within a frame: holds that are handed over, begun or ended."""
+        before, place = [hold.body for hold in actor.holds], actor.place
+        yield
+        self.time_ns = time_ns
+        after = [hold.body for hold in actor.holds]
+        if after == before:
+            return
+        lost = [one for one in before if one not in after]
+        for who in after:
+            if who not in before:
+                former = lost.pop(0) if lost else None
+                self._add(actor, "join" if former is None else "take over", who, former=former, place=place)
+        for who in lost:
+            self._add(actor, "release", who, place=place)
+
+    def removed(self, actor: Actor) -> None:
+        """Logs that a character left the stage."""
+        self._events.append(HoldEvent(actor.character.id, self.time_ns, "remove"))
+
+    def take(self) -> list[HoldEvent]:
+        """Returns what was logged since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def _add(
+        self,
+        actor: Actor,
+        mode: HoldMode,
+        who: int | None,
+        *,
+        place: tuple[float, ...],
+        parts: str = "all",
+        former: int | None = None,
+        body: Body | None = None,
+    ) -> None:
+        holders = tuple(hold.body for hold in actor.holds)
+        settings = json.dumps(asdict(actor.settings))
+        self._events.append(
+            HoldEvent(
+                actor.character.id,
+                self.time_ns,
+                mode,
+                who,
+                parts,
+                former,
+                body,
+                holders,
+                settings,
+                place,
+                actor.size,
+            )
+        )
