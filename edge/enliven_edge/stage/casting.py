@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from enliven.deformation.graph import DeformationGraph, character_from
+from enliven.deformation.graph import DeformationGraph, character_from, graph_of
 from enliven.meshes import Mesh, fit_height, refine
 from enliven.possession import ActorSettings, EmbeddedActor, fit_standing_person
 from enliven.samples import load_sample
@@ -46,8 +46,8 @@ def cast(
     """
     settings = settings or ActorSettings()
     mesh, size = _prepared(spec, settings, up)
-    graph = DeformationGraph.build(mesh, nodes=nodes)
-    return EmbeddedActor(character_from(mesh, graph, name or name_of(spec)), graph, settings, size)
+    character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name or name_of(spec))
+    return EmbeddedActor(character, graph_of(character), settings, size)
 
 
 def parts_for(spec: str) -> str:

@@ -35,7 +35,7 @@ class HoldLog:
         place = actor.place
         actor.possess(body, parts, mode)
         self.parts[actor.character.id, body.id] = parts
-        self._add(actor, mode, body.id, parts=parts, body=body, place=place)
+        self._add(actor, mode, body.id, parts=parts, place=place)
 
     def release(self, actor: Actor, who: int | None) -> None:
         """Ends the hold of one performer, or of all.
@@ -83,7 +83,6 @@ class HoldLog:
         place: tuple[float, ...],
         parts: str = "all",
         former: int | None = None,
-        body: Body | None = None,
     ) -> None:
         holders = tuple(hold.body for hold in actor.holds)
         settings = json.dumps(asdict(actor.settings))
@@ -95,7 +94,6 @@ class HoldLog:
                 who,
                 parts,
                 former,
-                body,
                 holders,
                 settings,
                 place,

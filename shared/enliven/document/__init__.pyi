@@ -3,6 +3,7 @@ from .body_take import (
     HoldChange as HoldChange,
     HoldEvent as HoldEvent,
     HoldMode as HoldMode,
+    Possession as Possession,
 )
 from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
 from .clip import Clip as Clip

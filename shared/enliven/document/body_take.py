@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -95,6 +95,38 @@ class HoldChange:
     former: int | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Possession:
+    """How performers moved a mesh: all that its motion is solved from, on this mesh or on another.
+
+    Attributes:
+        take: the id of the performers' take.
+        holds: who took hold, and who let go, in the order of time.
+        settings: of the actor, as JSON.
+        height: metres of the mesh at rest when it was possessed, by which it was placed; 0: as it is.
+        size: metres of the mesh as modelled for one of its rest space.
+        place: where it waits: scale, radians about +Y, x, y, z in metres; empty: as the settings say.
+        start, end: seconds of the take that are played; an end of 0 is the take's.
+        rest: (N, 3) metres, the nodes at rest when the motion was solved or recorded.
+        solved: a checksum of what the motion was solved from; empty: it has to be solved.
+    """
+
+    take: str
+    holds: tuple[HoldChange, ...]
+    settings: str = "{}"
+    height: float = 0.0
+    size: float = 1.0
+    place: tuple[float, ...] = ()
+    start: float = 0.0
+    end: float = 0.0
+    rest: Float = field(default_factory=lambda: np.zeros((0, 3)))
+    solved: str = ""
+
+    def last(self, take: BodyTake) -> float:
+        """The second of the take at which it ends."""
+        return self.end if self.end > 0.0 else take.duration
+
+
 @dataclass(frozen=True)
 class HoldEvent:
     """A change of holds as it happens on a stage, with all that solving it again needs.
@@ -103,7 +135,6 @@ class HoldEvent:
         character: its id.
         time_ns: the sensor's clock, of the frame that it follows.
         mode, performer, parts, former: as in :class:`HoldChange`.
-        body: the performer as they took hold, exactly; None where nothing is taken hold of.
         holders: the ids of all who hold the character from now on.
         settings: the actor's settings as JSON.
         place: where the mesh stood before: scale, radians about +Y, and x, y, z in metres; empty for an actor
@@ -117,7 +148,6 @@ class HoldEvent:
     performer: int | None = None
     parts: str = "all"
     former: int | None = None
-    body: Body | None = None
     holders: tuple[int, ...] = ()
     settings: str = "{}"
     place: tuple[float, ...] = ()

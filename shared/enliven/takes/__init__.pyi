@@ -1,4 +1,9 @@
-from .body_takes import body_take_of as body_take_of, body_take_of_frames as body_take_of_frames
+from .body_takes import (
+    RecordedHolds as RecordedHolds,
+    body_take_of as body_take_of,
+    body_take_of_frames as body_take_of_frames,
+    recorded_holds as recorded_holds,
+)
 from .capture_clip import BODY_NAMES as BODY_NAMES, clip_of_bodies as clip_of_bodies
 from .capture_limbs import (
     half_way as half_way,

@@ -18,7 +18,7 @@ from enliven.formats.rig import playing
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.takes.capture_clip import between_times, resampled
 from enliven.takes.files import read_take
-from enliven.takes.possessed import characters_and_poses, played
+from enliven.takes.possessed import characters_and_poses, with_performance
 from enliven.takes.recorded import TakeSettings, body_frames, clips_of_frames
 from enliven.takes.rigged import rigged_of
 
@@ -157,8 +157,9 @@ def _recorded(
         project, shape = playing(Project(), still, clip)
         late = shape.later(offset)
         return _sampled(project.with_characters(late), late, start, end, rate, morphs, 1 / clip.step)
-    graph, stream = played(replace(character, id=name), poses, begin, Project(), [])
-    project = Project().with_streams(stream).with_characters(graph)
+    named = replace(character, id=name)
+    project = with_performance(Project(), (name, 0), named, poses, begin, [], None)
+    (graph,), (stream,) = project.graphs.values(), project.streams.values()
     return _sampled(project, graph, start, end, rate, morphs, 1 / stream.step)
 
 

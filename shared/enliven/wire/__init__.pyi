@@ -1,5 +1,6 @@
 from .characters import CharacterMessage as CharacterMessage
 from .convert import (
+    as_sent as as_sent,
     bodies_to_message as bodies_to_message,
     cues_to_message as cues_to_message,
     health_to_messages as health_to_messages,

@@ -125,11 +125,8 @@ class HoldMessage(Struct, array_like=True, frozen=True):
         revision: of the character; 0 where it left.
         body: the performer's id; -1: all of them.
         parts: of the body that took hold.
-        former: the id of the performer whose hold was taken over, or -1.
+        former: the id of the performer who held it before, for "take over"; else -1.
         holders: the ids of all who hold it from now on.
-        joints: (20, 3) float32 metres, where the performer took hold, and
-        confidence: (20,) float32; both empty where nothing was taken hold of.
-        stature: metres, 0 where unknown.
         settings: the actor's, as JSON.
         place: where the mesh stood before: scale, radians about +Y, x, y, z in metres; or empty.
         size: metres of the mesh as modelled for one of its rest space.
@@ -143,17 +140,9 @@ class HoldMessage(Struct, array_like=True, frozen=True):
     parts: Text = "all"
     former: Identity = -1
     holders: Annotated[list[Identity], Meta(max_length=64)] = field(default_factory=list)
-    joints: Annotated[bytes, Meta(max_length=240)] = b""
-    confidence: Annotated[bytes, Meta(max_length=80)] = b""
-    stature: Number = 0.0
     settings: Annotated[str, Meta(max_length=MAX_SETTINGS)] = "{}"
     place: Annotated[list[Number], Meta(max_length=5)] = field(default_factory=list)
     size: Number = 1.0
-
-    def __post_init__(self) -> None:
-        if self.joints or self.confidence:
-            expect("joints", self.joints, 240)
-            expect("confidence", self.confidence, 80)
 
 
 class PropsMessage(Struct, array_like=True, frozen=True):

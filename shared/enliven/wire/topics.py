@@ -85,7 +85,7 @@ CUES = _stream("cues", CuesMessage, 32 * 1024, latched=True, key=_character)
 PROPS = _stream("props", PropsMessage, 32 * 1024, latched=True)
 MATCHES = _stream("matches", MatchesMessage, 128 * 1024, latched=True, key=_character)
 HOLDS = register(
-    Topic("holds", HoldMessage, "stream", 160 * 1024, 0, "every", latched=True, key=_character, recorded=True)
+    Topic("holds", HoldMessage, "stream", 40 * 1024, 0, "every", latched=True, key=_character, recorded=True)
 )
 STATUS = register(Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge))
 CHARACTER = register(

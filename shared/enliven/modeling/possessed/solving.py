@@ -1,0 +1,159 @@
+"""The motion of a possessed mesh, solved from its performers: whether it still fits, and solved again.
+
+The recorded or solved stream of a part is a cache with a checksum of what it was solved from: the mesh, its
+nodes, the performers' take, the holds and the settings. What moves, turns, scales or mirrors the whole shape
+carries the stream along, and it fits as before; a cut, a merge or an edit of the mesh does not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Bool, Float
+from enliven.deformation.graph import graph_of
+from enliven.document import (
+    BodyTake,
+    Character,
+    GraphPart,
+    GraphShape,
+    Pose,
+    Possession,
+    Project,
+    SkinWeights,
+    unused,
+)
+from enliven.modeling.possessed.even_steps import stream_of
+from enliven.possession import replay
+from enliven.rotation import to_matrix
+
+_STEP = 1e-5
+"""Metres of the lattice on which two meshes are the same: a scaled mesh comes back to rounding, 1e-15."""
+_BESIDE = 0.31830988618
+"""Of a lattice step by which the lattice is moved, so that round numbers do not lie between two steps."""
+
+
+def stale(project: Project, shape: GraphShape) -> bool:
+    """Returns whether a motion of a shape was solved from something else than what is there now."""
+    return any(_key(project, shape, n) != how.solved for n, _, how in _possessed(shape))
+
+
+def unsolved(project: Project, shape: GraphShape) -> bool:
+    """Returns whether a motion of a shape is not there at all, as after its file was damaged."""
+    return any(not how.solved for _, _, how in _possessed(shape))
+
+
+def as_solved(project: Project, shape_id: str) -> Project:
+    """A project in which the streams of a shape count as solved from what is there now."""
+    shape, parts = project.graph(shape_id), list(project.graph(shape_id).parts)
+    for number, part, how in _possessed(shape):
+        parts[number] = replace(part, possession=replace(how, solved=_key(project, shape, number)))
+    return project.with_characters(shape.with_changes(parts=tuple(parts)))
+
+
+def solve_again(
+    project: Project,
+    shape_id: str,
+    progress: Callable[[float], None] | None = None,
+    notes: list[str] | None = None,
+) -> Project:
+    """A project in which the performers move a shape as it is now; parts that fit still stay as they are.
+
+    Where and when the shape plays does not change.
+
+    Args:
+        progress: is told the share that is done, from 0 to 1.
+        notes: takes a sentence about each hold that the mesh as it is now refused.
+
+    Raises:
+        InputError: where there is no such shape, or its performers can take hold of no point of a part.
+    """
+    shape = project.graph(shape_id)
+    due = [one for one in _possessed(shape) if _key(project, shape, one[0]) != one[2].solved]
+    parts = list(shape.parts)
+    for done, (number, part, how) in enumerate(due):
+        bare, take, poses = _bare(shape, number), project.bodies[how.take], list[Pose]()
+        for pose in replay(bare, graph_of(bare), take, how, notes):
+            poses.append(pose)
+            if progress is not None:
+                share = (pose.time_ns * 1e-9 - how.start) / max(how.last(take) - how.start, 1e-9)
+                progress(min((done + share) / len(due), 1.0))
+        stream = stream_of(bare, poses, unused(shape_id, project.streams))
+        project = project.with_streams(stream)
+        rest = np.asarray(bare.pivots, np.float64)
+        solved = replace(how, rest=rest, solved=_key(project, shape, number))
+        parts[number] = replace(part, take=stream.id, nodes=np.arange(len(rest)), possession=solved)
+    project = project.with_characters(shape.with_changes(parts=tuple(parts)))
+    heard = {layer.take for one in project.characters.values() for layer in one.playing}
+    gone = {part.take for _, part, _ in due} - heard
+    return replace(project, streams={k: v for k, v in project.streams.items() if k not in gone})
+
+
+def _possessed(shape: GraphShape) -> list[tuple[int, GraphPart, Possession]]:
+    """The parts of a shape that performers moved, with their numbers."""
+    parts = enumerate(shape.parts)
+    return [(n, part, part.possession) for n, part in parts if part.possession is not None]
+
+
+def _bare(shape: GraphShape, number: int) -> Character:
+    """A part of a shape as it was possessed: with its rest as the recording had it, without other parts."""
+    part, start = shape.parts[number], shape.starts[number]
+    assert part.possession is not None
+    own = np.arange(start, start + len(part.nodes))
+    flip = np.array([-1.0 if part.mirrored else 1.0, 1.0, 1.0])
+    turn = to_matrix(part.axes)
+    linear = part.size * turn * flip
+    middle = shape.positions[own].mean(0) - linear @ part.possession.rest[part.nodes].mean(0)
+
+    def back(points: Float) -> Float:
+        return np.asarray((points - middle) @ turn / part.size * flip)
+
+    vertices, faces, skin = _surface(shape, own)
+    kept = np.isin(shape.edges, own).all(1)
+    return Character(
+        shape.id,
+        back(vertices).astype(np.float32),
+        faces[:, ::-1] if part.mirrored else faces,
+        skin,
+        back(shape.positions[own]).astype(np.float32),
+        shape.edges[kept] - np.int32(start),
+    )
+
+
+def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights]:
+    """Vertices, faces and skin of what follows the nodes ``own`` more than others; all where none does."""
+    mesh, skin = shape.mesh, shape.skin
+    if len(own) == len(shape.positions):
+        return mesh.vertices, mesh.faces, skin
+    here: Bool = np.isin(skin.indices, own)
+    mine = (skin.weights * here).sum(1) > 0.5
+    faces = mesh.faces[mine[mesh.faces].all(1)]
+    faces = faces if len(faces) else mesh.faces
+    used = np.unique(faces)
+    weights = np.where(here, skin.weights, 0.0)[used]
+    weights = weights / np.maximum(weights.sum(1, keepdims=True), 1e-9)
+    indices = np.where(here, skin.indices - own[0], 0)[used]
+    number = np.zeros(len(mesh.vertices), np.int32)
+    number[used] = np.arange(len(used))
+    told = SkinWeights(indices.astype(np.uint16), weights.astype(np.float32))
+    return mesh.vertices[used], number[faces], told
+
+
+def _key(project: Project, shape: GraphShape, number: int) -> str:
+    """A checksum of all that the motion of a part is solved from."""
+    part = shape.parts[number]
+    assert part.possession is not None
+    bare, told = _bare(shape, number), hashlib.blake2b(digest_size=16)
+    for points in (bare.vertices, bare.pivots):
+        told.update(np.floor(points.astype(np.float64) / _STEP + _BESIDE).astype(np.int64).tobytes())
+    for numbers in (bare.faces, bare.edges, bare.skin.indices):
+        told.update(np.ascontiguousarray(numbers, np.int64).tobytes())
+    take: BodyTake = project.bodies[part.possession.take]
+    for array in (take.seconds, take.people, take.joints, take.confidence, take.present, take.stature):
+        told.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
+    how = part.possession
+    told.update(repr((how.holds, how.settings, how.height, how.size, how.place, how.start, how.end)).encode())
+    return told.hexdigest()
