@@ -7,11 +7,9 @@ import re
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from enliven.deformation.graph import DeformationGraph, character_from, graph_of
-from enliven.meshes import Mesh, fit_height, refine
-from enliven.possession import ActorSettings, EmbeddedActor, fit_standing_person
+from enliven.meshes import Mesh
+from enliven.possession import ActorSettings, EmbeddedActor, prepared
 from enliven.samples import load_sample
 
 log = logging.getLogger(__name__)
@@ -20,10 +18,6 @@ MADE: tuple[Literal["chair", "lamp"], ...] = ("chair", "lamp")
 """The meshes that ship, by name instead of by path."""
 _OWN_PARTS = {"lamp": "hip and right arm"}
 """The parts of the body that a shipped mesh is made to be held with; others are held with all."""
-_HEIGHT = 1.75
-"""Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
-_LONGEST_EDGE = 0.04
-"""Metres: longer edges are split, as a triangle must be narrower than a limb to bend with it."""
 
 
 def cast(
@@ -73,11 +67,4 @@ def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]
     mesh, notes = load_mesh(spec)
     for note in notes:
         log.info("%s: %s", spec, note)
-    if settings.place == "fixed":
-        return mesh, 1.0
-    size = float(np.ptp(mesh.vertices[:, "xyz".index(up)])) / _HEIGHT
-    mesh = fit_height(mesh, _HEIGHT, up)  # type: ignore[arg-type]
-    if settings.stand == "fitted":
-        mesh, fit = fit_standing_person(mesh)
-        log.info("%s: moved to where a standing person fits into it (%.0f %%)", spec, 100 * fit)
-    return refine(mesh, _LONGEST_EDGE), size
+    return prepared(mesh, settings, up)  # type: ignore[arg-type]

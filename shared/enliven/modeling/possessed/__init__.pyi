@@ -3,6 +3,7 @@ from .pose import graph_pose as graph_pose, graph_vertices as graph_vertices, po
 from .rig import GraphRig as GraphRig
 from .solving import (
     as_solved as as_solved,
+    possess_mesh as possess_mesh,
     solve_again as solve_again,
     stale as stale,
     unsolved as unsolved,

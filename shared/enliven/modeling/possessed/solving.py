@@ -14,18 +14,21 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float
-from enliven.deformation.graph import graph_of
+from enliven.deformation.graph import DeformationGraph, graph_of
 from enliven.document import (
     BodyTake,
     Character,
     GraphPart,
     GraphShape,
     Pose,
+    PoseStream,
     Possession,
     Project,
     SkinWeights,
+    same,
     unused,
 )
+from enliven.meshes import Mesh
 from enliven.modeling.possessed.even_steps import stream_of
 from enliven.possession import replay
 from enliven.rotation import to_matrix
@@ -54,6 +57,41 @@ def as_solved(project: Project, shape_id: str) -> Project:
     return project.with_characters(shape.with_changes(parts=tuple(parts)))
 
 
+def possess_mesh(
+    project: Project,
+    mesh: Mesh,
+    take: BodyTake,
+    possession: Possession,
+    *,
+    nodes: int = 128,
+    progress: Callable[[float], None] | None = None,
+    notes: list[str] | None = None,
+) -> tuple[Project, str]:
+    """A project with a mesh that the performers of a take move, and the mesh's id in it.
+
+    Args:
+        mesh: as it is to stand on the stage (:func:`enliven.possession.prepared`).
+        possession: how they hold it; its take and its rest become those of the arguments.
+        nodes: of the deformation graph.
+        progress, notes: as of :func:`solve_again`.
+
+    Raises:
+        InputError: where the performers can take hold of no point of the mesh.
+    """
+    if take.id in project.bodies and not same(project.bodies[take.id], take):
+        take = replace(take, id=unused(take.id, project.bodies))
+    graph, name = DeformationGraph.build(mesh, nodes), unused(mesh.name or "mesh", project.characters)
+    rest = graph.positions
+    still = np.tile(np.eye(3), (1, len(rest), 1, 1)), rest[None]
+    stream = PoseStream(unused(name, project.streams), *still, 1.0)
+    part = GraphPart(
+        stream.id, np.arange(len(rest)), possession=replace(possession, take=take.id, rest=rest, solved="")
+    )
+    shape = GraphShape(name, rest, graph.edges, mesh, graph.skin(mesh), (part,))
+    project = project.with_bodies(take).with_streams(stream).with_characters(shape)
+    return solve_again(project, name, progress, notes), name
+
+
 def solve_again(
     project: Project,
     shape_id: str,
@@ -75,21 +113,22 @@ def solve_again(
     due = [one for one in _possessed(shape) if _key(project, shape, one[0]) != one[2].solved]
     parts = list(shape.parts)
     for done, (number, part, how) in enumerate(due):
-        bare, take, poses = _bare(shape, number), project.bodies[how.take], list[Pose]()
+        (bare, rest), take, poses = _bare(shape, number), project.bodies[how.take], list[Pose]()
         for pose in replay(bare, graph_of(bare), take, how, notes):
             poses.append(pose)
             if progress is not None:
                 share = (pose.time_ns * 1e-9 - how.start) / max(how.last(take) - how.start, 1e-9)
                 progress(min((done + share) / len(due), 1.0))
-        stream = stream_of(bare, poses, unused(shape_id, project.streams))
-        project = project.with_streams(stream)
-        rest = np.asarray(bare.pivots, np.float64)
+        users = [layer for one in project.characters.values() for layer in one.playing]
+        alone = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
+        stream = stream_of(bare, poses, part.take if alone else unused(shape_id, project.streams))
         solved = replace(how, rest=rest, solved=_key(project, shape, number))
         parts[number] = replace(part, take=stream.id, nodes=np.arange(len(rest)), possession=solved)
-    project = project.with_characters(shape.with_changes(parts=tuple(parts)))
-    heard = {layer.take for one in project.characters.values() for layer in one.playing}
-    gone = {part.take for _, part, _ in due} - heard
-    return replace(project, streams={k: v for k, v in project.streams.items() if k not in gone})
+        shape = shape.with_changes(parts=tuple(parts))
+        streams = {**project.streams, stream.id: stream}
+        characters = {**project.characters, shape_id: shape}
+        project = replace(project, streams=streams, characters=characters)
+    return project
 
 
 def _possessed(shape: GraphShape) -> list[tuple[int, GraphPart, Possession]]:
@@ -98,8 +137,12 @@ def _possessed(shape: GraphShape) -> list[tuple[int, GraphPart, Possession]]:
     return [(n, part, part.possession) for n, part in parts if part.possession is not None]
 
 
-def _bare(shape: GraphShape, number: int) -> Character:
-    """A part of a shape as it was possessed: with its rest as the recording had it, without other parts."""
+def _bare(shape: GraphShape, number: int) -> tuple[Character, Float]:
+    """A part of a shape as it was possessed: its rest as the recording had it, without other parts.
+
+    Returns:
+        The character, and (K, 3) metres, its nodes in full precision.
+    """
     part, start = shape.parts[number], shape.starts[number]
     assert part.possession is not None
     own = np.arange(start, start + len(part.nodes))
@@ -113,14 +156,10 @@ def _bare(shape: GraphShape, number: int) -> Character:
 
     vertices, faces, skin = _surface(shape, own)
     kept = np.isin(shape.edges, own).all(1)
-    return Character(
-        shape.id,
-        back(vertices).astype(np.float32),
-        faces[:, ::-1] if part.mirrored else faces,
-        skin,
-        back(shape.positions[own]).astype(np.float32),
-        shape.edges[kept] - np.int32(start),
-    )
+    rest, faces = back(shape.positions[own]), faces[:, ::-1] if part.mirrored else faces
+    places = back(vertices).astype(np.float32), rest.astype(np.float32)
+    bare = Character(shape.id, places[0], faces, skin, places[1], shape.edges[kept] - np.int32(start))
+    return bare, rest
 
 
 def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights]:
@@ -146,7 +185,7 @@ def _key(project: Project, shape: GraphShape, number: int) -> str:
     """A checksum of all that the motion of a part is solved from."""
     part = shape.parts[number]
     assert part.possession is not None
-    bare, told = _bare(shape, number), hashlib.blake2b(digest_size=16)
+    (bare, _), told = _bare(shape, number), hashlib.blake2b(digest_size=16)
     for points in (bare.vertices, bare.pivots):
         told.update(np.floor(points.astype(np.float64) / _STEP + _BESIDE).astype(np.int64).tobytes())
     for numbers in (bare.faces, bare.edges, bare.skin.indices):

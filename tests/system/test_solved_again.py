@@ -1,0 +1,69 @@
+"""A performance through the real edge is solved again from its recording: on the same mesh it is the same."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from performed_take import chair_actor, perform, without_cache
+
+from enliven.modeling.possessed import solve_again, stale, unsolved
+from enliven.possession import ActorSettings
+from enliven.takes import read_possessed
+from enliven.wire import Possess, Release
+from enliven.wire.quantize import POSITION_ERROR
+
+LINEAR = 6e-3
+"""Entries of a linear part: rotation and stretch on the wire, at most 0.85 mrad and sqrt(3) 0.001 off."""
+FRAMES = 40
+parts = st.sampled_from(["all", "legs", "upper body", "hip + right arm"])
+modes = st.sampled_from(["alone", "join", "extend"])
+orders = st.one_of(
+    st.builds(lambda who, p, m: Possess("chair", who, p, m), st.sampled_from([1, 2]), parts, modes),
+    st.builds(lambda who: Release("chair", who), st.sampled_from([None, 1, 2])),
+)
+hows = st.fixed_dictionaries(
+    {
+        "how": st.sampled_from(["inside", "beside", "mapped"]),
+        "place": st.sampled_from(["meet", "meet", "fixed"]),
+        "scaled": st.sampled_from(["mesh", "performer", "nobody"]),
+        "travel": st.sampled_from([1.0, 0.5]),
+        "fade": st.sampled_from([0.0, 0.3]),
+        "hand_over": st.sampled_from([0.0, 0.4]),
+    }
+)
+
+
+@settings(max_examples=8, deadline=None, phases=[Phase.explicit, Phase.generate])
+@given(
+    how=hows,
+    given_orders=st.dictionaries(st.integers(2, 30), st.lists(orders, max_size=2), min_size=1, max_size=4),
+    absent=st.tuples(st.integers(5, 20), st.integers(0, 18)),
+    late=st.integers(0, 3),
+    seed=st.integers(0, 99),
+)
+def test_on_the_same_mesh_it_is_what_was_recorded(how, given_orders, absent, late, seed):
+    """For any holds and settings, performers who leave and come back, and hand-overs."""
+    first, gone = absent
+    away = 0.0 if how["place"] == "fixed" else 2.5
+    seen = [set() if n < late else {2} if first <= n < first + gone else {1, 2} for n in range(FRAMES)]
+    begin = Possess("chair", 1, "all", "alone")
+    given_orders = {**given_orders, late + 1: (begin, *given_orders.get(late + 1, ()))}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "take.mcap"
+        perform(path, seen, given_orders, [chair_actor(ActorSettings(**how))], seed, away)
+        project = read_possessed(path)
+    shape = project.graph("chair")
+    assert not stale(project, shape) and not unsolved(project, shape)
+    recorded = project.streams[shape.parts[0].take]
+    damaged = without_cache(project, "chair")
+    assert stale(damaged, damaged.graph("chair")) and unsolved(damaged, damaged.graph("chair"))
+    again = solve_again(damaged, "chair")
+    solved = again.streams[again.graph("chair").parts[0].take]
+    assert solved.step == recorded.step and len(again.streams) == 1
+    np.testing.assert_allclose(solved.positions, recorded.positions, atol=POSITION_ERROR + 1e-6)
+    np.testing.assert_allclose(solved.linear, recorded.linear, atol=LINEAR)
+    assert not stale(again, again.graph("chair"))
