@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from performed_take import chair_actor, perform, without_cache
+from performed_take import chair_actor, perform
+from swaying import without_cache
 
 from enliven.modeling.possessed import solve_again, stale, unsolved
 from enliven.possession import ActorSettings

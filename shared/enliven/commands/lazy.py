@@ -30,6 +30,7 @@ _ORDER = (
     "graph",
     "retarget",
     "examples",
+    "possess",
     "export",
     "doctor",
 )

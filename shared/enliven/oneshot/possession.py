@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.meshes import Mesh
 from enliven.modeling.possessed import possess_mesh
-from enliven.person import Body
+from enliven.person import Body, parts_named
 from enliven.possession import ActorSettings
 from enliven.takes import body_take_of_frames
 
@@ -57,6 +57,8 @@ def possess(
     if count < 2:
         raise InputError(f"{count} bodies do not move", where=where, mend="Give two or more.")
     take = bodies if isinstance(bodies, BodyTake) else _take_of(bodies, step, mesh.name)
+    for part in [parts, *(change.parts for change in holds)]:
+        parts_named(part)
     changes = tuple(holds) or (HoldChange(0.0, parts=parts),)
     possession = Possession(take.id, changes, json.dumps(asdict(settings)))
     try:

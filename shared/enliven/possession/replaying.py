@@ -60,7 +60,7 @@ def replay(
     start, end = possession.start - _SAME, possession.last(take) + _SAME
     frames = np.flatnonzero((take.seconds >= start) & (take.seconds <= end))
     due = sorted(possession.holds, key=lambda change: change.seconds)
-    refused, held = list[InputError](), False
+    refused, held = list[tuple[float, InputError]](), False
     for frame in frames:
         second, bodies = take.seconds[frame], [_as_seen(body) for body in take.bodies(int(frame))]
         now = [change for change in due if change.seconds <= second + _SAME]
@@ -74,12 +74,12 @@ def replay(
                     _change(actor, change, bodies)
                     held = held or bool(actor.holds)
             except InputError as error:
-                refused.append(error)
+                refused.append((float(second), error))
         due = due[len(now) :]
     if refused and not held:
-        raise refused[0]
+        raise refused[0][1]
     if notes is not None:
-        notes.extend(f"At {second:.2f} s: {error.what}." for error in refused)
+        notes.extend(f"At {second:.2f} s: {error.what}." for second, error in refused)
 
 
 def _change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> None:

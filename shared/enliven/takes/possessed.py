@@ -18,11 +18,14 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import (
     ArapSettings,
+    BodyTake,
     Character,
     ControlPoint,
     GraphShape,
+    HoldChange,
     Pose,
     PoseStream,
+    Possession,
     Project,
     Puppet,
     graph_shape_of,
@@ -36,8 +39,15 @@ from enliven.modeling.possessed import as_solved, between, even_times, stream_of
 from enliven.modeling.puppet import graph_of
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
-from enliven.takes.body_takes import RecordedHolds, recorded_holds
-from enliven.wire import CharacterMessage, PoseCodec, PoseMessage, message_to_character, message_to_pose
+from enliven.takes.body_takes import RecordedHolds, body_take_of, recorded_holds
+from enliven.wire import (
+    HOLDS,
+    CharacterMessage,
+    PoseCodec,
+    PoseMessage,
+    message_to_character,
+    message_to_pose,
+)
 
 _FEWEST = 2
 """Poses that a mesh needs at least to count as moved."""
@@ -70,6 +80,33 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
         mend = "Possess a mesh and record it: enliven run."
         raise InputError("no possessed mesh moves in it", where=str(path), mend=mend)
     return project
+
+
+def possession_in(path: str | Path, character: str = "") -> tuple[Project, str, BodyTake, Possession]:
+    """Returns what a recording holds of performers who possess a mesh.
+
+    Args:
+        character: id of a possessed mesh; empty for the first.
+
+    Returns:
+        The recording as a project, the mesh's id in it, its performers, and how they held it. In a recording
+        that does not say who took hold, the id is empty, and the first performer takes hold at once.
+
+    Raises:
+        InputError: where the file is no recording, there is no such character, or no performer is in it.
+    """
+    path = Path(path)
+    if HOLDS.name in Recording(path).info.topics:
+        project = read_possessed(path)
+        held = {k: p.possession for k, g in project.graphs.items() for p in g.parts if p.possession}
+        if character and character not in held:
+            mend = f"Known: {', '.join(held) or 'none'}."
+            raise InputError(f"nobody possessed {character!r}", where=str(path), mend=mend)
+        for name, possession in held.items():
+            if not character or name == character:
+                return project, name, project.bodies[possession.take], possession
+    bodies = body_take_of(path)
+    return Project(), "", bodies, Possession(bodies.id, (HoldChange(0.0),))
 
 
 _Key = tuple[str, int]

@@ -16,7 +16,7 @@ from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven.rotation import conjugate, multiply, normalized, to_rotation_vector
-from enliven.wire import convert, envelope, messages, quaternions, topics
+from enliven.wire import HoldMessage, convert, envelope, messages, quaternions, topics
 from enliven.wire.envelope import Malformed, OtherVersion
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.sockets import Endpoint, parse_endpoint
@@ -47,6 +47,9 @@ EXAMPLES = [
         "spider", "choosing", 3, 7, 0, [messages.PackedMatch("2-1", 4, 1.5, b"\2\1", bytes(18))], 45, 0.5
     ),
     messages.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),
+    HoldMessage(
+        "chair", 5, "take over", 2, 4, "legs + hip", 3, [4, 7], '{"fade": 0.5}', [1, 0, 0, 2, 0], 0.9
+    ),
 ]
 ASKS = [
     messages.Hello("v", True),

@@ -94,11 +94,11 @@ def project_of(data: bytes, where: str = "project") -> Project:
         what = f"it is cut short or damaged ({str(error)[:80]})"
         raise InputError(what, where=where, mend="Take an earlier copy.") from None
     try:
-        made = unpacked(Project, with_lost_motion(header["project"], arrays), arrays, "project")
+        project, lost = with_lost_motion(header["project"], arrays)
+        if damaged - lost:
+            raise InputError("an array in it is damaged", where="project")
+        made = unpacked(Project, project, arrays, "project")
     except InputError as error:
-        if damaged:
-            what = "an array in it is damaged"
-            raise InputError(what, where=where, mend="Take an earlier copy.") from None
         mend = error.mend or "Take an earlier copy."
         raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
     except DAMAGE as error:
@@ -153,16 +153,19 @@ def _header(archive: zipfile.ZipFile, where: str) -> dict[str, Any]:
     return header
 
 
-def _arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], bool]:
-    """Returns every array by its name, which is checked against its content; and whether some are damaged."""
-    arrays: dict[str, AnyArray] = {}
-    entries = [entry for entry in archive.namelist() if entry.startswith(_ARRAYS)]
-    for entry in entries:
+def _arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:
+    """Returns all arrays by their names, which their content must have; and the names of damaged ones."""
+    arrays, damaged = dict[str, AnyArray](), set[str]()
+    for entry in archive.namelist():
+        if not entry.startswith(_ARRAYS):
+            continue
         name = entry.removeprefix(_ARRAYS).removesuffix(".npy")
         try:
             array = array_of(_unpacked_entry(archive, entry))
         except (OSError, zipfile.BadZipFile, zlib.error, *DAMAGE):
-            continue
-        if array is not None and name_of(array) == name:
+            array = None
+        if array is None or name_of(array) != name:
+            damaged.add(name)
+        else:
             arrays[name] = array
-    return arrays, len(arrays) < len(entries)
+    return arrays, damaged

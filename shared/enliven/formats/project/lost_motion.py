@@ -11,11 +11,14 @@ from enliven.document import GraphShape
 from enliven.formats.project.values import ARRAY, KIND, name_of
 
 
-def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> Any:
+def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, set[str]]:
     """Returns the project object; a lost stream that can be solved again is the mesh at rest, and says so.
 
     Args:
         arrays: those that are there, by name; those of the streams at rest are added.
+
+    Returns:
+        The object, and the names of the arrays of the lost streams.
     """
     streams, characters = _table(_table(project).get("streams")), _table(_table(project).get("characters"))
     found = dict(streams)
@@ -25,7 +28,13 @@ def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> Any:
         if _table(character).get(KIND) == GraphShape.kind and isinstance(parts, list):
             mended = [_mended(part, streams, found, arrays) for part in parts]
             made[key] = {**character, "parts": mended}
-    return {**project, "streams": found, "characters": made} if found != streams else project
+    lost = {
+        str(_table(streams.get(name, {}).get(each)).get(ARRAY))
+        for name, stream in found.items()
+        if stream is not streams.get(name)
+        for each in ("linear", "positions")
+    }
+    return ({**project, "streams": found, "characters": made}, lost) if lost else (project, lost)
 
 
 def _mended(part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: dict[str, AnyArray]) -> Any:

@@ -7,5 +7,6 @@ from .solving import (
     solve_again as solve_again,
     stale as stale,
     unsolved as unsolved,
+    with_possession as with_possession,
 )
 from .surgery import cut_graph as cut_graph, merge_graphs as merge_graphs

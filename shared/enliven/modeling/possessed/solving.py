@@ -28,6 +28,7 @@ from enliven.document import (
     same,
     unused,
 )
+from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.possessed.even_steps import stream_of
 from enliven.possession import replay
@@ -55,6 +56,20 @@ def as_solved(project: Project, shape_id: str) -> Project:
     for number, part, how in _possessed(shape):
         parts[number] = replace(part, possession=replace(how, solved=_key(project, shape, number)))
     return project.with_characters(shape.with_changes(parts=tuple(parts)))
+
+
+def with_possession(project: Project, shape_id: str, possession: Possession) -> Project:
+    """A project in which the first part that performers moved is held otherwise; it has to be solved then.
+
+    Raises:
+        InputError: where there is no such shape, or performers moved no part of it.
+    """
+    shape = project.graph(shape_id)
+    for number, part, how in _possessed(shape):
+        held = replace(possession, rest=how.rest, solved=how.solved)
+        parts = (*shape.parts[:number], replace(part, possession=held), *shape.parts[number + 1 :])
+        return project.with_characters(shape.with_changes(parts=parts))
+    raise InputError("performers moved no part of it", where=shape.where, mend="Possess it first.")
 
 
 def possess_mesh(
