@@ -58,10 +58,10 @@ def test_on_the_same_mesh_it_is_what_was_recorded(how, given_orders, absent, lat
         perform(path, seen, given_orders, [chair_actor(ActorSettings(**how))], seed, away)
         project = read_possessed(path)
     shape = project.graph("chair")
-    assert not stale(project, shape) and not unsolved(project, shape)
+    assert not stale(project, shape) and not unsolved(shape)
     recorded = project.streams[shape.parts[0].take]
     damaged = without_cache(project, "chair")
-    assert stale(damaged, damaged.graph("chair")) and unsolved(damaged, damaged.graph("chair"))
+    assert stale(damaged, damaged.graph("chair")) and unsolved(damaged.graph("chair"))
     again = solve_again(damaged, "chair")
     solved = again.streams[again.graph("chair").parts[0].take]
     assert solved.step == recorded.step and len(again.streams) == 1

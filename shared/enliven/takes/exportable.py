@@ -15,6 +15,7 @@ from enliven.exporters import Performance, performance_of, performance_of_clip
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project
 from enliven.formats.rig import playing
+from enliven.modeling.possessed import solve_lost
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.takes.capture_clip import between_times, resampled
 from enliven.takes.files import read_take
@@ -58,7 +59,7 @@ def exportables_of(path: Path | str) -> tuple[list[Exportable], tuple[str, ...]]
     path, notes = Path(path), tuple[str, ...]()
     kind = path.suffix.lower()
     if kind == ".enliven":
-        found = _of_project(read_project(path))
+        found = _of_project(solve_lost(read_project(path)))
     elif kind == ".mcap":
         found = _of_recording(path)
     elif kind in (".glb", ".gltf"):

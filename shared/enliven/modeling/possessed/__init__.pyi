@@ -5,6 +5,7 @@ from .solving import (
     as_solved as as_solved,
     possess_mesh as possess_mesh,
     solve_again as solve_again,
+    solve_lost as solve_lost,
     stale as stale,
     unsolved as unsolved,
     with_possession as with_possession,

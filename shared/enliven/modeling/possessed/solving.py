@@ -45,9 +45,21 @@ def stale(project: Project, shape: GraphShape) -> bool:
     return any(_key(project, shape, n) != how.solved for n, _, how in _possessed(shape))
 
 
-def unsolved(project: Project, shape: GraphShape) -> bool:
+def unsolved(shape: GraphShape) -> bool:
     """Returns whether a motion of a shape is not there at all, as after its file was damaged."""
     return any(not how.solved for _, _, how in _possessed(shape))
+
+
+def solve_lost(project: Project, progress: Callable[[float], None] | None = None) -> Project:
+    """A project in which all motion that was lost is solved; what is merely stale stays as it is.
+
+    Raises:
+        InputError: where performers can take hold of no point of a part.
+    """
+    for name, shape in project.graphs.items():
+        if unsolved(shape):
+            project = solve_again(project, name, progress)
+    return project
 
 
 def as_solved(project: Project, shape_id: str) -> Project:
