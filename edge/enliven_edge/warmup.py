@@ -22,7 +22,6 @@ _TOGETHER = 3
 """Frames with two people: the second is new, confirmed and followed, and they touch."""
 _EMPTY = 1
 """Frames without people: both are lost."""
-
 _ASIDE = 1 / 6
 """Share of the picture's width between the two people: so near that their surfaces must be told apart."""
 

@@ -42,11 +42,6 @@ class Sentences(logging.Formatter):
         return f"{name}: {record.getMessage().strip()}"
 
 
-def _sentence(message: Warning | str, *place: object, **more: object) -> str:
-    """Returns a warning without the line of source that raised it."""
-    return str(message)
-
-
 class _Lossy(io.FileIO):
     """A standard error that never fails: text that a closed pipe or a full disk refuses is dropped."""
 
@@ -77,5 +72,6 @@ def start_logging(*, as_json: bool = False, level: int = logging.INFO) -> None:
         logger.handlers[:] = [handler]
         logger.setLevel(level)
         logger.propagate = False
-    warnings.formatwarning = _sentence
+    # Without the line of source that raised the warning.
+    warnings.formatwarning = lambda message, *place, **more: str(message)
     logging.captureWarnings(True)

@@ -109,6 +109,15 @@ def slerp(a: AnyArray, b: AnyArray, t: AnyArray) -> Float:
     return multiply(a, from_rotation_vector(step * np.asarray(t, np.float64)[..., None]))
 
 
+def continuous(turns: AnyArray) -> Float:
+    """(T, N, 4) the same turns, w >= 0 in the first frame, then each of the sign nearest to its former."""
+    flips = np.sign(np.einsum("tnc,tnc->tn", turns[1:], turns[:-1]))
+    flips[flips == 0] = 1.0
+    start = np.where(turns[:1, :, 0] < 0, -1.0, 1.0)
+    signs = np.concatenate([start, start * np.cumprod(flips, 0)])
+    return np.asarray(turns * signs[..., None])
+
+
 def swing(a: AnyArray, b: AnyArray) -> Float:
     """(..., 4) the rotation by the shortest arc from the unit vector ``a`` to ``b``, both (..., 3).
 

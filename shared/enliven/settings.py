@@ -10,11 +10,12 @@ import dataclasses
 import difflib
 import math
 import tomllib
-import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
+
+import msgspec
 
 from enliven.errors import InputError
 from enliven.files import read_file
@@ -151,38 +152,16 @@ _WRONG = object()
 
 def _converted(hint: Any, value: Any) -> Any:
     """``value`` as ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or _WRONG."""
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin in (types.UnionType, typing.Union):
-        made = (_converted(a, value) for a in arguments)
-        return next((m for m in made if m is not _WRONG), _WRONG)
-    if origin is typing.Literal:
-        return value if value in arguments else _WRONG
-    if origin is tuple:
-        return _tuple(arguments, value)
-    if origin is dict:
-        return _table(arguments, value)
-    if hint is float:
-        ok = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        return float(value) if ok else _WRONG
-    if hint is int:
-        return value if isinstance(value, int) and not isinstance(value, bool) else _WRONG
-    return value if isinstance(value, hint) else _WRONG
-
-
-def _table(arguments: tuple[Any, ...], value: Any) -> Any:
-    """A TOML table as dict[str, X], or _WRONG."""
-    if not isinstance(value, Mapping):
+    try:
+        made = msgspec.convert(value, hint)
+    except msgspec.ValidationError:
         return _WRONG
-    made = {key: _converted(arguments[1], v) for key, v in value.items()}
-    return _WRONG if any(m is _WRONG for m in made.values()) else made
+    return made if _is_finite(made) else _WRONG
 
 
-def _tuple(arguments: tuple[Any, ...], value: Any) -> Any:
-    """A TOML array as tuple[X, ...] or tuple[X, Y, Z], or _WRONG."""
-    if not isinstance(value, (list, tuple)):
-        return _WRONG
-    hints = [arguments[0]] * len(value) if arguments[1:] == (Ellipsis,) else list(arguments)
-    if len(hints) != len(value):
-        return _WRONG
-    made = tuple(_converted(h, v) for h, v in zip(hints, value, strict=True))
-    return _WRONG if any(m is _WRONG for m in made) else made
+def _is_finite(value: Any) -> bool:
+    """Whether no number of a value, or of the tuples and tables inside, is infinite or none."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else ()
+    return all(_is_finite(one) for one in inner)

@@ -21,7 +21,8 @@ from plain_arap import bean
 
 from enliven.arrays import Float, Int
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.input import Handle
+from enliven.deformation.arap.solver import ArapSolver
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh
@@ -137,11 +138,12 @@ def _parts(mesh: Mesh, held: Int, path: list[Float]) -> Iterator[Figure]:
     yield Figure("arap.iteration_ms_10k", (least[1] - least[0]) / 10, "ms")
     solver, times = solver_of(mesh, held), []
     fresh = np.setdiff1d(np.arange(0, len(mesh.vertices), 331), held)[:30]
+    handles = list(solver.handles.values())
     for vertex in fresh:
         start = time.perf_counter()
-        solver.add_handle(Handle("new", (int(vertex),)))
+        solver.set_handles([*handles, Handle("new", (int(vertex),))])
         times.append(1e3 * (time.perf_counter() - start))
-        solver.remove_handle("new")
+        solver.set_handles(handles)
     data = igl.ARAPData()
     again = []
     for _ in range(3):

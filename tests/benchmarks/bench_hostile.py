@@ -26,7 +26,7 @@ from pathlib import Path
 import zmq
 from figure import Figure
 
-from enliven.wire import messages
+from enliven.wire import requests
 from enliven.wire.envelope import pack_control, unpack_stream
 from enliven.wire.ports import free_ports
 
@@ -92,7 +92,7 @@ class Viewer:
         poses, asked, due, times = 0, None, start, []
         while (now := time.monotonic()) < start + seconds or asked is not None:
             if asked is None and due <= now < start + seconds:
-                self.control.send(pack_control(messages.Request(1, messages.Smooth(1_000, 1.0))))
+                self.control.send(pack_control(requests.Request(1, requests.Smooth(1_000, 1.0))))
                 asked, due = now, now + 0.1
             if self.stream.poll(2):
                 unpack_stream(self.stream.recv())
@@ -176,11 +176,11 @@ class Stranger:
 def _strangers(pose: int, control: int) -> list[Stranger]:
     """The attack."""
 
-    def ask(body: messages.Ask) -> bytes:
-        return _frame(pack_control(messages.Request(7, body)))
+    def ask(body: requests.Ask) -> bytes:
+        return _frame(pack_control(requests.Request(7, body)))
 
-    grab, join = messages.Possess("chair"), messages.Possess("chair", mode="join")
-    look, release = messages.Look((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)), messages.Release("chair", 77)
+    grab, join = requests.Possess("chair"), requests.Possess("chair", mode="join")
+    look, release = requests.Look((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)), requests.Release("chair", 77)
     valid = b"".join(map(ask, (grab, join, release, look))) * 25
     pings = (ask(join) * 9 + _frame(b"\4PING\0\0", 4)) * 20
     short = b"".join(_frame(b"\x09SUBSCRIBE" + b"%040d" % i, 4) for i in range(100))
@@ -189,7 +189,7 @@ def _strangers(pose: int, control: int) -> list[Stranger]:
         *[Stranger(control, b"DEALER", valid, 100, reads=True) for _ in range(2)],
         Stranger(control, b"DEALER", pings, 200, reads=False, resets=40),
         Stranger(control, b"DEALER", _frame(bytes(4000)) * 10, 10, reads=False),
-        Stranger(control, b"DEALER", ask(messages.GetState("chair")) * 100, 100, reads=False),
+        Stranger(control, b"DEALER", ask(requests.GetState("chair")) * 100, 100, reads=False),
         Stranger(pose, b"SUB", short, 100, reads=False, resets=50),
         Stranger(pose, b"SUB", long, 10, reads=False),
     ]

@@ -20,7 +20,7 @@ from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, set_travel
-from enliven.person.body import PARENTS
+from enliven.person.joints import PARENTS
 from enliven.rotation import from_rotation_vector, multiply
 
 FRAMES, STEP = 300, 1.0 / 30.0

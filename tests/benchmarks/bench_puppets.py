@@ -19,7 +19,7 @@ from figure import Figure
 from enliven.arrays import Float
 from enliven.document.character import Pose
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_motion import examples_of
+from enliven.examples.puppet_examples import examples_of
 from enliven.person.body import Body
 from enliven.samples import cactus_project
 from enliven.wire.convert import pose_to_message
@@ -57,7 +57,7 @@ def figures() -> Iterator[Figure]:
     theirs = samples * _plain(mapping, seen, 1.0 / actor.settings.rate, actor.settings.lag + 1 + _OUT)
     yield Figure("puppets.frame_ms", 1000 * frame, "ms", "scipy spsolve", theirs / frame)
     yield Figure("puppets.frame_p99_ms", 1000 * float(np.percentile(took[30:], 99)), "ms")
-    yield Figure("puppets.delay_ms", 1000 * actor.delay, "ms")
+    yield Figure("puppets.delay_ms", 1000 * (actor.settings.lag + 1) / actor.settings.rate, "ms")
     codec = PoseCodec(actor.character)
     messages = [
         pack_stream(pose_to_message(pose, codec, revision=1, sequence=k)) for k, pose in enumerate(poses)

@@ -16,7 +16,7 @@ import numpy as np
 from figure import Figure
 
 from enliven.frames import DepthFrame
-from enliven.wire.messages import PoseMessage
+from enliven.wire.streams import PoseMessage
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings

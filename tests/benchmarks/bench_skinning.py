@@ -15,11 +15,12 @@ import igl
 import numpy as np
 from figure import Figure
 from graph_figures import folded_sphere
+from skinned_normals import skin_normals
 from threadpoolctl import threadpool_limits
 
 from enliven import rotation
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.deformation.skinning import skin_normals, skin_vertices
+from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Character, Pose
 
 NODES, SIZES, MOST = 128, (10_000, 100_000, 1_000_000), 100_000

@@ -12,10 +12,12 @@ from patience import PATIENCE
 
 from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven.recording import Recording
 from enliven.wire.convert import message_to_bodies
-from enliven.wire.messages import BodiesMessage, Done, Smooth
+from enliven.wire.requests import Done, Smooth
+from enliven.wire.streams import BodiesMessage
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings

@@ -8,8 +8,8 @@ import numpy as np
 
 from enliven.recording import Recording
 from enliven_edge.assets import CHAIR
-from enliven_edge.sensors.profile import load_profile
 from enliven_synthesis.commands.synthesize import synthesize
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 
 AGAIN = "make it again:  enliven synthesize -o edge/enliven_edge/assets/chair.mcap --overwrite"

@@ -27,7 +27,7 @@ from enliven.recording.depth_codec import decode_depth
 from enliven.recording.messages import pack_bodies, pack_depth, unpack_bodies, unpack_depth
 from enliven.settings import load_settings
 from enliven.takes.possessed import read_possessed
-from enliven.wire import convert, envelope, messages, topics
+from enliven.wire import characters, convert, convert_characters, envelope, streams, topics
 from enliven.wire.envelope import Malformed
 from enliven.wire.matches import message_to_board
 from enliven.wire.posecode import PoseCodec
@@ -41,19 +41,19 @@ def _stream(data: bytes, folder: Path) -> None:
     _, message = envelope.unpack_stream(data)
     codec = _codec()
     match message:
-        case messages.PoseMessage():
+        case streams.PoseMessage():
             pose = convert.message_to_pose(message, codec)
             assert pose.linear.shape == (8, 3, 3)
-        case messages.BodiesMessage():
+        case streams.BodiesMessage():
             for body in convert.message_to_bodies(message):
                 assert np.isfinite(body.joints).all()
-        case messages.CuesMessage():
+        case streams.CuesMessage():
             convert.message_to_cues(message), convert.message_to_owners(message)
-        case messages.PropsMessage():
+        case streams.PropsMessage():
             convert.message_to_props(message)
-        case messages.MatchesMessage():
+        case streams.MatchesMessage():
             message_to_board(message)
-        case messages.StatusMessage():
+        case streams.StatusMessage():
             convert.messages_to_health(message.health)
 
 
@@ -73,8 +73,8 @@ def _control(data: bytes, folder: Path) -> None:
         except Malformed:
             continue
         body = getattr(reply, "body", None)
-        if isinstance(body, messages.CharacterMessage):
-            PoseCodec(convert.message_to_character(body))
+        if isinstance(body, characters.CharacterMessage):
+            PoseCodec(convert_characters.message_to_character(body))
 
 
 def _recording(data: bytes, folder: Path) -> None:
@@ -156,19 +156,17 @@ def _mixed(*makers: seeds.Maker) -> seeds.Maker:
 
 
 def _wire(payload: bytes, topic: str) -> seeds.Maker:
-    return seeds.of_msgpack(topic.encode() + b"\0" + bytes([messages.VERSION]), payload)
+    return seeds.of_msgpack(topic.encode() + b"\0" + bytes([envelope.VERSION]), payload)
 
 
 def targets() -> list[Target]:
     """Every reader; the counts add up to what `make test` states."""
     payloads = seeds.stream_payloads()
-    payloads["status"] = msgspec.msgpack.encode(
-        messages.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0)
-    )
-    streams = {topic: data for topic, data in payloads.items() if topic in topics.STREAMS}
-    packed = [topic.encode() + b"\0" + bytes([messages.VERSION]) + data for topic, data in streams.items()]
+    payloads["status"] = msgspec.msgpack.encode(streams.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0))
+    streamed = {topic: data for topic, data in payloads.items() if topic in topics.STREAMS}
+    packed = [topic.encode() + b"\0" + bytes([envelope.VERSION]) + data for topic, data in streamed.items()]
     character = msgspec.msgpack.encode({"id": 1, "body": _with_type(payloads["character"])})
-    head = bytes([messages.VERSION])
+    head = bytes([envelope.VERSION])
     controls = [msgspec.msgpack.encode(message) for message in seeds.requests()] + [character]
     wire = (Malformed, EnlivenError, ValueError)
     mesh_seeds = {
@@ -182,7 +180,7 @@ def targets() -> list[Target]:
     }
     made = [
         Target("wire stream bytes", 1000, seeds.of_bytes(*packed), _stream, wire),
-        Target("wire stream", 1800, _mixed(*(_wire(d, t) for t, d in streams.items())), _stream, wire),
+        Target("wire stream", 1800, _mixed(*(_wire(d, t) for t, d in streamed.items())), _stream, wire),
         Target("wire control bytes", 500, seeds.of_bytes(*(head + c for c in controls)), _control, wire),
         Target("wire control", 1000, _mixed(*(seeds.of_msgpack(head, c) for c in controls)), _control, wire),
         Target(

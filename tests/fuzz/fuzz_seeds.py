@@ -20,6 +20,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import zstandard
+from archived_depth import archived
 from fuzz_mutations import mutated, mutated_tree
 from mcap.data_stream import ReadDataStream
 from mcap.records import Chunk
@@ -28,11 +29,14 @@ from mcap.writer import CompressionType, Writer
 from enliven.camera import Intrinsics
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.frames import BodyFrame, DepthFrame
-from enliven.person.body import Body, J
+from enliven.person.body import Body
+from enliven.person.joints import J
 from enliven.recording import Recorder
 from enliven.recording.depth_codec import encode_depth
-from enliven.wire import messages
-from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message, pose_to_message
+from enliven.wire import requests as asks
+from enliven.wire import streams
+from enliven.wire.convert import bodies_to_message, cues_to_message, pose_to_message
+from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec
 
 Maker = Callable[[Random], bytes]
@@ -214,7 +218,7 @@ def take_anew(dice: Random) -> bytes:
 
 def depth_anew(dice: Random) -> bytes:
     """A depth payload that was mutated, with its checksum right."""
-    data = encode_depth(depth().depth, dice.choice((1, 19)))
+    data = dice.choice((encode_depth, archived))(depth().depth)
     head, packed = data[:10], data[14:]
     if dice.random() < 0.5:
         head = (mutated(head, packed, dice) + bytes(10))[:10]
@@ -225,13 +229,13 @@ def depth_anew(dice: Random) -> bytes:
 
 def requests() -> list[Any]:
     """Requests of a viewer and replies of an edge."""
-    status = messages.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0)
-    asks = [
-        messages.Hello("v", True),
-        messages.Possess("chair", 3, "legs"),
-        messages.Smooth(3),
-        messages.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
-        messages.Browse("spider", -1),
+    status = streams.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0)
+    bodies = [
+        asks.Hello("v", True),
+        asks.Possess("chair", 3, "legs"),
+        asks.Smooth(3),
+        asks.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+        asks.Browse("spider", -1),
     ]
-    answers = [messages.Welcome(status, [messages.Revision("chair", 2)], [b"x"]), messages.Done("ok")]
-    return [messages.Request(7, ask) for ask in asks] + [messages.Reply(7, answer) for answer in answers]
+    answers = [asks.Welcome(status, [asks.Revision("chair", 2)], [b"x"]), asks.Done("ok")]
+    return [asks.Request(7, ask) for ask in bodies] + [asks.Reply(7, answer) for answer in answers]

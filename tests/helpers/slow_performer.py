@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven.person.limbs import Limb
 from enliven_synthesis.body.kinematics import FOLDED, STRAIGHTEST
 from enliven_synthesis.body.performer import Figure, Performer

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.examples.puppet_motion import examples_of, motion_of
+from enliven.examples.puppet_examples import examples_of
+from enliven.examples.puppet_motion import motion_of
 from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "examples"))

@@ -9,7 +9,8 @@ import pytest
 
 from enliven.cli import run
 from enliven.example_sessions.session import read_session
-from enliven.examples.puppet_motion import examples_of, motion_of
+from enliven.examples.puppet_examples import examples_of
+from enliven.examples.puppet_motion import motion_of
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 TAKE = DATA / "cmu_expmap" / "train_directing_traffic_4.txt"

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from enliven.camera import project, world_from_level_camera
-from enliven.person.body import Joint
-from enliven_edge.importing.opencv_depth import OpenCvDepthReader
+from enliven.person.joints import Joint
+from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.landmarks.lifting import Lifter
 from enliven_edge.landmarks.mediapipe_source import MediaPipeSettings, MediaPipeSource
 

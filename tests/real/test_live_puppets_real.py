@@ -55,7 +55,7 @@ def test_live_is_as_the_take(name: str, goes: bool, size: float, monkeypatch) ->
         actor.perform([body], round((seconds + 1) * 1e9))
         if k == 0:
             actor.possess(body)
-        frame = max(seconds - actor.delay, 0.0) / take.step
+        frame = max(seconds - (actor.settings.lag + 1) / actor.settings.rate, 0.0) / take.step
         apart.append(np.linalg.norm(actor._state.places - take.places_at(frame), axis=1))
         roots.append((actor._state.root, take.way_at(frame)[1]))
     assert np.mean(apart[10:]) < 0.02 * extent

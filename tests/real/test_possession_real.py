@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
 from enliven.possession.body_in_mesh import find_body_in_mesh
 from enliven_edge.stage.casting import cast

@@ -11,9 +11,11 @@ import pytest
 
 from enliven import cli
 from enliven.recording import Recorder, Recording
-from enliven.wire.convert import message_to_bodies, message_to_character, message_to_pose
-from enliven.wire.messages import BodiesMessage, CharacterMessage, PoseMessage
+from enliven.wire.characters import CharacterMessage
+from enliven.wire.convert import message_to_bodies, message_to_pose
+from enliven.wire.convert_characters import message_to_character
 from enliven.wire.posecode import PoseCodec
+from enliven.wire.streams import BodiesMessage, PoseMessage
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 

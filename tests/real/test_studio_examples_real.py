@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.examples.puppet_motion import missing, state_of
+from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_motion import state_of
 from enliven.modeling.puppet import change_key_pose
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.examples.edits import turned_a_quarter, with_guessed_joints, with_points

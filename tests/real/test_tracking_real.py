@@ -16,7 +16,7 @@ from scipy import ndimage
 
 from enliven.camera import Intrinsics, project
 from enliven.frames import DepthFrame
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.tracking.settings import SearchSettings, TrackerSettings

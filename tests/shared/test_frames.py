@@ -5,7 +5,9 @@ import pytest
 
 from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError
-from enliven.person.body import BONES, PARENTS, PARTS, Body, J, Joint
+from enliven.person.body import Body
+from enliven.person.joints import BONES, PARENTS, J, Joint
+from enliven.person.parts import PARTS
 
 
 def test_the_skeleton_is_a_tree_with_parents_first():

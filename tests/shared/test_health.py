@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from enliven.health import HealthKind, HealthState, Severity, worst_first
 from enliven.wire.convert import health_to_messages, messages_to_health
 from enliven.wire.envelope import pack_stream, unpack_stream
-from enliven.wire.messages import MAX_HEALTH, HealthMessage, StatusMessage
+from enliven.wire.fields import MAX_HEALTH
+from enliven.wire.streams import HealthMessage, StatusMessage
 from enliven.wire.topics import STATUS
 
 states = st.builds(

@@ -17,7 +17,8 @@ from enliven.errors import InputError
 from enliven.formats.npy import array_of
 from enliven.formats.project.file import project_bytes, project_of, read_project
 from enliven.frames import BodyFrame
-from enliven.person.body import Body, J
+from enliven.person.body import Body
+from enliven.person.joints import J
 from enliven.recording import Recorder, Recording
 from enliven.recording.messages import unpack_bodies
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from enliven.document.character import Character, SkinWeights
 from enliven.frames import BodyFrame
-from enliven.person.body import Body, J
+from enliven.person.body import Body
+from enliven.person.joints import J
 from enliven.recording import Recorder
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor

@@ -19,7 +19,7 @@ from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
 from enliven.wire.convert import message_to_props, props_to_message
-from enliven.wire.messages import PropsMessage
+from enliven.wire.streams import PropsMessage
 from enliven.wire.topics import PROPS
 from enliven_edge.network.publisher import Publisher
 from enliven_edge.tracking.body_model.joint_limits import standing

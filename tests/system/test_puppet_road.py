@@ -20,9 +20,11 @@ from enliven.document.character import Character, Pose
 from enliven.frames import BodyFrame, Frame
 from enliven.recording import Recording
 from enliven.takes.possessed import read_possessed
-from enliven.wire.convert import message_to_character, message_to_pose
-from enliven.wire.messages import CharacterMessage, PoseMessage
+from enliven.wire.characters import CharacterMessage
+from enliven.wire.convert import message_to_pose
+from enliven.wire.convert_characters import message_to_character
 from enliven.wire.posecode import PoseCodec
+from enliven.wire.streams import PoseMessage
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings

@@ -21,9 +21,11 @@ from PIL import Image
 from enliven import cli
 from enliven.errors import EnlivenError
 from enliven.recording import Recording
-from enliven.wire.convert import message_to_bodies, message_to_character, message_to_pose
-from enliven.wire.messages import BodiesMessage, CharacterMessage, PoseMessage
+from enliven.wire.characters import CharacterMessage
+from enliven.wire.convert import message_to_bodies, message_to_pose
+from enliven.wire.convert_characters import message_to_character
 from enliven.wire.posecode import PoseCodec
+from enliven.wire.streams import BodiesMessage, PoseMessage
 
 REFERENCES = Path(__file__).parent / "references"
 POSES, PICTURE = REFERENCES / "road.npz", REFERENCES / "road.png"

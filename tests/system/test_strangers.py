@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 import zmq
 
-from enliven.wire import messages, topics
+from enliven.wire import requests, topics
 from enliven.wire.envelope import pack_control, unpack_control, unpack_stream
 from enliven.wire.zmtp import GREETING, framed
 
@@ -77,12 +77,12 @@ class RunningEdge:
         with zmq.Context() as context, context.socket(zmq.DEALER) as viewer:
             viewer.setsockopt(zmq.LINGER, 0)
             viewer.connect(f"tcp://127.0.0.1:{self.control_port}")
-            viewer.send(pack_control(messages.Request(1, messages.Ping("good", 5))))
+            viewer.send(pack_control(requests.Request(1, requests.Ping("good", 5))))
             deadline = time.monotonic() + PATIENCE
             while not viewer.poll(100):
                 assert self.process.poll() is None, f"the edge ended with {self.process.returncode}"
                 assert time.monotonic() < deadline, "no answer comes"
-            assert isinstance(unpack_control(viewer.recv(), topics.REPLY).body, messages.Pong)
+            assert isinstance(unpack_control(viewer.recv(), topics.REPLY).body, requests.Pong)
 
     def goes_on(self) -> None:
         """It serves newcomers, beyond the recording's end and the loop's beginning."""
@@ -151,9 +151,9 @@ def reset(connection: socket.socket) -> None:
     connection.close()
 
 
-def request(body: messages.Ask) -> bytes:
+def request(body: requests.Ask) -> bytes:
     """One request as it goes on the wire."""
-    return framed(pack_control(messages.Request(1, body)))
+    return framed(pack_control(requests.Request(1, body)))
 
 
 def test_a_viewer_that_floods_and_leaves_does_not_end_the_edge(edge: RunningEdge) -> None:
@@ -161,7 +161,7 @@ def test_a_viewer_that_floods_and_leaves_does_not_end_the_edge(edge: RunningEdge
     context = zmq.Context()
     dealer = context.socket(zmq.DEALER)
     dealer.connect(f"tcp://127.0.0.1:{edge.control_port}")
-    order = pack_control(messages.Request(1, messages.Possess("statue")))
+    order = pack_control(requests.Request(1, requests.Possess("statue")))
     deadline = time.monotonic() + ATTACK
     while time.monotonic() < deadline:
         with contextlib.suppress(zmq.Again):
@@ -174,7 +174,7 @@ def test_a_viewer_that_floods_and_leaves_does_not_end_the_edge(edge: RunningEdge
 @pytest.mark.parametrize(
     ("port", "kind", "message"),
     [
-        ("control_port", "DEALER", request(messages.Possess("statue"))),
+        ("control_port", "DEALER", request(requests.Possess("statue"))),
         ("pose_port", "SUB", framed(b"\x09SUBSCRIBEpose", 4)),
     ],
 )
@@ -231,7 +231,7 @@ def test_long_requests_that_pile_up_take_no_memory(edge: RunningEdge) -> None:
 
 def test_characters_for_who_does_not_read_take_no_memory(edge: RunningEdge) -> None:
     rude = [connected(edge.control_port, "DEALER") for _ in range(3)]
-    pushed(rude, request(messages.GetState("statue")) * 100, 0.5)
+    pushed(rude, request(requests.GetState("statue")) * 100, 0.5)
     deadline = time.monotonic() + ATTACK
     while time.monotonic() < deadline and edge.grown < MOST_GROWTH_MB:
         time.sleep(0.1)

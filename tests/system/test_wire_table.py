@@ -24,7 +24,8 @@ from enliven.frames import BodyFrame
 from enliven.recording import Recording
 from enliven.takes import read_possessed
 from enliven.wire import BODIES, BY_TYPE, POSE, REQUESTS, STREAMS, TOPICS, Order, Topic, pack_stream, register
-from enliven.wire.messages import BodiesMessage, Done, Lock, Refused
+from enliven.wire.requests import Done, Lock, Refused
+from enliven.wire.streams import BodiesMessage
 from enliven_edge.network.handlers import Handler, carried_out
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge

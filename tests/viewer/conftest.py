@@ -15,7 +15,8 @@ from enliven.document.rigged import Shape, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import ResourceError
 from enliven.meshes.mesh import Mesh
-from enliven.person.body import BONES, Body
+from enliven.person.body import Body
+from enliven.person.joints import BONES
 from enliven_viewer.render.gl.context import offscreen_context
 
 sys.path.insert(0, str(Path(__file__).parent))  # what tests share is found beside this

@@ -6,10 +6,7 @@ import contextlib
 import dataclasses
 import datetime
 import logging
-import signal
-import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +16,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
+from enliven_edge.commands.interrupts import interruptible
 from enliven_edge.sensors import sensor_options
 
 if TYPE_CHECKING:
@@ -112,7 +110,10 @@ def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
     from enliven_edge.warmup import warm_up_tracking
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress, _interrupted() as stop:
+    with (
+        Progress(*columns, console=Console(stderr=True), transient=True) as progress,
+        interruptible() as stop,
+    ):
         task = progress.add_task("Compiling the tracker (kept for the next start)", total=None)
         warm_up_tracking(chosen.tracker)
         for collector in collectors:
@@ -135,20 +136,6 @@ def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
                 typer.echo(f"{collector.name}: {collector.failure}", err=True)
         progress.update(task, description="Comparing what the sensors saw")
         return calibrated([c.stream() for c in collectors], chosen.calibration)
-
-
-@contextlib.contextmanager
-def _interrupted() -> Iterator[threading.Event]:
-    """Yields an event that Ctrl-C sets: the bodies seen until then are still compared."""
-    stop = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: stop.set())
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _sentence(pair: SensorPair) -> str:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from enliven.errors import InputError, ResourceError
+from enliven_edge.commands.progress import facts_table
 
 if TYPE_CHECKING:
     from enliven_edge.sensors.stereo import BoardSighting, CalibrationBoard, Judgement
@@ -169,13 +169,8 @@ def _take(
 
 def _tell(judgement: Judgement) -> None:
     """Prints the result on the terminal."""
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    table.add_row("calibration", judgement.verdict)
-    for fact in judgement.facts:
-        table.add_row(*fact)
-    for sentence in judgement.advice:
-        table.add_row("to do", sentence)
-    Console().print(table)
+    advice = [("to do", sentence) for sentence in judgement.advice]
+    Console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
 
 
 def _size(words: str, where: str) -> tuple[int, int]:

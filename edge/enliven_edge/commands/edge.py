@@ -8,7 +8,6 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -145,10 +144,11 @@ def serve(
     wait_for_sensor: bool = False,
 ) -> None:
     """Opens everything, runs the loop, and closes everything; heavy modules are imported only here."""
+    from enliven_edge.commands.interrupts import at_signals
     from enliven_edge.commands.preparing import prepared
     from enliven_edge.controls import open_controls
+    from enliven_edge.extras import need
     from enliven_edge.network import Outlet, need_free
-    from enliven_edge.physics import need_engine
     from enliven_edge.service import Edge
     from enliven_edge.sources import opened
     from enliven_edge.stage import Stage
@@ -157,7 +157,7 @@ def serve(
 
     characters, possess_at, record, overwrite, wait, seconds = run
     if chosen.physics.world != "none":
-        need_engine()
+        need("mujoco", "physics", "--physics")
     need_free(chosen.wire)
     with contextlib.ExitStack() as stack:
         controls = stack.enter_context(open_controls(chosen.controls, folder))
@@ -183,7 +183,7 @@ def serve(
             ),
         )
         controls.forget()
-        with _stopped_by_signals(service.stop):
+        with at_signals(service.stop, signal.SIGINT, signal.SIGTERM):
             log.info("%s listens on %s for %s", chosen.wire.name, outlet.publisher.endpoint, sensor.name)
             if wait:
                 service.wait_for_viewer(wait)
@@ -285,14 +285,3 @@ def _fused(
     warm_up_fusion()
     space = load_space(Path(chosen.space))
     return FusedSensors(sensors, trackers, space, chosen.fusion, health, once)
-
-
-@contextlib.contextmanager
-def _stopped_by_signals(stop) -> Iterator[None]:  # type: ignore[no-untyped-def]
-    """Makes Ctrl-C and SIGTERM end the loop after the current frame."""
-    before = {s: signal.signal(s, lambda *_: stop()) for s in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for signum, handler in before.items():
-            signal.signal(signum, handler)

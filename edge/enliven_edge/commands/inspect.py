@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 from enliven.errors import InputError
+from enliven_edge.commands.progress import facts_table
 
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
@@ -63,10 +63,7 @@ def inspect(
         rate, count = _rate(source, count), min(count, frames or count)
         _film(source, log, output, sheet, width, (rate, rate / slow), count)
         typer.echo(f"{output}: {count} frames at {rate / slow:.3g} a second")
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    for fact in log.facts():
-        table.add_row(*fact)
-    Console().print(table)
+    Console().print(facts_table(log.facts()))
 
 
 def _film(

@@ -13,8 +13,8 @@ from enliven_edge.stage.puppet import is_puppet
 from enliven_edge.warmup import warm_up_tracking
 
 if TYPE_CHECKING:
+    from enliven.possession import Actor
     from enliven_edge.settings import CharacterChoice, CharacterSettings, EdgeSettings
-    from enliven_edge.stage import Actor
 
 
 def prepared(wanted: Sequence[CharacterChoice], chosen: EdgeSettings) -> tuple[list[Actor], dict[str, str]]:

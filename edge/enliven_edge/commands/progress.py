@@ -1,9 +1,12 @@
-"""The progress bar of commands that count frames."""
+"""What commands show on a terminal: frames as they are counted, and facts."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 
 def frame_progress(console: Console) -> Progress:
@@ -15,3 +18,11 @@ def frame_progress(console: Console) -> Progress:
         console=console,
         transient=True,
     )
+
+
+def facts_table(facts: Iterable[tuple[str, str]]) -> Table:
+    """Returns facts, each with its name, as a table without lines."""
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for fact in facts:
+        table.add_row(*fact)
+    return table

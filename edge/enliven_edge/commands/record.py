@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import signal
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ import typer
 from rich.console import Console
 
 from enliven.errors import InputError
+from enliven_edge.commands.interrupts import interruptible
 from enliven_edge.commands.progress import frame_progress
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def record(
         kept_open(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
         Recorder(output, compression_level=level, overwrite=overwrite) as recorder,
         contextlib.closing(DiskSync(recorder.fileno())) as disk,
-        _stop_on_interrupt() as stop,
+        interruptible() as stop,
         frame_progress(console) as progress,
     ):
         recorder.add_metadata("record", {"sensor": sensor, "options": " ".join(setting or [])})
@@ -103,23 +103,3 @@ def record_stream(
             continue
         count += 1
         yield count
-
-
-@contextlib.contextmanager
-def _stop_on_interrupt() -> Iterator[threading.Event]:
-    """Yields an event that Ctrl-C sets, so that the file is completed; a second Ctrl-C interrupts at once."""
-    stop = threading.Event()
-
-    def interrupted(number: int, frame: object) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    before = signal.signal(signal.SIGINT, interrupted)
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from enliven.errors import InputError, ResourceError
+from enliven_edge.commands.progress import facts_table
 
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
@@ -64,10 +64,7 @@ def sensors(
     with open_sensor(name, **sensor_options(setting or [])) as sensor:
         frames = _looked_at(sensor, seconds)
         facts = _facts(frames, condition_of(sensor), sensor.name)
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    for fact in facts:
-        table.add_row(*fact)
-    console.print(table)
+    console.print(facts_table(facts))
     if way is not None:
         from enliven_edge.terminal import encoded_picture
 
@@ -82,21 +79,20 @@ def _list(console: Console) -> None:
     from enliven_edge.sensors import attached, sensor_names
     from enliven_edge.sensors.drivers import listed_cameras
 
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    table.add_row("known", ", ".join(sensor_names()))
+    facts = [("known", ", ".join(sensor_names()))]
     cameras = attached()
     for camera in cameras:
         troubles = camera.troubles()
         said = "; ".join(f"{what}. {mend}" for what, mend in troubles) or f"--sensor {camera.kind.sensor}"
-        table.add_row(camera.kind.name, f"{camera.title}: {said}")
+        facts.append((camera.kind.name, f"{camera.title}: {said}"))
     if not cameras:
-        table.add_row("plugged in", "no depth camera on USB")
+        facts.append(("plugged in", "no depth camera on USB"))
     try:
         for number, seen in enumerate(listed_cameras()):
-            table.add_row("libcamera", f"{seen.model} {seen.name}: --sensor libcamera --set left={number}")
+            facts.append(("libcamera", f"{seen.model} {seen.name}: --sensor libcamera --set left={number}"))
     except ResourceError as error:
-        table.add_row("libcamera", f"{error.what}. {error.mend}")
-    console.print(table)
+        facts.append(("libcamera", f"{error.what}. {error.mend}"))
+    console.print(facts_table(facts))
 
 
 def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:

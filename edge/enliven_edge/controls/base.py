@@ -8,7 +8,6 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
-from typing import Protocol
 
 from enliven_edge.controls.commands import Word
 from enliven_edge.controls.lamps import Lamps
@@ -17,35 +16,10 @@ log = logging.getLogger(__name__)
 
 PATIENCE = 0.1
 """Seconds to wait for a press before checking whether to stop."""
-
 _WAITING = 32
 """Commands that wait for the edge; older ones are dropped, since they answer a stage that has changed."""
-
 _STRANGERS = 16
 """Unknown keys that are logged one by one, as a help for writing the map."""
-
-
-class Control(Protocol):
-    """A source of commands: a pedal, a panel, a clicker or a microphone."""
-
-    name: str
-
-    @property
-    def there(self) -> bool:
-        """Whether its device is present and read."""
-        ...
-
-    def poll(self) -> list[Word]:
-        """Returns the commands since the last call, the oldest first; never waits."""
-        ...
-
-    def show(self, lamps: Lamps) -> None:
-        """Sets what its lamps show from now on, where it has any."""
-        ...
-
-    def close(self) -> None:
-        """Ends it and releases the device."""
-        ...
 
 
 class Device(ABC):

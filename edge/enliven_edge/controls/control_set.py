@@ -9,7 +9,7 @@ from types import TracebackType
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import Order
-from enliven_edge.controls.base import Control, ControlReader, Device
+from enliven_edge.controls.base import ControlReader, Device
 from enliven_edge.controls.commands import WORDS, Word, checked_map, orders
 from enliven_edge.controls.lamps import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 class Controls:
     """Carries out the commands of several controls on the stage."""
 
-    def __init__(self, controls: Sequence[Control]) -> None:
+    def __init__(self, controls: Sequence[ControlReader]) -> None:
         self._controls = list(controls)
 
     def apply_commands(self, stage: Stage, carry_out: Callable[[Order], None]) -> None:

@@ -10,13 +10,12 @@ from typing import Any
 
 from enliven.errors import InputError
 from enliven_edge.controls.base import PATIENCE, Device
-from enliven_edge.controls.extras import need
 from enliven_edge.controls.hid_reports import Edges
 from enliven_edge.controls.settings import ControlSettings
+from enliven_edge.extras import need
 
 _OPENING = threading.Lock()
 """Held while devices are listed: hidapi's list is not safe for two threads at once."""
-
 _LONGEST_REPORT = 64
 """Bytes of a report that are read: the most that USB's full speed sends in one."""
 _KEYBOARD = (1, 6)

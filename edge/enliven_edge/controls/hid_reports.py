@@ -11,7 +11,6 @@ from typing import Literal
 _MODIFIERS = ("ctrl", "shift", "alt", "meta", "right ctrl", "right shift", "right alt", "right meta")
 _ROLL_OVER = 3
 """Codes up to this one are no keys: they state that more keys are down than a report can hold."""
-
 _NAMES = {
     **{4 + i: chr(ord("a") + i) for i in range(26)},
     **{30 + i: str((i + 1) % 10) for i in range(10)},

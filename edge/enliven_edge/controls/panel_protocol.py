@@ -10,19 +10,14 @@ from enliven_edge.controls.lamps import Lamps
 
 VERSION = "01"
 """The protocol that this edge speaks, two digits of the panel's greeting."""
-
 ASK = "?"
 """The body of a message that requests the panel's greeting."""
-
 _LONGEST = 64
 """Bytes of a body and its checksum; what is longer is noise. The panel's longest are 19."""
-
 _MOST_BEATS = 12
 """The panel beats four times a second; where more beats are missing, it restarted or was not received."""
-
 _MOST_PRESSES = 7
 """Presses between two messages, at most: more cannot be a person's and mean that the panel restarted."""
-
 _CODES = {"off": "-", "steady": "S", "breathing": "B", "flashing": "F"}
 _GREETING = re.compile(r"H(\d\d)([PEBW?])")
 _PRESSES = re.compile(r"P([0-9A-F]{4})([0-9A-F]{1,16})")

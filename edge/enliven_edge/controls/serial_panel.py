@@ -15,23 +15,17 @@ log = logging.getLogger(__name__)
 
 _WAIT = 0.03
 """Seconds to wait for the panel's first byte before checking whether the lamps change."""
-
 _BEAT = 0.25
 """Seconds between two messages to the panel, which takes 1 s without one for an edge that is gone."""
-
 _STALE = 1.0
 """Seconds after which the state of the stage is too old to show: a hanging edge is as silent as a dead
 one."""
-
 _SILENCE = 2.0
 """Seconds without a message of the panel until it is opened anew: noise has not spoilt eight in a row."""
-
 _STUCK = 1.0
 """Seconds to wait for a port that accepts no byte."""
-
 _GREETING = 4.0
 """Seconds until a panel must have greeted: an Arduino resets when its port opens, which takes 2 s."""
-
 _CAUSES = {
     "W": "its firmware hung, and its watchdog started it again",
     "B": "its supply was too low",

@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any, Protocol
+from typing import Any
 
 from enliven.errors import InputError
 from enliven_edge.controls.base import PATIENCE, Device
-from enliven_edge.controls.extras import need
+from enliven_edge.controls.panel_protocol import PanelKeys
 from enliven_edge.controls.settings import ControlSettings
+from enliven_edge.extras import need
 
 _LONGEST_LINE = 64
 """Bytes of a line: a longer one is another baud rate or another device."""
-
-
-class Keys(Protocol):
-    """Finds the keys in the bytes of a port."""
-
-    def feed(self, data: bytes) -> list[str]:
-        """Returns the keys in some bytes."""
-        ...
-
-    def forget(self) -> None:
-        """Resets the state after the port was opened anew: an incomplete key is dropped."""
-        ...
 
 
 class SerialPedal(Device):
@@ -41,7 +30,7 @@ class SerialPedal(Device):
         need("serial", "controls", where)
         self._settings = settings
         self._port: Any = None
-        self._keys: Keys = LineKeys() if settings.sends == "line" else ByteKeys()
+        self._keys: LineKeys | ByteKeys | PanelKeys = LineKeys() if settings.sends == "line" else ByteKeys()
 
     def open(self) -> None:
         serial: Any = importlib.import_module("serial")

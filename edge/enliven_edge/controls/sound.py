@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from enliven.errors import InputError, ResourceError
-from enliven_edge.controls.extras import need
+from enliven_edge.extras import need
 
 RATE = 16000
 """Samples a second, of 16 bits, one channel: the speech model was trained on these."""

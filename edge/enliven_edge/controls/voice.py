@@ -10,16 +10,14 @@ from typing import Any
 
 from enliven.errors import InputError
 from enliven_edge.controls.base import Device
-from enliven_edge.controls.extras import need
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.controls.sound import RATE, Microphone, SoundRecording
+from enliven_edge.extras import need
 
 log = logging.getLogger(__name__)
 
 _LONGEST = 3.0
 """Seconds of an utterance: a longer one is no command."""
-
-
 _TALK = (
     "the a and you to of that it is what in we me this was for are have do not be on your with my all can "
     "will one there so just about out up if now then time look did could please hello yes no stop go come "

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
+from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import open_file, read_file
 from enliven.frames import Frame
@@ -65,6 +69,21 @@ class Reader(Protocol):
         ...
 
 
+class FileReader(Reader):
+    """A layout with one file for each recording, which :meth:`matches` recognises."""
+
+    def matches(self, path: Path) -> bool:
+        """Whether a file has this layout, by its beginning."""
+        raise NotImplementedError
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        return any(self.matches(path) for path in paths)
+
+    def chosen(self, paths: Sequence[Path]) -> Path:
+        """The only file of this layout, or of any where none has it; raises as :func:`only_one`."""
+        return only_one([path for path in paths if self.matches(path)] or paths)
+
+
 def natural_order(path: Path) -> tuple[str, list[int], str]:
     """Returns a key that sorts frame_9 before frame_10."""
     return str(path.parent), [int(digits) for digits in re.findall(r"\d+", path.name)], path.name
@@ -105,3 +124,72 @@ def only_one(paths: Sequence[Path]) -> Path:
             mend="Import one file at a time: each becomes a recording of its own.",
         )
     return paths[0]
+
+
+def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
+    """Returns the rows of a delimited text file, without empty rows and without the empty field after a final
+    delimiter.
+
+    Raises:
+        InputError: where the file cannot be read or is empty.
+    """
+    try:
+        rows = list(csv.reader(text_of(path).splitlines(), delimiter=delimiter, skipinitialspace=True))
+    except csv.Error as error:
+        raise InputError(f"it is not a table ({error})", where=str(path)) from None
+    rows = [row[:-1] if row and row[-1].strip() == "" else row for row in rows]
+    rows = [row for row in rows if row]
+    if not rows:
+        raise InputError("the file is empty", where=str(path), mend="Copy it again from its source.")
+    return rows
+
+
+def numbers_of(rows: Sequence[Sequence[str]], path: Path, columns: int, first_line: int = 1) -> Float:
+    """Returns (R, columns) the rows as numbers; an incomplete last row is left out.
+
+    Raises:
+        InputError: naming the line that is too short or holds something else.
+    """
+    if len(rows) > 1 and len(rows[-1]) != columns:
+        rows = rows[:-1]
+    for line, row in enumerate(rows, first_line):
+        if len(row) != columns:
+            raise InputError(
+                f"line {line} has {len(row)} values, expected {columns}",
+                where=str(path),
+                mend="Remove the line, or copy the file again.",
+            )
+    try:
+        return np.array([[float(cell) if cell.strip() else np.nan for cell in row] for row in rows])
+    except ValueError as error:
+        raise InputError(f"a cell is not a number ({error})", where=str(path)) from None
+
+
+def floats_of(path: Path) -> Float:
+    """Returns (N,) the numbers of a text file, between blanks.
+
+    Raises:
+        InputError: where it holds something else.
+    """
+    try:
+        return np.array([float(word) for word in text_of(path).split()])
+    except ValueError as error:
+        raise InputError(f"it holds something else than numbers ({error})", where=str(path)) from None
+
+
+def are_numbers(cells: Sequence[str]) -> bool:
+    """Returns whether every cell is a number."""
+    try:
+        [float(cell) for cell in cells]
+    except ValueError:
+        return False
+    return bool(cells)
+
+
+def first_lines(head: bytes, count: int) -> list[str]:
+    """Returns the first whole lines of the beginning of a text file; none where it is no text."""
+    try:
+        lines = head.decode("utf-8-sig", errors="strict" if len(head) < 4096 else "ignore").splitlines()
+    except UnicodeDecodeError:
+        return []
+    return lines[:count] if b"\0" not in head else []

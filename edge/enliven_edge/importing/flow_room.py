@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -11,24 +11,21 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.files import read_file
-from enliven.frames import BodyFrame
-from enliven.person import PARENTS, Body, J, Joint
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
+from enliven.person import PARENTS, Body, Joint
+from enliven_edge.importing.base import ImportOptions, head_of
 from enliven_edge.importing.skeletons import (
     INFERRED,
     KINECT2_ORDER,
     TRACKED,
-    WORLD_FROM_KINECT_SPACE,
     SkeletonMoment,
-    frames_in_world,
+    SkeletonReader,
+    in_metres,
 )
 
 FOCAL = 365.5
 """Focal length of a Kinect v2's depth camera (512x424), pixels: the usual one, since the files hold none."""
-CENTRE_U = 256.0
-"""Column of the image's centre, pixels."""
-CENTRE_V = 212.0
-"""Row of the image's centre, pixels."""
+CENTRE = (256.0, 212.0)
+"""Column and row of the image's centre, pixels."""
 STATURE = 1.70
 """Metres from the ankles to the crown of an average person, which sets the distance."""
 _METRES_PER_Z = 0.0036
@@ -56,7 +53,7 @@ class _Skeleton(msgspec.Struct):
 _decoder = msgspec.json.Decoder(list[list[_Skeleton]])
 
 
-class FlowRoomReader(Reader):
+class FlowRoomReader(SkeletonReader):
     """Frames of bodies of 21 joints: x, y in pixels of the depth image, z of a hidden unit and origin.
 
     The origin of z is the same for everyone in a file. It is chosen so that the people are 1.70 m tall on
@@ -67,11 +64,13 @@ class FlowRoomReader(Reader):
     description = "Kinect v2 JSON of The Flow Room (21 joints in depth pixels, one or more people)"
     note = "z has no stated unit or origin: people are taken to be 1.70 m tall; no times: 30 frames a second"
 
-    def can_read(self, paths: Sequence[Path]) -> bool:
-        return any(_matches(path) for path in paths)
+    sensor = "kinect2"
 
-    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
-        path = only_one([path for path in paths if _matches(path)] or paths)
+    def matches(self, path: Path) -> bool:
+        head = head_of(path, 512).lstrip()
+        return head.startswith(b"[") and b'"bodyIndex"' in head and b'"joints"' in head
+
+    def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
         frames = _frames(path)
         pixels = [[_cleaned(skeleton) for skeleton in frame] for frame in frames]
         distance = _distance([points for frame in pixels for points, _ in frame], path)
@@ -81,11 +80,10 @@ class FlowRoomReader(Reader):
             moment = SkeletonMoment(time_ns)
             for skeleton, (uvz, good) in zip(frame, points, strict=True):
                 number = ids.setdefault(skeleton.trackingId, len(ids))
-                moment.bodies.append(
-                    Body(number, _in_metres(uvz, distance), np.where(good, TRACKED, INFERRED))
-                )
+                joints = in_metres(uvz[:, :2], distance + uvz[:, 2] * _METRES_PER_Z, FOCAL, CENTRE)
+                moment.bodies.append(Body(number, joints, np.where(good, TRACKED, INFERRED)))
             moments.append(moment)
-        return frames_in_world(moments, options.device or "kinect2", WORLD_FROM_KINECT_SPACE, str(path))
+        return moments
 
 
 def _frames(path: Path) -> list[list[_Skeleton]]:
@@ -127,18 +125,3 @@ def _distance(bodies: Sequence[Float], path: Path) -> float:
         )
     middle = float(np.median([uvz[:, 2] for uvz in bodies])) * _METRES_PER_Z
     return FOCAL * STATURE * _HEAD_TO_ANKLE / tall - middle
-
-
-def _in_metres(uvz: Float, distance: float) -> Float:
-    """Returns (20, 3) the joints in the Kinect's skeleton space."""
-    z = distance + uvz[:, 2] * _METRES_PER_Z
-    joints = np.empty((J, 3))
-    joints[:, 0] = (uvz[:, 0] - CENTRE_U) / FOCAL * z
-    joints[:, 1] = (CENTRE_V - uvz[:, 1]) / FOCAL * z
-    joints[:, 2] = z
-    return joints
-
-
-def _matches(path: Path) -> bool:
-    head = head_of(path, 512).lstrip()
-    return head.startswith(b"[") and b'"bodyIndex"' in head and b'"joints"' in head

@@ -14,9 +14,15 @@ from enliven.frames import BodyFrame
 from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
 from enliven.takes import Roles, find_roles, half_way, limb_rotations
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
+from enliven_edge.importing.base import (
+    DEFAULT_OPTIONS,
+    FileReader,
+    ImportOptions,
+    are_numbers,
+    first_lines,
+    head_of,
+)
 from enliven_edge.importing.skeletons import TRACKED, SkeletonMoment, frames_in_world
-from enliven_edge.importing.tables import are_numbers, first_lines
 
 _BONE_LIMBS = (
     Limb.PELVIS, Limb.ABDOMEN, Limb.CHEST, Limb.SKULL,
@@ -32,7 +38,7 @@ _HEAD_CENTRE = 0.075
 """Metres along the skull from the joint that turns it to the middle of the head, where sensors put it."""
 
 
-class MotionCaptureReader(Reader):
+class MotionCaptureReader(FileReader):
     """A BVH file, or CMU's exponential maps: a joint for each of ours by name, metres by the legs' length.
 
     Left and right, heading and place are the file's. Joints, and the orientations of bones as well, are of
@@ -43,11 +49,11 @@ class MotionCaptureReader(Reader):
     description = "motion capture: BVH of any convention, or CMU exponential maps"
     note = "the unit is the one in which the legs are nearest to a person's; every joint counts as seen"
 
-    def can_read(self, paths: Sequence[Path]) -> bool:
-        return any(_is_bvh(path) or _is_expmap(path) for path in paths)
+    def matches(self, path: Path) -> bool:
+        return _is_bvh(path) or _is_expmap(path)
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
-        path = only_one([path for path in paths if _is_bvh(path) or _is_expmap(path)] or paths)
+        path = self.chosen(paths)
         capture = read_expmap(path) if _is_expmap(path) else read_bvh(path)
         try:
             roles = find_roles(capture)

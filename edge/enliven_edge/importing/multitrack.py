@@ -12,7 +12,15 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
+from enliven_edge.importing.base import (
+    DEFAULT_OPTIONS,
+    FileReader,
+    ImportOptions,
+    first_lines,
+    head_of,
+    numbers_of,
+    rows_of,
+)
 from enliven_edge.importing.skeletons import (
     KINECT2_NAMES,
     TRACKED,
@@ -21,14 +29,13 @@ from enliven_edge.importing.skeletons import (
     frames_in_world,
     observed,
 )
-from enliven_edge.importing.tables import first_lines, numbers_of, rows_of
 
 _TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
 """Nanoseconds of one count: of the computer's clock, common to all Kinects, and of each Kinect's own."""
 _KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
 
 
-class MultiTrackReader(Reader):
+class MultiTrackReader(FileReader):
     """CSV with a header: a row for each time, person and Kinect; 25 joints in alphabetical order.
 
     The Kinects keep their own spaces, so one of them is read: ``options.device``, or the one with most rows.
@@ -46,11 +53,12 @@ class MultiTrackReader(Reader):
     def __init__(self, own_clock: bool = False) -> None:
         self._clock = "Skeleton_Time" if own_clock else "Tracker_Time"
 
-    def can_read(self, paths: Sequence[Path]) -> bool:
-        return any(_matches(path) for path in paths)
+    def matches(self, path: Path) -> bool:
+        header = (first_lines(head_of(path), 1) or [""])[0]
+        return all(f"{name}," in header for name in (*_KEYS, "SpineBase_X"))
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
-        path = only_one([path for path in paths if _matches(path)] or paths)
+        path = self.chosen(paths)
         header, *rows = rows_of(path)
         column = {name.strip(): index for index, name in enumerate(header)}
         wanted = [self._clock, *_KEYS[1:], *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]
@@ -97,8 +105,3 @@ def _chosen(devices: Counter[str], wanted: str | None, path: Path) -> str:
             f"there is no Kinect {wanted!r}", where=str(path), mend=f"Known: {', '.join(sorted(devices))}."
         )
     return wanted
-
-
-def _matches(path: Path) -> bool:
-    header = (first_lines(head_of(path), 1) or [""])[0]
-    return all(f"{name}," in header for name in (*_KEYS, "SpineBase_X"))

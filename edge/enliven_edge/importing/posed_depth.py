@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA, Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, natural_order, text_of
+from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, floats_of, natural_order
 from enliven_edge.importing.images import is_depth_png, png_size, read_colour, read_depth_png
 
 _SUFFIX = ".depth.png"
@@ -57,10 +57,7 @@ def _pose_file(depth: Path) -> Path:
 
 def _matrix(path: Path, side: int) -> Float:
     """Reads (side, side) numbers from a text file."""
-    try:
-        values = np.array([float(word) for word in text_of(path).split()])
-    except ValueError as error:
-        raise InputError(f"it holds something else than numbers ({error})", where=str(path)) from None
+    values = floats_of(path)
     if values.size != side * side or not np.isfinite(values).all():
         raise InputError(
             f"it holds {values.size} numbers, expected {side * side} finite ones", where=str(path)

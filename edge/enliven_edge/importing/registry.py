@@ -15,21 +15,20 @@ from enliven_edge.importing.base import Reader
 
 ENTRY_POINTS = "enliven.readers"
 """The entry-point group by which other packages add readers: each names a class like those here."""
-
 _BUILT_IN = (
     "bags.reader:BagReader",
-    "opencv_depth:OpenCvDepthReader",
+    "depth_images:OpenCvDepthReader",
     "posed_depth:PosedDepthReader",
     "realsense:RealSenseReader",
-    "raw_depth:RawKinectReader",
-    "labanotation:LabanotationReader",
+    "depth_images:RawKinectReader",
+    "kinect_texts:LabanotationReader",
     "multitrack:MultiTrackReader",
-    "msr_action3d:MsrAction3dReader",
-    "gait:GaitReader",
+    "kinect_texts:MsrAction3dReader",
+    "kinect_texts:GaitReader",
     "flow_room:FlowRoomReader",
-    "body_scanner:BodyScannerReader",
+    "kinect_texts:BodyScannerReader",
     "motion_capture:MotionCaptureReader",
-    "plain_depth:PlainDepthReader",
+    "depth_images:PlainDepthReader",
 )
 """The built-in readers in the order of asking; the least demanding one comes last."""
 

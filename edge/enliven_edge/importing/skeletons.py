@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -16,17 +17,16 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import ANKLE_ABOVE_SOLE, Body, Joint
+from enliven_edge.importing.base import DEFAULT_OPTIONS, FileReader, ImportOptions
 
 WORLD_FROM_KINECT_SPACE = np.diag([-1.0, 1.0, -1.0])
 """(3, 3) world_from_sensor of a level sensor for the skeleton space of the Kinect SDKs 1 and 2."""
-
 KINECT2_ORDER = (0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19)
 """(20,) the joint of the Kinect SDK 2 (JointType) for each of :class:`enliven.person.body.Joint`.
 
 SpineBase, SpineMid and SpineShoulder stand for the hip centre, the spine and the shoulder centre; the neck,
 the hand tips and the thumbs have no counterpart.
 """
-
 KINECT2_NAMES = [
     "SpineBase",
     "SpineMid",
@@ -50,7 +50,6 @@ KINECT2_NAMES = [
     "FootRight",
 ]
 """(20,) the names of the Kinect SDK 2 for each of :class:`enliven.person.body.Joint`."""
-
 TRACKED = 1.0
 """Confidence of a joint that the SDK reports as tracked."""
 INFERRED = 0.4
@@ -59,7 +58,6 @@ NOT_TRACKED = 0.0
 """Confidence of a joint that the SDK does not know."""
 CONFIDENCE_OF_STATE = np.array([NOT_TRACKED, INFERRED, TRACKED])
 """(3,) the confidence of the SDKs' tracking states 0, 1 and 2."""
-
 FOOT_ABOVE_SOLE = 0.02
 """Metres from the foot joint to the sole of an average adult."""
 _FEET = (Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
@@ -72,6 +70,41 @@ class SkeletonMoment:
 
     time_ns: int
     bodies: list[Body] = field(default_factory=list)
+
+
+class SkeletonReader(FileReader):
+    """Reads joints: a layout says its moments, and from which sensor they are."""
+
+    sensor = "kinect1"
+    """The sensor's identity where the user gives none."""
+
+    def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        """The bodies of a file in the Kinect's skeleton space, in the order of time.
+
+        Raises:
+            InputError: naming the file (and line) that cannot be understood.
+        """
+        raise NotImplementedError
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
+        path = self.chosen(paths)
+        sensor = options.device or self.sensor
+        return frames_in_world(self.moments(path, options), sensor, WORLD_FROM_KINECT_SPACE, str(path))
+
+
+def in_metres(pixels: Float, z: Float, focal: float, centre: tuple[float, float]) -> Float:
+    """(..., 3) joints in skeleton space, +Y up, of (..., 2) pixels at (...) metres.
+
+    Args:
+        focal, centre: pixels, of the depth camera.
+    """
+    x = (pixels[..., 0] - centre[0]) / focal * z
+    return np.stack([x, (centre[1] - pixels[..., 1]) / focal * z, z], -1)
+
+
+def tracked(joints: Float) -> Body:
+    """The body of (20, 3) joints that a file gives without states: every joint counts as tracked."""
+    return Body(0, *observed(joints, np.full(len(joints), TRACKED)))
 
 
 def frames_in_world(

@@ -8,14 +8,13 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
 from enliven.settings import setting
-from enliven_edge.landmarks.source import NAMES, Landmarks
+from enliven_edge.landmarks.source import NAMES, Landmarks, LandmarkSource
 
 _HEAD = struct.Struct("<IIq")
 _PERSON_BYTES = len(NAMES) * 6 * 4
@@ -36,7 +35,7 @@ class MediaPipeSettings:
     model: str = setting("", "A pose landmarker's .task file; mediapipe up to 0.10.21 needs none.")
 
 
-class MediaPipeSource:
+class MediaPipeSource(LandmarkSource):
     """A :class:`~enliven_edge.landmarks.source.LandmarkSource`; see :mod:`enliven_edge.landmarks.worker`.
 
     Raises:
@@ -70,7 +69,6 @@ class MediaPipeSource:
             raise self._failed()
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
-        """Returns the people in an (h, w, 3) uint8 sRGB image."""
         height, width = colour.shape[:2]
         self._newest_ms = max(self._newest_ms + 1, time_ns // 1_000_000)
         try:
@@ -86,20 +84,11 @@ class MediaPipeSource:
         return [_landmarks(each) for each in people]
 
     def close(self) -> None:
-        """Ends the process."""
         if self._worker.poll() is None:
             self._worker.terminate()
             self._worker.wait()
         for stream in (self._in, self._out, self._said):
             stream.close()
-
-    def __enter__(self) -> MediaPipeSource:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _exactly(self, count: int) -> bytes:
         data = self._out.read(count)

@@ -12,8 +12,6 @@ from enliven_edge.network.control_socket import Command
 
 _MOST = 1024
 """Commands that wait; beyond these the commands of disconnected viewers are dropped."""
-
-
 _RESERVED = 0.4
 """Share of the time budget for viewers with few requests: a flood of others does not delay them."""
 _LITTLE = 0.06

@@ -38,7 +38,7 @@ class Command:
     """A request that only the stage can carry out; answer it once.
 
     Attributes:
-        request: an order such as :class:`~enliven.wire.messages.Possess`.
+        request: an order such as :class:`~enliven.wire.requests.Possess`.
         viewer: the name of the viewer that asks.
         peer: its connection.
         subject: a newer command of the viewer with an equal one replaces it; None: it counts in any case.

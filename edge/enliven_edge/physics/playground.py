@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from typing import Protocol
 
 import numpy as np
 
@@ -18,29 +17,11 @@ from enliven_edge.physics.ground import FIXED, StandingDetector, WorldGround
 from enliven_edge.physics.performers import body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.towers import Towers
-from enliven_edge.physics.world import PropSpecs, World
+from enliven_edge.physics.world import World
 from enliven_edge.stage import Tick
 from enliven_edge.stage.puppet import roughly_skinned
 
 log = logging.getLogger(__name__)
-
-
-class Game(Protocol):
-    """The interface of a game with the props."""
-
-    props: PropSpecs
-
-    def begin(self, world: World, ground: WorldGround) -> None:
-        """Puts every prop to its first place."""
-
-    def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
-        """Plays one frame, and returns one line for people.
-
-        Args:
-            spheres: (S, 3) where they are.
-            names: the characters and performers that own spheres.
-            owners: (S,) the number in ``names`` of each.
-        """
 
 
 class Playground:
@@ -56,7 +37,7 @@ class Playground:
                 f"the world is {settings.world!r}", where="physics", mend="Use boxes or dodgeball."
             )
         self.settings = settings
-        self.game: Game = (
+        self.game: Towers | Dodgeball = (
             Towers(settings.boxes)
             if settings.world == "boxes"
             else Dodgeball(settings.dodgeball, settings.engine.gravity)

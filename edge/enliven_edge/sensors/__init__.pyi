@@ -10,11 +10,7 @@ from .base import (
 )
 from .diary import Diary as Diary, DiaryEntries as DiaryEntries, DiaryEntry as DiaryEntry
 from .options import sensor_options as sensor_options
-from .profile import (
-    SensorProfile as SensorProfile,
-    load_profile as load_profile,
-    profile_names as profile_names,
-)
+from .profile import profile_names as profile_names, profiles_folder as profiles_folder
 from .registry import (
     open_sensor as open_sensor,
     sensor_advice as sensor_advice,

@@ -16,7 +16,6 @@ from enliven_edge.sensors.isolation import IsolatedOpener
 
 ENTRY_POINTS = "enliven.sensors"
 """Other packages add sensors through this group: an entry point names a class that makes a Sensor."""
-
 _BUILT_IN = {
     "libcamera": "enliven_edge.sensors.drivers.libcamera:LibcameraSensor",
     "oak": "enliven_edge.sensors.drivers.oak:OakSensor",

@@ -83,13 +83,6 @@ class ReopeningSensor(Sensor):
         self._closed = False
 
     def read(self, timeout: float | None = None) -> Frame | None:
-        """The next frame, as soon as it is due; None when the stream has ended.
-
-        Raises:
-            TimeoutError: when no frame was due in time, or the device is not open yet.
-            InputError: for a frame that cannot be used.
-            SensorFault: when the device failed, could not be opened, or hangs.
-        """
         deadline = None if timeout is None else time.monotonic() + timeout
         while not self._closed:
             left = None if deadline is None else max(0.0, deadline - time.monotonic())

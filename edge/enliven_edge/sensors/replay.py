@@ -78,13 +78,6 @@ class ReplaySensor(Sensor):
         self._started: float | None = None
 
     def read(self, timeout: float | None = None) -> Frame | None:
-        """The next frame, when it is due; None after the last.
-
-        Raises:
-            TimeoutError: when it is not due within ``timeout`` seconds.
-            InputError: in place of a frame that cannot be used; the one after it comes next.
-            SensorFault: where the sensor was lost when it was recorded.
-        """
         if not self._ahead:
             self._ahead.extend(itertools.islice(self._entries, 1))
         if not self._ahead:
@@ -109,7 +102,6 @@ class ReplaySensor(Sensor):
         return self._condition
 
     def close(self) -> None:
-        """Ends the stream."""
         self._ahead.clear()
         self._entries = iter(())
         self._file.close()

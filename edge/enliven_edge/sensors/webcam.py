@@ -8,6 +8,7 @@ from typing import Any
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
+from enliven_edge.extras import need
 from enliven_edge.landmarks import LandmarkSource, MonocularPoseEstimator, check_view
 from enliven_edge.sensors.base import Sensor
 
@@ -60,7 +61,6 @@ class WebcamSensor(Sensor):
         self._closed = False
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
-        """The bodies of the next image, as soon as it is due; None at the end of a film."""
         if self._closed:
             return None
         image = self._waiting or self._next_image()
@@ -79,7 +79,6 @@ class WebcamSensor(Sensor):
         return BodyFrame(self._eye.bodies(colour, time_ns), time_ns, self.name)
 
     def close(self) -> None:
-        """Lets the camera and the source go."""
         if not self._closed:
             self._closed = True
             self._container.close()
@@ -109,12 +108,9 @@ class WebcamSensor(Sensor):
 
 def _opened(device: str, live: bool) -> Any:
     """The video, opened by PyAV."""
-    try:
-        import av
-    except ImportError:
-        raise ResourceError(
-            "PyAV is not installed", where="webcam", mend="Install the extra 'film': enliven-edge[film]."
-        ) from None
+    need("av", "film", "webcam")
+    import av
+
     try:
         container = av.open(device, format=_FORMATS.get(sys.platform) if live else None)
     except (av.error.FFmpegError, OSError) as error:

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import Body, Joint
-from enliven_edge.stage.actor import Actor
+from enliven.possession import Actor
 
 FLOOR = [0, 2]
 """The coordinates over the floor."""

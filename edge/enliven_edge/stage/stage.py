@@ -14,8 +14,8 @@ from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
 from enliven.matching import Board, ScreenView
 from enliven.person import Body
-from enliven.possession import Cues, Mode
-from enliven_edge.stage.actor import Actor, ChosenActor, is_chosen
+from enliven.possession import Actor, Cues, Mode
+from enliven_edge.stage.actor import ChosenActor
 from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
 from enliven_edge.stage.hold_log import HoldLog
 from enliven_edge.stage.tick import Tick
@@ -60,7 +60,7 @@ class Stage:
         name = actor.character.id
         before = self.actors.get(name)
         actor.aside = self._free_place() if before is None else before.aside
-        if self._view is not None and is_chosen(actor):
+        if self._view is not None and isinstance(actor, ChosenActor):
             actor.view = self._view
         self.actors[name] = actor
         for hold in () if before is None else before.holds:
@@ -251,7 +251,7 @@ class Stage:
             InputError: where there is no such character, or it is not rigged.
         """
         meant = self._meant(character)
-        rigs = [actor for actor in meant if is_chosen(actor)]
+        rigs = [actor for actor in meant if isinstance(actor, ChosenActor)]
         if not rigs:
             where = f"character {meant[0].character.id!r}"
             mend = "Give the edge a rigged model and --drive skeleton."
@@ -264,7 +264,7 @@ class Stage:
         return [actor.board() for actor in self._rigs()]
 
     def _rigs(self) -> list[ChosenActor]:
-        return [actor for actor in self.actors.values() if is_chosen(actor)]
+        return [actor for actor in self.actors.values() if isinstance(actor, ChosenActor)]
 
     def _actor(self, character: str) -> Actor:
         """Returns the actor of a character, told who is busy with others."""

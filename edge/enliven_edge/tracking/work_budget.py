@@ -12,7 +12,6 @@ T = TypeVar("T")
 """The type of a task's result."""
 Steps = Generator[int, Any, T]
 """A task in parts: it yields the cost of each part, in coarse fits, and returns its result."""
-
 LOOK = 2
 """Coarse fits that the network costs for one group of pixels."""
 _RATE = 30.0

@@ -104,10 +104,10 @@ def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -
     return start, stop
 
 
-def sheet_maker() -> Callable[..., None]:
-    """Returns the function that draws contact sheets, from the package that provides it."""
+def sheet_maker(kind: str) -> Callable[..., None]:
+    """Returns the function that draws contact sheets of a kind, from the package that provides it."""
     for entry in entry_points(group="enliven.pictures"):
-        if entry.name == "puppet":
+        if entry.name == kind:
             made: Callable[..., None] = entry.load()
             return made
     raise ResourceError(

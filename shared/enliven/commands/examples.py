@@ -146,7 +146,7 @@ def fit(
     from enliven.examples import missing, motion_of
 
     write = writer(output)
-    draw = sheet_maker() if sheet else None
+    draw = sheet_maker("puppet") if sheet else None
     found = opened(session, puppet)
     project, made = found.project, found.puppet
     lacking = missing(project, made)

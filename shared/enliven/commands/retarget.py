@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from enliven.errors import ResourceError
+from enliven.commands.example_files import sheet_maker
 
 if TYPE_CHECKING:
     from enliven.document import Clip
@@ -76,7 +74,7 @@ def retarget(
     from enliven.takes import read_take
 
     exporter = exporter_of(output)
-    draw = _sheet_maker() if sheet else None
+    draw = sheet_maker("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
     plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin)
@@ -136,14 +134,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _sheet_maker() -> Callable[..., None]:
-    """Returns the function that draws contact sheets, from the package that provides it."""
-    for entry in entry_points(group="enliven.pictures"):
-        if entry.name == "motion":
-            made: Callable[..., None] = entry.load()
-            return made
-    raise ResourceError(
-        "a sheet cannot be drawn", where="--sheet", mend="Install the viewer's package, enliven-viewer."
-    )

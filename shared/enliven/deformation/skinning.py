@@ -1,11 +1,10 @@
-"""Skinning on the processor: the deformation map of KinÊtre, eq. 2, for vertices and normals.
+"""Skinning on the processor: the deformation map of KinÊtre, eq. 2, for vertices.
 
 The viewer does the same in its vertex shader; this is for export, tests and collision. One thread: numba's
 parallel loops end the process where two threads of it enter them at once and OpenMP is missing.
 
 Tried: blending the four matrices before they meet the vertex, rows padded to four floats, and sums of a
-fixed array were all slower than the plain loop for vertices (by a quarter to a half). For normals, sixteen
-names instead of a small array on the stack made it half as fast again.
+fixed array were all slower than the plain loop (by a quarter to a half).
 """
 
 from __future__ import annotations
@@ -32,25 +31,6 @@ def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) 
     out = _place(character, pose, out)
     matrices = np.ascontiguousarray(pose.matrices(character.pivots), np.float32)
     _skin_vertices(character.vertices, character.skin.indices, character.skin.weights, matrices, out)
-    return out
-
-
-def skin_normals(character: Character, pose: Pose, normals: Float32, out: Float32 | None = None) -> Float32:
-    """(V, 3) float32 unit world normals, from ``normals`` (V, 3) at rest.
-
-    A normal follows the inverse transpose of the vertex's blended linear map, taken as its cofactor matrix,
-    which needs no division and so survives a singular map.
-
-    Args:
-        out: (V, 3) float32 to write to.
-
-    Raises:
-        InputError: as :func:`skin_vertices`.
-    """
-    out = _place(character, pose, out)
-    linear = np.ascontiguousarray(pose.linear, np.float32).reshape(-1, 9)
-    rest = np.ascontiguousarray(normals, np.float32)
-    _skin_normals(rest, character.skin.indices, character.skin.weights, linear, out)
     return out
 
 
@@ -82,27 +62,3 @@ def _skin_vertices(vertices, indices, weights, matrices, out):  # type: ignore[n
             b += w * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
             c += w * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
         out[v, 0], out[v, 1], out[v, 2] = a, b, c
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _skin_normals(normals, indices, weights, m, out):  # type: ignore[no-untyped-def]
-    """``m`` (J, 9) are the linear parts, row by row."""
-    for v in range(normals.shape[0]):
-        h, i, j, k = indices[v, 0], indices[v, 1], indices[v, 2], indices[v, 3]
-        p, q, r, s = weights[v, 0], weights[v, 1], weights[v, 2], weights[v, 3]
-        m00 = p * m[h, 0] + q * m[i, 0] + r * m[j, 0] + s * m[k, 0]
-        m01 = p * m[h, 1] + q * m[i, 1] + r * m[j, 1] + s * m[k, 1]
-        m02 = p * m[h, 2] + q * m[i, 2] + r * m[j, 2] + s * m[k, 2]
-        m10 = p * m[h, 3] + q * m[i, 3] + r * m[j, 3] + s * m[k, 3]
-        m11 = p * m[h, 4] + q * m[i, 4] + r * m[j, 4] + s * m[k, 4]
-        m12 = p * m[h, 5] + q * m[i, 5] + r * m[j, 5] + s * m[k, 5]
-        m20 = p * m[h, 6] + q * m[i, 6] + r * m[j, 6] + s * m[k, 6]
-        m21 = p * m[h, 7] + q * m[i, 7] + r * m[j, 7] + s * m[k, 7]
-        m22 = p * m[h, 8] + q * m[i, 8] + r * m[j, 8] + s * m[k, 8]
-        x, y, z = normals[v, 0], normals[v, 1], normals[v, 2]
-        a = (m11 * m22 - m12 * m21) * x + (m12 * m20 - m10 * m22) * y + (m10 * m21 - m11 * m20) * z
-        b = (m02 * m21 - m01 * m22) * x + (m00 * m22 - m02 * m20) * y + (m01 * m20 - m00 * m21) * z
-        c = (m01 * m12 - m02 * m11) * x + (m02 * m10 - m00 * m12) * y + (m00 * m11 - m01 * m10) * z
-        squared = a * a + b * b + c * c
-        per = np.float32(1) / np.sqrt(squared) if squared > 0 else np.float32(0)
-        out[v, 0], out[v, 1], out[v, 2] = a * per, b * per, c * per

@@ -94,10 +94,8 @@ def pack_spheres(
         )
     radius = _radius(vertices, faces, settings)
     rows, shares = surface_samples(vertices, faces, 0.5 * radius)
-    points, normals = (
-        _blended(vertices, rows, shares),
-        unit(_blended(_normals(vertices, faces), rows, shares)),
-    )
+    at_vertices = unit(corner_sums(faces, face_vectors(vertices, faces), len(vertices)))
+    points, normals = _blended(vertices, rows, shares), unit(_blended(at_vertices, rows, shares))
     order = np.random.default_rng(seed).permutation(len(points))
     while True:
         inner = points - settings.inset * radius * normals
@@ -105,7 +103,8 @@ def pack_spheres(
         if len(chosen):
             break
         radius *= _GROWTH
-    indices, weights = _four_nodes(*_corners_of(character), rows[chosen], shares[chosen])
+    of, share = character.skin.indices.astype(np.int64), character.skin.weights.astype(np.float64)
+    indices, weights = _four_nodes(of, share, rows[chosen], shares[chosen])
     pivots = np.ascontiguousarray(character.pivots, np.float64)
     return SphereProxies(radius, np.ascontiguousarray(inner[chosen]), indices, weights, pivots)
 
@@ -151,19 +150,9 @@ def _barycentric_grid(count: int) -> Float:
     return np.asarray(grid[(grid < count).all(1)] / count)
 
 
-def _corners_of(character: Character) -> tuple[Int, Float]:
-    """(V, 4) nodes and (V, 4) weights."""
-    return character.skin.indices.astype(np.int64), character.skin.weights.astype(np.float64)
-
-
 def _blended(values: Float, rows: Int, shares: Float) -> Float:
     """(P, 3) the values (V, 3) at points between three vertices."""
     return np.asarray(sum(shares[:, c, None] * values[rows[:, c]] for c in range(3)))
-
-
-def _normals(vertices: Float, faces: Int32) -> Float:
-    """(V, 3) unit normals."""
-    return unit(corner_sums(faces, face_vectors(vertices, faces), len(vertices)))
 
 
 def _four_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[UInt16, Float]:

@@ -36,7 +36,7 @@ import numpy as np
 from enliven.document import Coupling, Plane, Position, Project, Puppet, Switch, Velocity
 from enliven.errors import InputError
 from enliven.example_sessions.file import SessionFile
-from enliven.example_sessions.mesh import fitted, mesh_of, nearest_vertex
+from enliven.example_sessions.mesh import mesh_of, nearest_vertex
 from enliven.example_sessions.tables import (
     LayerTable,
     MeshTable,
@@ -57,8 +57,6 @@ from enliven.modeling.puppet import (
     set_symmetry,
 )
 from enliven.takes import read_take
-
-__all__ = ["Session", "fitted", "read_session"]
 
 _IN_LAYER = ("position", "velocity", "coupling", "switch")
 

@@ -50,7 +50,10 @@ class LiveExamples:
             self._poses = poses
             return None
         places = self._solved(poses)
-        self._keep(poses, np.concatenate([self._out, places[:, held : held + 1]], axis=1))
+        out = np.concatenate([self._out, places[:, held : held + 1]], axis=1)
+        # No open acceleration depends on the shown frames before these.
+        old = max(out.shape[1] - _OUT, 0)
+        self._poses, self._out = poses[old:], out[:, old:]
         return np.asarray(self.mapping.in_metres(places[:, held : held + 1])[0])
 
     def finish(self) -> Float:
@@ -69,8 +72,3 @@ class LiveExamples:
         none = np.zeros((0, 3), np.int64)
         conditions = Conditions(held, values, none, none, np.zeros(0))
         return self.mapping.solution(poses, conditions, self._step).places
-
-    def _keep(self, poses: Float, out: Float) -> None:
-        """Forget the shown frames that no open acceleration depends on."""
-        old = max(out.shape[1] - _OUT, 0)
-        self._poses, self._out = poses[old:], out[:, old:]

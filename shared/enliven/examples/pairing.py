@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
 from enliven.document import Skeleton
-from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_level
+from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
 
 _MIDDLE = 0.25
 """Cost, in widths and heights, of following the middle of a limb; its end costs nothing."""
@@ -60,9 +60,9 @@ def guess_joints(
         return ()
     deep = np.ptp(rest, axis=0)
     if deep[2] > _DEEPER * deep[0]:
-        rest = turned_level(rest, -np.pi / 2)
+        rest = turned_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
-    level = turned_level(skeleton.positions - skeleton.positions[0], -anatomy.facing)
+    level = turned_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
     level = _arms_out(level, anatomy)
     found = [one for one in _candidates(anatomy, skeleton) if skeleton.names[one.joint] not in taken]
     found = found or _candidates(anatomy, skeleton)
@@ -70,7 +70,8 @@ def guess_joints(
     rows_wanted = list(range(len(rest))) if wanted is None else list(wanted)
     theirs, ours = _normal(level, level[joints]), _normal(rest, rest[rows_wanted])
     away = np.abs(ours[:, None] - theirs[None]) @ [1.0, 1.0, _DEPTH]
-    apart = np.abs(_sides(ours)[:, None] - [one.side for one in found])
+    sides = np.sign(ours[:, 0]) * (np.abs(ours[:, 0]) > _ASIDE)
+    apart = np.abs(sides[:, None] - [one.side for one in found])
     cost = away + [one.cost for one in found] + _SIDE * apart
     times = max(-(-len(ours) // len(joints)), 1)
     rows, columns = linear_sum_assignment(np.concatenate([cost + 10.0 * k for k in range(times)], axis=1))
@@ -120,8 +121,3 @@ def _normal(all_points: Float, points: Float) -> Float:
     # Whoever is as good as flat across, a post, has no sides; dividing by its width would make some.
     wide = max(float(high[0] - low[0]) / 2, 0.05 * tall)
     return np.asarray((points - [middle[0], low[1], middle[2]]) / [wide, tall, tall])
-
-
-def _sides(points: Float) -> Float:
-    """(N,) 1 at the left, -1 at the right, 0 in the middle."""
-    return np.asarray(np.sign(points[:, 0]) * (np.abs(points[:, 0]) > _ASIDE))

@@ -14,6 +14,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip
+from enliven.mapping import turned_about_y
 from enliven.rotation import rotate
 
 
@@ -73,10 +74,3 @@ def yaw_of(turns: Float) -> Float:
 def in_body(places: Float, root: Float, yaw: Float) -> Float:
     """(F, P, 3) places of the world seen from the root (F, 3), with the yaw (F,) taken back."""
     return turned_about_y(places - root[:, None], -np.asarray(yaw)[:, None])
-
-
-def turned_about_y(vectors: Float, angles: Float) -> Float:
-    """Vectors (..., 3) turned about +Y by angles (...,) that broadcast to them."""
-    cos, sin = np.cos(angles), np.sin(angles)
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    return np.stack(np.broadcast_arrays(cos * x + sin * z, y, cos * z - sin * x), axis=-1)

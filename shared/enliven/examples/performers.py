@@ -21,8 +21,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.examples.performer import turned_about_y
-from enliven.mapping import Anatomy, anatomy_of, facing_of
+from enliven.mapping import Anatomy, anatomy_of, facing_of, turned_about_y
 
 _SAME = 1e-9
 """Share of its size by which the joints of one skeleton may differ from another's to be the same."""

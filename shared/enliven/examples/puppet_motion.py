@@ -19,22 +19,11 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Pose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.performer import turned_about_y
-from enliven.examples.puppet_examples import Material, examples_of, material_of, missing
+from enliven.examples.puppet_examples import Material, material_of
 from enliven.examples.puppet_solve import solved
 from enliven.examples.puppet_trajectory import PuppetMotion
+from enliven.mapping import turned_about_y
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
-
-__all__ = [
-    "PuppetMotion",
-    "State",
-    "examples_of",
-    "in_world",
-    "missing",
-    "motion_of",
-    "pose_of_state",
-    "state_of",
-]
 
 _KEPT = 64
 """Motions that are kept: of all puppets, layers and edits; the least lately used goes."""

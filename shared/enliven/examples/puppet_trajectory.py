@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.document import Switch
-from enliven.examples.performer import turned_about_y
+from enliven.mapping import turned_about_y
 
 
 @dataclass(frozen=True, eq=False)

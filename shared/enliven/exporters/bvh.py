@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Skeleton
+from enliven.document import Skeleton, unused
 from enliven.errors import InputError
 from enliven.exporters.performance import Performance
 from enliven.exporters.registry import Exporter
@@ -115,7 +115,10 @@ def _joints(skeleton: Skeleton, linear: Float) -> list[_Joint]:
         """
         alone = len(ends) == 1 and not skeleton.children[ends[0]] and not more
         end = skeleton.vectors[ends[0]] if alone else None if ends or more else np.zeros(3)
-        made.append(_Joint(_unused(name, taken), offset, bone, above, depth, end))
+        # Many readers end a name at a blank.
+        own = unused("_".join(name.split()) or "joint", taken, "_")
+        taken.add(own)
+        made.append(_Joint(own, offset, bone, above, depth, end))
         for joint in [] if alone else ends:
             called, at = skeleton.names[joint], skeleton.vectors[joint]
             groups = _groups(linear, skeleton.children[joint])
@@ -143,17 +146,6 @@ def _groups(linear: Float, bones: Sequence[int]) -> list[list[int]]:
         else:
             groups.append([bone])
     return groups
-
-
-def _unused(name: str, taken: set[str]) -> str:
-    """Returns the name without blanks, numbered where it is taken: many readers end a name at a blank."""
-    plain = "_".join(name.split()) or "joint"
-    number, made = 1, plain
-    while made in taken:
-        number += 1
-        made = f"{plain}_{number}"
-    taken.add(made)
-    return made
 
 
 def _lines(joints: Sequence[_Joint], scale: float) -> list[str]:

@@ -12,7 +12,7 @@ from enliven.document import Character, Pose, Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.examples.baking import BakedMorphs, BakeError
 from enliven.meshes import Mesh
-from enliven.rotation import from_matrix, rotate, to_matrix
+from enliven.rotation import continuous, from_matrix, rotate, to_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +51,6 @@ class Performance:
     morphs: BakedMorphs | None = None
     keys: float = 0.0
     error: BakeError | None = None
-
-    @property
-    def lost(self) -> float:
-        """The largest part of a map that a turn and a scale along ``axes`` cannot express."""
-        axes = np.eye(3) if self.axes is None else self.axes
-        turns, scales = stretches_of(self.linear @ axes)
-        said = to_matrix(turns) * scales[..., None, :] @ np.swapaxes(axes, -1, -2)
-        return float(np.abs(said - self.linear).max())
 
     @property
     def character(self) -> Character:
@@ -100,12 +92,3 @@ def stretches_of(linear: Float) -> tuple[Float, Float]:
     turns = from_matrix(linear)
     scales = np.einsum("tnji,tnji->tni", to_matrix(turns), linear)
     return continuous(turns), scales
-
-
-def continuous(turns: Float) -> Float:
-    """The same (T, N, 4) turns, each of the sign that is nearest to the one before it in time."""
-    flips = np.sign(np.einsum("tnc,tnc->tn", turns[1:], turns[:-1]))
-    flips[flips == 0] = 1.0
-    start = np.where(turns[:1, :, 0] < 0, -1.0, 1.0)
-    signs = np.concatenate([start, start * np.cumprod(flips, 0)])
-    return np.asarray(turns * signs[..., None])

@@ -1,6 +1,6 @@
 from .anatomy import Anatomy as Anatomy, SkeletonLimb as SkeletonLimb, anatomy_of as anatomy_of
 from .applying import apply_plan as apply_plan
 from .automatic_mapping import Retargeted as Retargeted, automatic as automatic, retarget as retarget
-from .facing import facing_of as facing_of, turned_level as turned_level
+from .facing import facing_of as facing_of, turned_about_y as turned_about_y
 from .plan import Mode as Mode, Plan as Plan
 from .plan_file import read_plan as read_plan, write_plan as write_plan

@@ -14,7 +14,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
-from enliven.mapping.facing import facing_of, side_of, turned_level
+from enliven.mapping.facing import facing_of, side_of, turned_about_y
 
 _SHORT = 0.15
 """Share of the longest branch below which a branch is a twig, not a limb."""
@@ -113,7 +113,7 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
         facing: radians that its front is turned about +Y from +Z; None finds it.
     """
     facing = facing_of(skeleton) if facing is None else facing
-    at = turned_level(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
+    at = turned_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
     below = _major(skeleton, at)
     chains = _chains(below)
     limbs = [_limb(chain, at) for chain in chains if not below[chain[-1]]]

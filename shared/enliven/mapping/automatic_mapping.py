@@ -11,8 +11,8 @@ from enliven.document import Clip, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
-from enliven.mapping.assignment import Drive, assigned, split
-from enliven.mapping.facing import turned_level
+from enliven.mapping.assignment import assigned, split
+from enliven.mapping.facing import turned_about_y
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of
@@ -64,7 +64,8 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
         # Where a shoulder or a hip sits is the model's own affair: pointed like the performer's, it would
         # come off the trunk.
         girdle = drive.role.endswith("girdle") and not twins
-        for piece in _pieces(drive, clip.skeleton, shape.skeleton):
+        theirs, ours = arc_of(clip.skeleton, drive.source), arc_of(shape.skeleton, drive.target)
+        for piece in split(drive, list(theirs), list(ours), _NEAR):
             chains.append(
                 ChainPlan(
                     _named(clip.skeleton, piece.source),
@@ -112,7 +113,7 @@ def _twins(source: Skeleton, target: Skeleton) -> bool:
 def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     """(3,) from the root to the end of the head, seen with the front at +Z; zero where there is none."""
     end = anatomy.head.chain[-1] if anatomy.head else anatomy.trunk[-1]
-    way = turned_level(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
+    way = turned_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
@@ -124,10 +125,6 @@ def _pinned(project: Project, shape: Shape) -> Project:
             if len(leg) > 2:
                 project = pin_feet(project, shape.id, [leg[-1]], start=leg[0])
     return project
-
-
-def _pieces(drive: Drive, source: Skeleton, target: Skeleton) -> list[Drive]:
-    return split(drive, list(arc_of(source, drive.source)), list(arc_of(target, drive.target)), _NEAR)
 
 
 def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:

@@ -32,10 +32,11 @@ def facing_of(skeleton: Skeleton) -> float:
     return float(np.arctan2(-left[2], left[0]))
 
 
-def turned_level(points: Float, angle: float) -> Float:
-    """(..., 3) points turned by ``angle`` radians about +Y."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.asarray(points @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]))
+def turned_about_y(vectors: Float, angles: Float | float) -> Float:
+    """Vectors (..., 3) turned about +Y by angles (...,) that broadcast to them."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.stack(np.broadcast_arrays(cos * x + sin * z, y, cos * z - sin * x), axis=-1)
 
 
 def side_of(name: str) -> int:

@@ -25,9 +25,7 @@ from enliven.arrays import Float
 from enliven.document import Skeleton, skeleton_of
 from enliven.errors import InputError
 from enliven.matching.reduction import Reduction
-from enliven.matching.subtrees import Abstraction, Branch, SubTree
-
-__all__ = ["Abstraction", "Branch", "SubTree", "abstract", "abstract_skeleton"]
+from enliven.matching.subtrees import Abstraction, SubTree
 
 
 def abstract_skeleton(skeleton: Skeleton, root: int | None = 0) -> Abstraction:

@@ -14,12 +14,10 @@ from enliven.arrays import Float, Int
 from enliven.document import Skeleton
 from enliven.matching.abstraction import abstract_skeleton
 from enliven.matching.kernels import rank_rows, seen_branches
-from enliven.matching.matches import Match, Ranking
+from enliven.matching.matches import Ranking
 from enliven.matching.subtrees import Abstraction, SubTree
 from enliven.matching.views import ScreenView
 from enliven.settings import setting
-
-__all__ = ["Match", "Matcher", "Ranking", "RankingSettings"]
 
 _NOWHERE = np.zeros(3)
 

@@ -7,7 +7,6 @@ their directions); a triangle that spans a gap, or the step from one thing to wh
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import minimum_filter
@@ -17,7 +16,6 @@ from scipy.spatial import Delaunay, cKDTree
 
 from enliven.arrays import Bool, Float, Int
 from enliven.errors import InputError
-from enliven.files import read_file
 from enliven.meshes.mesh import Mesh, submesh
 
 _LONGEST = 4.0
@@ -67,11 +65,6 @@ def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, nam
         raise _too_few(0, name)
     mesh = Mesh(seen @ axes + viewpoint, _facing(seen, faces).astype(np.int32), name)
     return _without_specks(mesh)
-
-
-def read_pcd(path: Path) -> tuple[Float, Float]:
-    """As :func:`parse_pcd`, of a file."""
-    return parse_pcd(read_file(path), str(path))
 
 
 def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:

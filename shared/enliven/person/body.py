@@ -7,21 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person.joints import BONES, MIRROR, PARENTS, J, Joint
-from enliven.person.parts import PARTS, parts_named
-
-__all__ = [
-    "ANKLE_ABOVE_SOLE",
-    "BONES",
-    "HEAD_ABOVE_JOINT",
-    "MIRROR",
-    "PARENTS",
-    "PARTS",
-    "Body",
-    "J",
-    "Joint",
-    "parts_named",
-]
+from enliven.person.joints import PARENTS, Joint
 
 
 @dataclass(frozen=True)

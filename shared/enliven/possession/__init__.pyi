@@ -1,4 +1,4 @@
-from .actor_base import ActorBase as ActorBase, Mode as Mode
+from .actor import Actor as Actor, Mode as Mode
 from .actor_settings import ActorSettings as ActorSettings
 from .attachment import Attachment as Attachment, AttachmentSettings as AttachmentSettings, attach as attach
 from .easing import Easing as Easing

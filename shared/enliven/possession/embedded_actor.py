@@ -13,7 +13,7 @@ from enliven.deformation.graph import DeformationGraph, stiffness_at
 from enliven.document import Character, Pose
 from enliven.errors import EnlivenError
 from enliven.person import Body, J
-from enliven.possession.actor_base import ActorBase, Mode
+from enliven.possession.actor import Actor, Mode
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.easing import Easing
 from enliven.possession.grip import gripped, out_of_reach
@@ -28,7 +28,7 @@ _STEP_NS = 33_333_333
 """Nanoseconds between the frames of a rehearsal."""
 
 
-class EmbeddedActor(ActorBase):
+class EmbeddedActor(Actor):
     """A character, the graph that deforms it, and the performers' holds on it.
 
     Everything is solved in the rest space of the mesh; the placement carries it into the world.
@@ -37,6 +37,8 @@ class EmbeddedActor(ActorBase):
         size: metres of the mesh as modelled for one of its rest space.
         height: metres of the mesh at rest, which its scale on the stage is told by; None measures it.
     """
+
+    settings: ActorSettings
 
     def __init__(
         self,

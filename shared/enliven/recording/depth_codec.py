@@ -2,8 +2,8 @@
 
 Depth cameras quantise: a Kinect frame of 300,000 pixels holds a few hundred different distances. Each
 distance is replaced by its rank among those that occur and predicted from its neighbours; the residuals are
-packed fast with zstd, or small with an arithmetic coder conditioned on the neighbours. :data:`LAYOUT` states
-every byte; it is written into each recording beside the data.
+packed with zstd. Archives of earlier versions, packed by an arithmetic coder conditioned on the neighbours,
+are read too. :data:`LAYOUT` states every byte; it is written into each recording beside the data.
 """
 
 from __future__ import annotations
@@ -16,15 +16,13 @@ import zstandard
 
 from enliven.arrays import UInt8, UInt16
 from enliven.errors import InputError
-from enliven.recording.depth_entropy import pack_levels, unpack_levels
+from enliven.recording.depth_entropy import unpack_levels
 from enliven.recording.depth_kernels import mark_levels, predict_image, restore_image
 
 MAX_PIXELS = 1 << 24
 """Pixels of the largest image that a decoder allocates for by default: 4096 x 4096, above every depth
 camera's."""
 
-SMALL = 19
-"""From this compression level on, images are packed by the arithmetic coder (zstd packing below)."""
 
 LAYOUT = """\
 enliven depth image, version 1 (little endian; lossless; every image stands on its own)
@@ -49,7 +47,7 @@ Packing 0: one zstd frame that states its content size. Its content:
  residuals  of all pixels, row by row: W*H low bytes, then, where L = 0 or L > 255, W*H high bytes of
             s = 0 where v = 0;  s = 2r where r > 0;  s = 1 - 2r elsewhere.
 
-Packing 1: yes-no answers in one arithmetic code; ww is left of w, nn above n.
+Packing 1 (archives of earlier versions): yes-no answers in one arithmetic code; ww is left of w, nn above n.
  table      for each of the L differences d (as above; before the first, d' = 1): the residual d - d', d' the
             difference before, with the surroundings 7500 + c, c = min(3, |residual before|), 0 for the first.
  pixels     row by row: "v = 0?" with the odds of (w, n, nw, ne, ww, nn known?, as bits 0..5); if not, the
@@ -82,7 +80,7 @@ def encode_depth(depth: UInt16, level: int = 1) -> bytes:
 
     Args:
         depth: (H, W) uint16, any values; 0 where nothing is known.
-        level: 1 (live) to 18: the zstd level; 19 to 22 (archives): the arithmetic coder.
+        level: of zstd, 1 (live) to 22 (archives).
 
     Raises:
         InputError: for another type or shape, an empty image, or one above :data:`MAX_PIXELS`.
@@ -90,11 +88,11 @@ def encode_depth(depth: UInt16, level: int = 1) -> bytes:
     height, width = _checked_shape(depth)
     depth = np.require(depth, requirements=["C", "W", "A"])
     levels, ranks = _levels(depth)
-    packed = _pack_small(depth, levels, ranks) if level >= SMALL else None
-    packing = _ZSTD if packed is None else _ARITHMETIC
-    if packed is None:
-        packed = _pack_fast(depth, levels, ranks, level)
-    header = _HEADER.pack(1, packing, width, height, len(levels))
+    planes = predict_image(depth, ranks, len(levels) or 65535)
+    steps = np.diff(levels, prepend=np.uint16(0)).astype("<u2")
+    table = steps.view(np.uint8).reshape(-1, 2).T.tobytes()
+    packed = zstandard.ZstdCompressor(level=level).compress(table + planes.tobytes())
+    header = _HEADER.pack(1, _ZSTD, width, height, len(levels))
     return header + _CHECK.pack(zlib.crc32(packed, zlib.crc32(header))) + packed
 
 
@@ -111,29 +109,14 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
         values = np.zeros(levels + 1, np.uint16) if levels else np.arange(65536, dtype=np.uint16)
         whole = unpack_levels(np.frombuffer(bytearray(packed), np.uint8), values, levels > 0, depth)
     else:
-        values, residuals = _unpack_fast(packed, width, height, levels)
+        values, residuals = _unpack_zstd(packed, width, height, levels)
         whole = restore_image(residuals, values, len(values) - 1, depth)
     if not whole:
         raise _damaged("a level is outside the table of levels")
     return depth
 
 
-def _pack_fast(depth: UInt16, levels: UInt16, ranks: UInt16, level: int) -> bytes:
-    """Packs by zstd (packing 0)."""
-    planes = predict_image(depth, ranks, len(levels) or 65535)
-    content = _table_bytes(levels) + planes.tobytes()
-    return zstandard.ZstdCompressor(level=level).compress(content)
-
-
-def _pack_small(depth: UInt16, levels: UInt16, ranks: UInt16) -> bytes | None:
-    """Packs by the arithmetic coder (packing 1); None where noise would make it larger than the image."""
-    values = np.concatenate([[0], levels]).astype(np.uint16) if len(levels) else ranks
-    out = np.empty(depth.nbytes + 64, np.uint8)
-    used = pack_levels(depth, ranks, values, len(levels) > 0, out)
-    return out[:used].tobytes() if used >= 0 else None
-
-
-def _unpack_fast(packed: bytes, width: int, height: int, levels: int) -> tuple[UInt16, UInt8]:
+def _unpack_zstd(packed: bytes, width: int, height: int, levels: int) -> tuple[UInt16, UInt8]:
     """Returns the values of the levels, and (1 or 2, H, W) residuals of packing 0."""
     planes = 1 if 0 < levels <= 255 else 2
     content = _unpacked(packed, 2 * levels + planes * width * height)
@@ -158,11 +141,6 @@ def _levels(depth: UInt16) -> tuple[UInt16, UInt16]:
     ranks = np.zeros(65536, np.uint16)
     ranks[levels] = np.arange(1, levels.size + 1, dtype=np.uint16)
     return levels, ranks
-
-
-def _table_bytes(levels: UInt16) -> bytes:
-    steps = np.diff(levels, prepend=np.uint16(0)).astype("<u2")
-    return steps.view(np.uint8).reshape(-1, 2).T.tobytes()
 
 
 def _checked_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:

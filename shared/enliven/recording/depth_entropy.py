@@ -1,4 +1,4 @@
-"""Compiled loops of the small packing: a binary arithmetic coder with odds conditioned on the neighbours.
+"""The decoder of depth images in an arithmetic code, as earlier versions packed them for archives.
 
 Every level is told apart by yes-no questions (a hole? as predicted? above or below? by how much?), and the
 odds of each answer are learned from the answers so far in the same surroundings. The coder is the
@@ -47,24 +47,6 @@ def _learn(states: AnyArray, at: int, bit: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _put(coder: AnyArray, out: UInt8, odds: int, bit: int) -> None:
-    """Encode one answer. ``coder`` is (3,) int64: low bound, high bound, bytes written."""
-    low, high = coder[0], coder[1]
-    width = high - low
-    middle = low + (width >> 16) * odds + (((width & 0xFFFF) * odds) >> 16)
-    if bit:
-        high = middle
-    else:
-        low = middle + 1
-    while (low ^ high) & 0xFF000000 == 0:
-        if coder[2] < out.size:
-            out[coder[2]] = high >> 24
-        coder[2] += 1
-        low, high = (low << 8) & 0xFFFFFFFF, ((high << 8) & 0xFFFFFFFF) | 255
-    coder[0], coder[1] = low, high
-
-
-@njit(cache=True, nogil=True)
 def _get(coder: AnyArray, data: UInt8, odds: int) -> int:
     """Decode one answer. ``coder`` is (4,) int64: low bound, high bound, bytes read, the value between."""
     low, high, value = coder[0], coder[1], coder[3]
@@ -81,19 +63,15 @@ def _get(coder: AnyArray, data: UInt8, odds: int) -> int:
         low, high = (low << 8) & 0xFFFFFFFF, ((high << 8) & 0xFFFFFFFF) | 255
         value = ((value << 8) & 0xFFFFFFFF) | byte
     coder[0], coder[1], coder[3] = low, high, value
-    return bit
+    return int(bit)
 
 
 @njit(cache=True, nogil=True)
-def _ask(coder: AnyArray, data: UInt8, states: AnyArray, at: int, bit: int, encode: bool) -> int:
-    """Encode the answer ``bit``, or decode and return it, with the odds of a state."""
-    odds = int(states[at]) >> 8
-    if encode:
-        _put(coder, data, odds, bit)
-    else:
-        bit = _get(coder, data, odds)
+def _ask(coder: AnyArray, data: UInt8, states: AnyArray, at: int) -> int:
+    """Decode one answer with the odds of a state."""
+    bit = _get(coder, data, int(states[at]) >> 8)
     _learn(states, at, bit)
-    return bit
+    return int(bit)
 
 
 @njit(cache=True, nogil=True)
@@ -112,58 +90,45 @@ def _surroundings(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int, r: int, encode: bool) -> int:
-    """Encode ``r``, or decode and return it: zero? negative? then the size, one by one and then in bits."""
-    if _ask(coder, data, states, base, int(r == 0), encode):
+def _residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) -> int:
+    """Decode a residual: zero? negative? then the size, one by one and then in bits."""
+    if _ask(coder, data, states, base):
         return 0
-    negative = _ask(coder, data, states, base + 1, int(r < 0), encode)
-    size = abs(r)
+    negative = _ask(coder, data, states, base + 1)
     for m in range(1, UNARY + 1):
-        if _ask(coder, data, states, base + 1 + m, int(size == m), encode):
+        if _ask(coder, data, states, base + 1 + m):
             return -m if negative else m
-    rest, bits = size - UNARY, 0
-    while bits < 17 and not _ask(coder, data, states, _LARGE + bits, int(rest >> (bits + 1) == 0), encode):
+    bits, made = 0, 1
+    while bits < 17 and not _ask(coder, data, states, _LARGE + bits):
         bits += 1
-    made = 1
-    for b in range(bits - 1, -1, -1):
-        bit = (rest >> b) & 1
-        if encode:
-            _put(coder, data, 32768, bit)
-        else:
-            bit = _get(coder, data, 32768)
-        made = (made << 1) | bit
+    for _ in range(bits):
+        made = (made << 1) | _get(coder, data, 32768)
     size = made + UNARY
     return -size if negative else size
 
 
 @njit(cache=True, nogil=True)
-def _code_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray, encode: bool) -> bool:
-    """Encode the ascending (P + 1,) ``values``, or decode them; a step is expected to be as the former."""
+def _read_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) -> bool:
+    """Decode the ascending (P + 1,) ``values``; a step is expected to be as the former."""
     former, size = 1, 0
     for level in range(1, values.size):
-        step = int(np.int64(values[level])) - int(np.int64(values[level - 1])) if encode else 0
-        r = _residual(coder, data, states, _TABLE + size * QUESTIONS, step - former, encode)
+        r = _residual(coder, data, states, _TABLE + size * QUESTIONS)
         step = former + r
-        if not encode:
-            value = int(np.int64(values[level - 1])) + step
-            if step < 1 or value > 65535:
-                return False
-            values[level] = value
+        value = int(np.int64(values[level - 1])) + step
+        if step < 1 or value > 65535:
+            return False
+        values[level] = value
         former, size = step, min(abs(r), 3)
     return True
 
 
 @njit(cache=True, nogil=True)
-def _code_image(
-    depth: UInt16, table: UInt16, count: int, data: UInt8, coder: AnyArray, states: AnyArray, encode: bool
-) -> bool:
-    """Encode (H, W) ``depth`` into ``data``, or decode it from there; False where the data make no image.
-
-    ``table`` is the level of each value to encode, the value of each level to decode.
-    """
+def _read_image(depth: UInt16, values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) -> bool:
+    """Decode (H, W) ``depth``, with the value of each level; False where the data make no image."""
     height, width = depth.shape
+    count = values.size - 1
     rows, errors = np.zeros((3, width + 4), np.int64), np.zeros((2, width + 4), np.int64)
-    last, half, least = (count + 1) // 2, count // 2, -((count - 1) // 2)
+    last = (count + 1) // 2
     for y in range(height):
         row, above, top = rows[y % 3], rows[(y + 2) % 3], rows[(y + 1) % 3]
         error, former = errors[y % 2], errors[(y + 1) % 2]
@@ -172,48 +137,20 @@ def _code_image(
             holes = (
                 (w != 0) | (n != 0) << 1 | (nw != 0) << 2 | (ne != 0) << 3 | (ww != 0) << 4 | (nn != 0) << 5
             )
-            v = int(np.int64(table[depth[y, x - 2]])) if encode else 0
             row[x], error[x] = 0, 0
-            if _ask(coder, data, states, holes, int(v == 0), encode):
+            if _ask(coder, data, states, holes):
                 depth[y, x - 2] = 0
                 continue
             p = predict_level(w, n, nw, ne, last)
             recent = error[x - 1] + former[x] + ((former[x - 1] + former[x + 1]) >> 1)
-            r = v - p
-            if encode:
-                r = r - count if r > half else (r + count if r < least else r)
-            base = _HOLES + _surroundings(w, ww, n, ne, p, recent) * QUESTIONS
-            r = _residual(coder, data, states, base, r, encode)
-            if not encode:
-                v = p + r
-                v = v - count if v > count else (v + count if v < 1 else v)
-                if v < 1 or v > count:
-                    return False
-                depth[y, x - 2] = table[v]
+            r = _residual(coder, data, states, _HOLES + _surroundings(w, ww, n, ne, p, recent) * QUESTIONS)
+            v = p + r
+            v = v - count if v > count else (v + count if v < 1 else v)
+            if v < 1 or v > count:
+                return False
+            depth[y, x - 2] = values[v]
             row[x], error[x], last = v, min(abs(r), 2000), v
     return True
-
-
-@njit(cache=True, nogil=True)
-def pack_levels(depth: UInt16, ranks: UInt16, values: UInt16, tabled: bool, out: UInt8) -> int:
-    """The bytes used of ``out`` for an (H, W) image, or -1 where they do not suffice.
-
-    Args:
-        depth: (H, W) millimetres; not changed.
-        ranks: (65536,) the level of each value, 0..P.
-        values: (P + 1,) the millimetres of each level.
-        tabled: whether the values are written too.
-        out: room for the packed bytes.
-    """
-    states = np.full(_STATES, 32768 << 8, np.int32)
-    coder = np.array([0, 0xFFFFFFFF, 0, 0], np.int64)
-    if tabled:
-        _code_table(values, out, coder, states, True)
-    _code_image(depth, ranks, values.size - 1, out, coder, states, True)
-    if coder[2] >= out.size:
-        return -1
-    out[coder[2]] = (coder[0] >> 24) + 1
-    return int(coder[2]) + 1
 
 
 @njit(cache=True, nogil=True)
@@ -230,6 +167,6 @@ def unpack_levels(data: UInt8, values: UInt16, tabled: bool, depth: UInt16) -> b
     coder = np.array([0, 0xFFFFFFFF, 4, 0], np.int64)
     for at in range(4):
         coder[3] = (coder[3] << 8) | (int(np.int64(data[at])) if at < data.size else 0)
-    if tabled and not _code_table(values, data, coder, states, False):
+    if tabled and not _read_table(values, data, coder, states):
         return False
-    return bool(_code_image(depth, values, values.size - 1, data, coder, states, False))
+    return bool(_read_image(depth, values, data, coder, states))

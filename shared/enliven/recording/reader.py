@@ -88,7 +88,7 @@ class Recording:
 
         ``next`` raises InputError for a message that is no frame, and goes on with the one after it.
         """
-        return map(_frame, self.in_order({DEPTH_TOPIC, BODIES_TOPIC}, file))
+        return map(lambda said: frame_of(said[0], said[2]), self.in_order({DEPTH_TOPIC, BODIES_TOPIC}, file))
 
     def truth(self) -> Iterator[BodyFrame]:
         """Yields the true bodies of a synthetic recording, in the order of time."""
@@ -170,11 +170,6 @@ def frame_of(topic: str, data: bytes) -> Frame:
         InputError: where it is none.
     """
     return unpack_depth(data) if topic == DEPTH_TOPIC else unpack_bodies(data)
-
-
-def _frame(said: tuple[str, int, bytes]) -> Frame:
-    """Returns the frame of a (topic, time, bytes)."""
-    return frame_of(said[0], said[2])
 
 
 def _check_profile(container: Container) -> None:

@@ -7,7 +7,6 @@ from .body_takes import (
 from .capture_clip import BODY_NAMES as BODY_NAMES, clip_of_bodies as clip_of_bodies
 from .capture_limbs import (
     half_way as half_way,
-    level_direction as level_direction,
     limb_rotations as limb_rotations,
     smoothstep as smoothstep,
 )

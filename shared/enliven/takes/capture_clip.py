@@ -19,7 +19,7 @@ from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion import Capture
 from enliven.person import PARENTS, Body, Joint
-from enliven.rotation import conjugate, from_matrix, multiply, slerp
+from enliven.rotation import conjugate, continuous, from_matrix, multiply, slerp
 from enliven.takes.capture_rest import links, metres, rooted, stiff_pose, zero_pose, zero_stands
 from enliven.takes.positions import filled, rest_of, turns_of
 
@@ -140,11 +140,3 @@ def _known(bodies: Sequence[Body], still: Body) -> Float | None:
         return None
     world = np.stack([np.asarray(body.orientations) for body in bodies])
     return multiply(world, conjugate(still.orientations))
-
-
-def continuous(turns: Float) -> Float:
-    """The same rotations (F, N, 4), each of the sign that is nearest to the frame before."""
-    signs = np.where((turns[1:] * turns[:-1]).sum(-1) < 0, -1.0, 1.0)
-    turns = turns.copy()
-    turns[1:] *= np.cumprod(signs, axis=0)[..., None]
-    return turns

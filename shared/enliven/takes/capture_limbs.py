@@ -28,7 +28,10 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
     out[:, Limb.PELVIS] = _axes(middle - low, across_hips)
     out[:, Limb.CHEST] = _axes(top - middle, across_shoulders)
     out[:, Limb.ABDOMEN] = _axes(top - low, unit(across_hips) + unit(across_shoulders))
-    out[:, Limb.SKULL] = _skull(out[:, Limb.CHEST], capture.rotations[:, roles.head])
+    # The head as its joint turns, facing on average where the chest does.
+    head = capture.rotations[:, roles.head]
+    usual = nearest_rotation((out[:, Limb.CHEST].transpose(0, 2, 1) @ head).mean(0))
+    out[:, Limb.SKULL] = head @ usual.T
     beyond = np.where(np.linalg.norm(tips - wrists, axis=-1, keepdims=True) > 1e-6, tips, 2 * wrists - elbows)
     standing = _standing(toes, ankles, capture.seconds, knees, hips)
     for side in (0, 1):
@@ -105,17 +108,6 @@ def _foot(along: Float, shank_left: Float, standing: Bool) -> Float:
     c, s = np.cos(slope), np.sin(slope)
     level = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
     return np.asarray(np.stack([x, np.cross(z, x), z], -1) @ level)
-
-
-def _skull(chest: Float, head: Float) -> Float:
-    """Returns (F, 3, 3) the head as its joint turns, facing on average where the chest does."""
-    usual = nearest_rotation((chest.transpose(0, 2, 1) @ head).mean(0))
-    return np.asarray(head @ usual.T)
-
-
-def level_direction(direction: Float) -> Float:
-    """The unit vectors (..., 3) of directions (..., 3) laid onto the floor."""
-    return unit(direction * [1.0, 0.0, 1.0])
 
 
 def smoothstep(value: Float, low: float, high: float) -> Float:

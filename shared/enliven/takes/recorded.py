@@ -81,7 +81,8 @@ def body_frames(recording: Recording) -> Iterator[Frame]:
 
 def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:
     """Returns clips of frames in the order of time, named after ``name``; see :func:`clips_of_recording`."""
-    parts = [part for part in _visits(frames, settings.gap) if _seconds(part) >= settings.shortest]
+    visits = _visits(frames, settings.gap)
+    parts = [visit for visit in visits if (visit[-1][0] - visit[0][0]) * 1e-9 >= settings.shortest]
     ids = [name] if len(parts) == 1 else [f"{name} {number}" for number in range(1, len(parts) + 1)]
     return [_clip(id, part, settings.step) for id, part in zip(ids, parts, strict=True)]
 
@@ -106,10 +107,6 @@ def _visits(frames: Iterable[Frame], gap: float) -> list[_Visit]:
                 made.append(visit)
             visit.append((frame.time_ns, body))
     return made
-
-
-def _seconds(visit: _Visit) -> float:
-    return (visit[-1][0] - visit[0][0]) * 1e-9
 
 
 def _clip(id: str, visit: _Visit, step: float) -> Clip:

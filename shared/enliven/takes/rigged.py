@@ -14,8 +14,7 @@ from enliven.arrays import Float
 from enliven.document import Character, Clip, Pose, Shape, Skeleton, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.rotation import from_matrix
-from enliven.takes.capture_clip import continuous
+from enliven.rotation import continuous, from_matrix
 from enliven.takes.possessed import between, even_times
 
 

@@ -13,7 +13,6 @@ from enliven.errors import InputError
 from enliven.health import HealthState, Severity, worst_first
 from enliven.person import Body
 from enliven.person import J as JOINTS
-from enliven.wire.convert_characters import character_to_message, message_to_character
 from enliven.wire.fields import MAX_HEALTH, MAX_PROPS, from_bytes, to_bytes
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.quaternions import pack_quaternions, unpack_quaternions
@@ -25,24 +24,6 @@ from enliven.wire.streams import (
     PoseMessage,
     PropsMessage,
 )
-
-__all__ = [
-    "JOINT_STEP",
-    "as_sent",
-    "bodies_to_message",
-    "character_to_message",
-    "cues_to_message",
-    "health_to_messages",
-    "message_to_bodies",
-    "message_to_character",
-    "message_to_cues",
-    "message_to_owners",
-    "message_to_pose",
-    "message_to_props",
-    "messages_to_health",
-    "pose_to_message",
-    "props_to_message",
-]
 
 JOINT_STEP = 2.0**-11
 """Metres; a joint is at most 0.25 mm off along each axis (0.43 mm in all), up to 16 m from the origin."""

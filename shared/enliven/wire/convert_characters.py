@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from msgspec.structs import asdict
 
 from enliven.arrays import Float32, UInt16
 from enliven.document import ArapSettings, Character, SkinWeights
@@ -57,6 +58,7 @@ def message_to_character(message: CharacterMessage) -> Character:
             "a vertex, weight or pivot is not a finite number", where=f"character {message.id!r}"
         )
     colours = message.colours
+    surface = message.surface
     return Character(
         message.id,
         from_bytes(message.vertices, "<f4", 3),
@@ -68,7 +70,7 @@ def message_to_character(message: CharacterMessage) -> Character:
         None if colours is None else from_bytes(colours, "u1", 3),
         None if message.held is None else from_bytes(message.held, "<i4", 1)[:, 0],
         None if message.pulls is None else from_bytes(message.pulls, "<f4", 1)[:, 0],
-        None if message.surface is None else _surface_settings(message.surface),
+        None if surface is None else ArapSettings(**asdict(surface)),
     )
 
 
@@ -96,10 +98,6 @@ def _surface_message(settings: ArapSettings) -> SurfaceMessage:
         min(settings.coarse_vertices, MAX_SOLVED),
         min(settings.guide_vertices, MAX_SOLVED),
     )
-
-
-def _surface_settings(message: SurfaceMessage) -> ArapSettings:
-    return ArapSettings(**{name: getattr(message, name) for name in SurfaceMessage.__struct_fields__})
 
 
 def _check_size(character: Character) -> None:

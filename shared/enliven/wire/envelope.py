@@ -1,7 +1,10 @@
 """Converts bytes on a socket to checked messages and back; malformed bytes are counted and dropped.
 
 On the stream socket a message is its topic's name, a zero byte, the version, and the MessagePack payload, in
-one part; on the control socket the version and the payload.
+one part; on the control socket the version and the payload. Streams are arrays of their fields in order,
+requests and replies maps by name. Unknown fields are ignored and a field that came later has a default, so a
+newer program may append. Types, lengths and finiteness are checked on receipt; numbers in ``bytes`` are
+little-endian.
 """
 
 from __future__ import annotations
@@ -14,11 +17,13 @@ from typing import Any, Union
 import msgspec
 
 from enliven.errors import EnlivenError
-from enliven.wire.messages import VERSION
 from enliven.wire.requests import REQUESTS
 from enliven.wire.topics import BY_TYPE, REQUEST, STREAMS, Topic
 
 log = logging.getLogger(__name__)
+
+VERSION = 1
+"""Of the wire. Raised when an old program could misread a new message."""
 
 _ENCODER = msgspec.msgpack.Encoder()
 

@@ -101,7 +101,8 @@ class ZmtpSession:
         if said[12:32] != GREETING[12:32]:
             raise ZmtpError("another mechanism of keys")
         self._at, self._greeted = len(GREETING), True
-        self.answers += framed(b"\x05READY" + _property(b"Socket-Type", self._kind.encode()), _COMMAND)
+        kind = struct.pack(">I", len(self._kind)) + self._kind.encode()
+        self.answers += framed(b"\x05READY\x0bSocket-Type" + kind, _COMMAND)
         return []
 
     def _frame(self) -> tuple[int, bytes] | None:
@@ -138,8 +139,3 @@ class ZmtpSession:
         elif name == b"CANCEL":
             return [b"\x00" + rest]
         return []
-
-
-def _property(name: bytes, value: bytes) -> bytes:
-    """One property of an introduction."""
-    return bytes([len(name)]) + name + struct.pack(">I", len(value)) + value

@@ -37,8 +37,7 @@ def synthesize(
       enliven synthesize -o wave.mcap --choreography wave --profile oak-d --width 0
     """
     from enliven.recording import Recorder
-    from enliven_edge.sensors import load_profile
-    from enliven_synthesis.sensor import SyntheticSettings, SyntheticStudio
+    from enliven_synthesis.sensor import SyntheticSettings, SyntheticStudio, load_profile
 
     values = {"choreography": choreography, "seed": seed, "width": width, "noise": noise}
     studio = SyntheticStudio(

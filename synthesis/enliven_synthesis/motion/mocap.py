@@ -11,8 +11,8 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.formats.motion import Capture
 from enliven.person import Limb
-from enliven.rotation import from_matrix, slerp, swing, to_matrix
-from enliven.takes import Roles, find_roles, level_direction, limb_rotations, smoothstep
+from enliven.rotation import from_matrix, slerp, swing, to_matrix, unit
+from enliven.takes import Roles, find_roles, limb_rotations, smoothstep
 from enliven_synthesis.body import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
@@ -46,7 +46,7 @@ class Captured:
         last = capture.frames if stop is None else min(round(stop / capture.seconds) + 1, capture.frames)
         rotations, pelvis = rotations[first:last], pelvis[first:last]
         facing = rotations[: max(1, round(0.3 / capture.seconds)), Limb.PELVIS, :, 2].mean(0)
-        level = to_matrix(swing(level_direction(facing), _FORWARD))
+        level = to_matrix(swing(unit(facing * [1.0, 0.0, 1.0]), _FORWARD))
         self._rotations = from_matrix(level @ rotations)
         self._pelvis = (pelvis - pelvis[0] * [1.0, 0.0, 1.0]) @ level.T
         self._performer, self._seconds = performer, capture.seconds

@@ -11,10 +11,10 @@ from enliven.arrays import Bool, Float, Int32
 from enliven.camera import world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven.person import Body
-from enliven_edge.sensors import SensorProfile
 from enliven_synthesis.body import BodyAnatomy, Figure, Performer, about_y, on_grid, seen_joints
 from enliven_synthesis.motion import Motion, placed
 from enliven_synthesis.sensor.noise import DepthNoise
+from enliven_synthesis.sensor.profile import SensorProfile
 from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 

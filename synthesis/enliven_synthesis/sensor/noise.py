@@ -18,9 +18,9 @@ import numpy as np
 from enliven.arrays import Float, Int32, UInt8, UInt16
 from enliven.camera import Intrinsics, rays
 from enliven.kernels import njit
-from enliven_edge.sensors import SensorProfile
 from enliven_synthesis.body import on_grid
 from enliven_synthesis.sensor.faults import cast_shadow, look, mark_edges, measure, slants
+from enliven_synthesis.sensor.profile import SensorProfile
 
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
 """Standard deviation of a uniform byte."""

@@ -13,10 +13,10 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven.settings import setting
-from enliven_edge.sensors import SensorProfile
 from enliven_synthesis.body import BodyAnatomy, Figure, Performer, Proportions, about_y, on_grid
 from enliven_synthesis.motion import choreography
 from enliven_synthesis.sensor.noise import DepthNoise
+from enliven_synthesis.sensor.profile import SensorProfile
 from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import cast_room
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven.settings import load_settings
-from enliven_edge.sensors import Sensor, load_profile
+from enliven_edge.sensors import Sensor
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 
 

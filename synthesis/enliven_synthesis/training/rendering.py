@@ -14,10 +14,9 @@ from numpy.random import Generator
 
 from enliven.arrays import Bool, Float, Float32, UInt8
 from enliven.camera import Intrinsics, rays
-from enliven_edge.sensors import load_profile
 from enliven_edge.tracking.estimator import NOBODY
 from enliven_synthesis.body import PIECES, BodyAnatomy, Figure, Performer, Proportions
-from enliven_synthesis.sensor import DepthNoise, DepthRenderer
+from enliven_synthesis.sensor import DepthNoise, DepthRenderer, load_profile
 from enliven_synthesis.training.body_poses import random_figure
 from enliven_synthesis.training.clutter import piece_of_wall, random_clutter
 from enliven_synthesis.training.labelling import label_pixels

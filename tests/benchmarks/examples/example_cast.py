@@ -21,7 +21,8 @@ from enliven.document.locomotion import LocomotionSettings
 from enliven.document.project import Project
 from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
 from enliven.document.surface_settings import ArapSettings
-from enliven.example_sessions.session import Session, fitted, read_session
+from enliven.example_sessions.mesh import fitted
+from enliven.example_sessions.session import Session, read_session
 from enliven.example_sessions.tables import MeshTable, TakeTable
 from enliven.example_sessions.text import session_text
 from enliven.meshes.files import load_mesh

@@ -13,7 +13,8 @@ from enliven.deformation.arap.self_intersection import SelfIntersection
 from enliven.document.project import Project
 from enliven.document.puppet import Puppet
 from enliven.examples.performer import performed
-from enliven.examples.puppet_motion import PuppetMotion, motion_of
+from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.meshes.mesh import Mesh, weld
 
 _EVERY = 10

@@ -20,7 +20,8 @@ from enliven.examples.performer import yaw_of
 from enliven.examples.puppet_motion import in_world, pose_of_state, state_of
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.expmap import read_expmap
-from enliven.person.body import Body, J
+from enliven.person.body import Body
+from enliven.person.joints import J
 from enliven.rotation import from_rotation_vector, multiply, rotate
 from enliven.takes.capture_roles import find_roles
 from enliven_edge.importing.motion_capture import bodies_of

@@ -31,7 +31,8 @@ from enliven.arrays import Float
 from enliven.document.clip import Clip
 from enliven.frames import BodyFrame
 from enliven.meshes.files import save_mesh
-from enliven.person.body import PARENTS, Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import PARENTS, Joint
 from enliven.recording import Recorder
 from enliven.samples import load_sample
 from enliven_viewer.studio.workspace.workspace import Workspace

@@ -13,7 +13,8 @@ from scipy.sparse import csc_matrix, csr_matrix, identity, vstack
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float
-from enliven.deformation.embedded.solver import EmbeddedSettings, PointConstraints
+from enliven.deformation.constraints import PointConstraints
+from enliven.deformation.embedded.solver import EmbeddedSettings
 from enliven.deformation.graph.graph import DeformationGraph
 
 State = tuple[Float, Float]

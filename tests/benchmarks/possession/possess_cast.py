@@ -14,12 +14,13 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.frames import BodyFrame
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh, fit_height, refine
-from enliven.person.body import PARENTS, Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.placement import turn_about_y
 from enliven.possession.standing import best_stand
 from enliven.rotation import rotate, swing
-from enliven_edge.importing.body_scanner import level_from_tilted
+from enliven_edge.importing.kinect_texts import level_from_tilted
 from enliven_synthesis.body.performer import Performer
 from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.motion.exercises import exercise, exercise_names

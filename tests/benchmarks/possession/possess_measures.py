@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from possess_take import Take
 from scipy.spatial import cKDTree
+from skinned_normals import skin_normals
 
 from enliven.arrays import Float, Int
-from enliven.deformation.skinning import skin_normals, skin_vertices
+from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Character
 from enliven.meshes.kernels import shells
 from enliven.meshes.mesh import Mesh, weld

@@ -14,7 +14,7 @@ from possess_measures import Measures, measure
 from possess_take import Act, Shot, Take, perform
 
 from enliven.document.character import Character, Pose, SkinWeights
-from enliven.person.body import PARENTS, Joint
+from enliven.person.joints import PARENTS, Joint
 from enliven.possession.highlights import Cues
 from enliven_edge.stage.casting import cast
 

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven.person.limbs import Limb
 from enliven.rotation import from_matrix, from_rotation_vector, multiply
 from enliven_synthesis.body.performer import Performer

@@ -14,7 +14,7 @@ import tracking_set
 from tracking_set import HELD_OUT, TUNING, Sequence, sequences
 
 from enliven.camera import world_from_level_camera
-from enliven_edge.sensors.profile import load_profile
+from enliven_synthesis.sensor.profile import load_profile
 
 
 def test_names_are_given_once_and_splits_share_no_scene() -> None:

@@ -30,9 +30,9 @@ from tracking_cache import delivered
 from tracking_scores import BINS, Scores, Take, joint_label, score
 from tracking_set import HELD_OUT, TUNING, Sequence, sequences
 
-from enliven_edge.sensors.profile import load_profile
 from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.sensor.profile import load_profile
 
 HEAD = (
     f"{'sequence':<20}{'frames':>7}{'within':>8}{'mean mm':>9}{'missed':>8}{'sure':>7}{'id':>4}{'l/r':>4}"

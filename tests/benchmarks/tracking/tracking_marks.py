@@ -6,7 +6,7 @@ own left is at the image's right. What cannot be seen is left out. The last imag
 
 from __future__ import annotations
 
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 
 _SEVEN = (
     Joint.HEAD, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.HAND_LEFT,

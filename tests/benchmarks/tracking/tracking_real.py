@@ -38,7 +38,8 @@ from tracking_set import DATA
 
 from enliven.camera import Intrinsics, project, world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven.person.body import ANKLE_ABOVE_SOLE, Body, Joint
+from enliven.person.body import ANKLE_ABOVE_SOLE, Body
+from enliven.person.joints import Joint
 from enliven_edge.importing import flow_room
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader

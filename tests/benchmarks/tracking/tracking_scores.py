@@ -12,7 +12,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from tracking_cache import Moment
 
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven.person.limbs import Limb
 from enliven.rotation import swing, to_matrix
 

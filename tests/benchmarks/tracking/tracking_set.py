@@ -16,12 +16,12 @@ from pathlib import Path
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.capture import Capture
 from enliven.formats.motion.expmap import read_expmap
-from enliven_edge.sensors.profile import load_profile
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.exercises import exercise
 from enliven_synthesis.motion.mocap import Captured
 from enliven_synthesis.motion.motion import Chained, Danced, HeldMotion, Motion, MotionSegment
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import ROOM, Box
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))

@@ -11,9 +11,9 @@ import pytest
 from enliven.errors import InputError, ResourceError
 from enliven_edge.controls.base import Debouncer
 from enliven_edge.controls.control_set import device_of, open_controls
-from enliven_edge.controls.extras import need
 from enliven_edge.controls.serial_pedal import ByteKeys, LineKeys
 from enliven_edge.controls.settings import ControlSettings
+from enliven_edge.extras import need
 
 sys.path.insert(0, str(Path(__file__).parent))
 

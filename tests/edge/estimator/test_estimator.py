@@ -12,7 +12,7 @@ from people_for_estimator import Fresh, fresh
 from scipy.stats import spearmanr
 
 from enliven.errors import InputError
-from enliven.person.body import MIRROR
+from enliven.person.joints import MIRROR
 from enliven_edge.assets import ESTIMATOR
 from enliven_edge.tracking.estimator.crop import crop_person
 from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator, shipped_estimator

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.tracking.estimator.labels import MIRRORED, NOBODY, BodyPart
 from enliven_synthesis.training import dataset
 from enliven_synthesis.training.dataset import Batch, Dataset, render_dataset

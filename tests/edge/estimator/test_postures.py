@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_synthesis.body.performer import Figure, Performer
 from enliven_synthesis.training.body_poses import FAMILIES, random_figure
 from enliven_synthesis.training.rendering import random_build

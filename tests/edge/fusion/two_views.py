@@ -6,12 +6,12 @@ import numpy as np
 
 from enliven.frames import DepthFrame
 from enliven_edge.fusion.placement.rigid_transform import inverse
-from enliven_edge.sensors.profile import load_profile
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.dance import HOME_Z
 from enliven_synthesis.motion.motion import Danced
 from enliven_synthesis.motion.wander import wander
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
+from enliven_synthesis.sensor.profile import load_profile
 
 WIDTH, RATE = 320, 30.0
 PLACES = {"left": ((0.0, 0.0), 0.0), "right": ((2.3, -1.2), 55.0)}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.person.body import PARENTS, Joint
+from enliven.person.joints import PARENTS, Joint
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.motion.exercises import exercise

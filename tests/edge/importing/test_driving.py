@@ -11,7 +11,7 @@ import typer
 from made_bvh import danced, write_bvh
 from typer.testing import CliRunner
 
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.commands.import_ import import_recording
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor

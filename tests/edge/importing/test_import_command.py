@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven.person.body import Body, J
+from enliven.person.body import Body
+from enliven.person.joints import J
 from enliven.recording import Recorder, Recording
 from enliven_edge.commands.import_ import import_recording
 from enliven_edge.commands.record import record

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError
-from enliven.person.body import ANKLE_ABOVE_SOLE, Joint
+from enliven.person.body import ANKLE_ABOVE_SOLE
+from enliven.person.joints import Joint
 from enliven_edge.importing.base import ImportOptions
-from enliven_edge.importing.body_scanner import level_from_tilted
+from enliven_edge.importing.kinect_texts import MSR_FOCAL, MSR_ORDER, level_from_tilted
 from enliven_edge.importing.mirror import OTHER_SIDE, mirrored
-from enliven_edge.importing.msr_action3d import FOCAL, ORDER
 from enliven_edge.importing.registry import find_reader
 from enliven_edge.importing.skeletons import KINECT2_NAMES, KINECT2_ORDER
 from enliven_edge.tracking.output.output import Output
@@ -135,11 +135,11 @@ def test_multitrack_takes_the_kinect_that_is_named(tmp_path):
 
 
 def msr_rows(world: np.ndarray, pixels: bool) -> str:
-    space = kinect_space(world)[list(ORDER)]
-    confidence = np.where(np.array(ORDER) == Joint.FOOT_LEFT, 0.0, 0.75)
+    space = kinect_space(world)[list(MSR_ORDER)]
+    confidence = np.where(np.array(MSR_ORDER) == Joint.FOOT_LEFT, 0.0, 0.75)
     if pixels:
         x, y, z = space.T
-        space = np.stack([160 + FOCAL * x / z, 120 - FOCAL * y / z, z / 0.004], -1)
+        space = np.stack([160 + MSR_FOCAL * x / z, 120 - MSR_FOCAL * y / z, z / 0.004], -1)
     return (
         "\n".join("  ".join(f"{v:.7e}" for v in row) for row in np.column_stack([space, confidence])) + "\n"
     )

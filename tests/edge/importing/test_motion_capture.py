@@ -13,7 +13,7 @@ from made_bvh import danced, write_bvh
 from typer.testing import CliRunner
 
 from enliven.errors import InputError
-from enliven.person.body import PARENTS, Joint
+from enliven.person.joints import PARENTS, Joint
 from enliven.recording import Recording
 from enliven.rotation import to_matrix
 from enliven_edge.commands.import_ import import_recording

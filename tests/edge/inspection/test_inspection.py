@@ -13,7 +13,8 @@ from enliven.camera import Intrinsics, project, world_from_level_camera
 from enliven.errors import InputError, ResourceError
 from enliven.film_writer import FilmWriter
 from enliven.frames import BodyFrame
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven.recording import Recorder
 from enliven_edge.commands.inspect import inspect
 from enliven_edge.inspection.inspector import Inspector

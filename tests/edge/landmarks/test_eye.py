@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.landmarks.eye import ColourPoseEstimator
 from enliven_edge.tracking.settings import SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker

@@ -6,7 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven_edge.landmarks.joining import join, join_people
 
 ASIDE = np.array([1.0, 0.0, 0.0])

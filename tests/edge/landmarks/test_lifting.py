@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from enliven.errors import InputError
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.landmarks.anatomy import WEIGHTS, visibility_of
 from enliven_edge.landmarks.lifting import Lifter, LiftSettings
 from enliven_synthesis.sensor.synthetic import SyntheticSensor

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.camera import Intrinsics, project
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.landmarks.source import INDEX, NAMES, Landmarks
 
 _LIMBS = {

@@ -8,7 +8,8 @@ from enliven.document.character import SkinWeights
 from enliven.document.rigged import Shape, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.meshes.mesh import Mesh
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 
 LIMBS = {
     "right": (1.0, 0.0, 0.0),

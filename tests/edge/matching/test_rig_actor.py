@@ -13,7 +13,8 @@ from enliven.errors import InputError
 from enliven.matching.body_limbs import body_source
 from enliven.matching.picking import PickingSettings
 from enliven.matching.views import ScreenView
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven.rotation import from_rotation_vector, rotate
 from enliven.wire.matches import board_to_message, message_to_board
 from enliven_edge.stage.rig.rig_actor import RigActor

@@ -18,7 +18,7 @@ import pytest
 import zmq
 
 from enliven.errors import InputError, ResourceError
-from enliven.wire import messages, topics
+from enliven.wire import requests, streams, topics
 from enliven.wire.envelope import pack_control, unpack_control
 from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.outlet import Outlet
@@ -61,7 +61,7 @@ class Stage:
         """One frame's worth of listening."""
         self.outlet.poll_requests(self.handlers)
 
-    def do(self, order: messages.Order) -> None:
+    def do(self, order: requests.Order) -> None:
         self.done.append(order)
         time.sleep(self.seconds)
 
@@ -81,11 +81,11 @@ class Peer:
         self.dealer.setsockopt(zmq.SNDHWM, 0)
         self.dealer.setsockopt(zmq.RCVHWM, 0)
         self.dealer.connect(publisher.endpoint.control_address)
-        self.replies: list[messages.Reply] = []
+        self.replies: list[requests.Reply] = []
 
-    def send(self, *bodies: messages.Ask) -> None:
+    def send(self, *bodies: requests.Ask) -> None:
         for number, body in enumerate(bodies):
-            self.dealer.send(pack_control(messages.Request(number, body)))
+            self.dealer.send(pack_control(requests.Request(number, body)))
 
     def read(self) -> None:
         while self.dealer.poll(0):
@@ -113,7 +113,7 @@ def test_orders_that_take_long_wait_for_later_frames(stage: Stage, peers) -> Non
     stage.seconds = 0.02
     rude = [peers(stage.outlet.publisher) for _ in range(2)]
     for each in rude:
-        each.send(*[messages.Possess("chair", mode="join")] * 50)
+        each.send(*[requests.Possess("chair", mode="join")] * 50)
     counts: list[int] = []
 
     def frame() -> None:
@@ -132,22 +132,22 @@ def test_a_viewer_that_asks_little_comes_first(stage: Stage, peers) -> None:
     """Its order is done when one of the others' is under way at most, not after their hundred."""
     rude = [peers(stage.outlet.publisher) for _ in range(2)]
     good = peers(stage.outlet.publisher)
-    good.send(messages.Ping("good", 0))
+    good.send(requests.Ping("good", 0))
     until(lambda: good.replies, stage.hear, good.read)
     stage.seconds = 0.01
     for each in rude:
-        each.send(*[messages.Possess("chair", mode="join")] * 60)
+        each.send(*[requests.Possess("chair", mode="join")] * 60)
     until(lambda: len(stage.done) > 2, stage.hear)
     before = len(stage.done)
-    good.send(messages.Release("lamp"))
-    until(lambda: messages.Release("lamp") in stage.done, stage.hear)
-    assert stage.done.index(messages.Release("lamp")) - before <= 6
+    good.send(requests.Release("lamp"))
+    until(lambda: requests.Release("lamp") in stage.done, stage.hear)
+    assert stage.done.index(requests.Release("lamp")) - before <= 6
 
 
 def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, peers) -> None:
     """Each comes with forty orders and leaves again, so that it has cost nothing yet when it asks."""
     good = peers(stage.outlet.publisher)
-    good.send(messages.Ping("good", 0))
+    good.send(requests.Ping("good", 0))
     until(lambda: good.replies, stage.hear, good.read)
     known = time.monotonic() + 1.5
     until(lambda: time.monotonic() > known, stage.hear)
@@ -157,15 +157,15 @@ def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, 
         while len(crowd) > 6:
             crowd.pop(0).close()
         crowd.append(Peer(stage.outlet.publisher))
-        crowd[-1].send(*[messages.Possess("chair", mode="join")] * 40)
+        crowd[-1].send(*[requests.Possess("chair", mode="join")] * 40)
 
     crowd: list[Peer] = []
     until(lambda: len(stage.done) > 10, come, stage.hear)
     waited = []
     for turn in range(5):
         before = len(stage.done)
-        good.send(messages.Release(f"lamp {turn}"))
-        until(lambda name=f"lamp {turn}": messages.Release(name) in stage.done, come, stage.hear)
+        good.send(requests.Release(f"lamp {turn}"))
+        until(lambda name=f"lamp {turn}": requests.Release(name) in stage.done, come, stage.hear)
         waited.append(len(stage.done) - before)
     for each in crowd:
         each.close()
@@ -174,8 +174,8 @@ def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, 
 
 def test_only_the_newest_of_what_replaces_itself_is_done_and_each_is_answered(stage: Stage, peers) -> None:
     viewer = peers(stage.outlet.publisher)
-    looks = [messages.Look((0.0, 0.0, float(i + 1)), (0.0, 1.0, 0.0)) for i in range(60)]
-    viewer.send(messages.Ping("v", 0))
+    looks = [requests.Look((0.0, 0.0, float(i + 1)), (0.0, 1.0, 0.0)) for i in range(60)]
+    viewer.send(requests.Ping("v", 0))
     until(lambda: viewer.replies, stage.hear, viewer.read)
     viewer.replies.clear()
     # Each takes longer than a frame allows: what comes meanwhile waits.
@@ -184,29 +184,29 @@ def test_only_the_newest_of_what_replaces_itself_is_done_and_each_is_answered(st
     until(lambda: len(viewer.replies) == 60, stage.hear, viewer.read)
     assert stage.done[-1] == looks[-1] and len(stage.done) <= 30
     answers = [reply.body for reply in sorted(viewer.replies, key=lambda r: r.id)]
-    assert answers[-1] == messages.Done()
-    assert answers.count(messages.Refused(messages.SUPERSEDED)) == 60 - len(stage.done)
+    assert answers[-1] == requests.Done()
+    assert answers.count(requests.Refused(requests.SUPERSEDED)) == 60 - len(stage.done)
 
 
 def test_each_of_many_steps_is_done(stage: Stage, peers) -> None:
     """An order that says how much, or who comes next, is not made needless by the one after it."""
     viewer = peers(stage.outlet.publisher)
-    viewer.send(*[messages.Browse("chair", 1)] * 20, *[messages.Possess("chair", mode="join")] * 3)
+    viewer.send(*[requests.Browse("chair", 1)] * 20, *[requests.Possess("chair", mode="join")] * 3)
     until(lambda: len(viewer.replies) == 23, stage.hear, viewer.read)
-    assert {type(reply.body) for reply in viewer.replies} == {messages.Done} and len(stage.done) == 23
+    assert {type(reply.body) for reply in viewer.replies} == {requests.Done} and len(stage.done) == 23
 
 
 def test_a_rate_is_kept_and_said(peers, caplog: pytest.LogCaptureFixture) -> None:
     with Publisher(name=unique(), pose_port=0, control_port=0, rate=20.0) as publisher:
         greedy, good = peers(publisher), peers(publisher)
-        greedy.send(*[messages.Ping("greedy", i) for i in range(2000)])
+        greedy.send(*[requests.Ping("greedy", i) for i in range(2000)])
         until(lambda: len(greedy.replies) == 2000, publisher.poll, greedy.read)
-        refused = [r.body for r in greedy.replies if isinstance(r.body, messages.Refused)]
+        refused = [r.body for r in greedy.replies if isinstance(r.body, requests.Refused)]
         assert len(refused) >= 1000 and "20 requests a second" in refused[0].reason
-        assert isinstance(min(greedy.replies, key=lambda r: r.id).body, messages.Pong)
-        good.send(messages.Ping("good", 1))
+        assert isinstance(min(greedy.replies, key=lambda r: r.id).body, requests.Pong)
+        good.send(requests.Ping("good", 1))
         until(lambda: good.replies, publisher.poll, good.read)
-        assert isinstance(good.replies[0].body, messages.Pong), "the rate is each viewer's own"
+        assert isinstance(good.replies[0].body, requests.Pong), "the rate is each viewer's own"
     assert sum("20 times a second" in record.getMessage() for record in caplog.records) == 1
 
 
@@ -222,7 +222,7 @@ def test_viewers_that_have_gone_are_forgotten(publisher: Publisher) -> None:
         dealer = context.socket(zmq.DEALER)
         dealer.setsockopt(zmq.IDENTITY, b"viewer %d" % number)
         dealer.connect(publisher.endpoint.control_address)
-        dealer.send(pack_control(messages.Request(1, messages.Hello(f"v{number}", True))))
+        dealer.send(pack_control(requests.Request(1, requests.Hello(f"v{number}", True))))
         until(lambda d=dealer: d.poll(0), publisher.poll)
         dealer.close(linger=0)
     context.destroy(linger=0)
@@ -272,7 +272,7 @@ def test_a_newcomer_finds_a_place_among_idle_connections(publisher: Publisher, p
     until(lambda: subscriber.poll(0), publisher.beat)
     context.destroy(linger=0)
     good = peers(publisher)
-    good.send(messages.Ping("good", 1))
+    good.send(requests.Ping("good", 1))
     until(lambda: good.replies, publisher.poll, good.read)
     for each in idle:
         each.close()
@@ -285,8 +285,8 @@ def test_a_subscriber_gets_what_it_subscribed_to(publisher: Publisher) -> None:
         subscriber.setsockopt(zmq.SUBSCRIBE, topic)
     subscriber.connect(publisher.endpoint.stream_address)
     until(lambda: subscriber.poll(0), publisher.beat)
-    publisher.publish(messages.CuesMessage("lamp", "possessed", bytes(4), bytes(2), 1))
-    publisher.publish(messages.BodiesMessage(7, 0, []))
+    publisher.publish(streams.CuesMessage("lamp", "possessed", bytes(4), bytes(2), 1))
+    publisher.publish(streams.BodiesMessage(7, 0, []))
     heard: set[bytes] = set()
 
     def take() -> None:
@@ -299,13 +299,13 @@ def test_a_subscriber_gets_what_it_subscribed_to(publisher: Publisher) -> None:
     subscriber.setsockopt(zmq.SUBSCRIBE, b"cues")
 
     def publish() -> None:
-        publisher.publish(messages.CuesMessage("lamp", "free"))
+        publisher.publish(streams.CuesMessage("lamp", "free"))
         publisher.beat()
 
     until(lambda: b"cues" in heard, publish, take)
     heard.clear()
-    publisher.publish(messages.BodiesMessage(8, 0, []))
-    publisher.publish(messages.CuesMessage("lamp", "free"))
+    publisher.publish(streams.BodiesMessage(8, 0, []))
+    publisher.publish(streams.CuesMessage("lamp", "free"))
     until(lambda: b"cues" in heard, take)
     assert b"bodies" not in heard
     context.destroy(linger=0)

@@ -18,7 +18,7 @@ import zmq
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError, ResourceError
-from enliven.wire import messages, topics
+from enliven.wire import characters, envelope, requests, streams, topics
 from enliven.wire.envelope import pack_control, unpack_control, unpack_stream
 from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.publisher import Publisher
@@ -55,12 +55,12 @@ class Peer:
         self.sub.setsockopt(zmq.SUBSCRIBE, b"")
         self.sub.connect(publisher.endpoint.stream_address)
 
-    def ask(self, body: messages.Ask, number: int = 1) -> messages.Answer:
-        self.dealer.send(pack_control(messages.Request(number, body)))
+    def ask(self, body: requests.Ask, number: int = 1) -> requests.Answer:
+        self.dealer.send(pack_control(requests.Request(number, body)))
         return self.reply(number).body
 
-    def reply(self, number: int) -> messages.Reply:
-        reply: messages.Reply = unpack_control(self.raw_reply(), topics.REPLY)
+    def reply(self, number: int) -> requests.Reply:
+        reply: requests.Reply = unpack_control(self.raw_reply(), topics.REPLY)
         assert reply.id == number
         return reply
 
@@ -124,21 +124,21 @@ def test_a_late_joiner_is_welcomed_with_all_there_is(publisher: Publisher, peer:
         publisher.set_character(character(name))
     publisher.set_character(character("lamp"))
     publisher.set_status(phase="tracking", note="hello", sensor="kinect")
-    publisher.publish(messages.CuesMessage("lamp", "possessed", bytes(4), bytes(2), 1))
+    publisher.publish(streams.CuesMessage("lamp", "possessed", bytes(4), bytes(2), 1))
     for i in range(5):
         publisher.publish_pose(character("lamp").rest_pose(i))
-    welcome = peer.ask(messages.Hello("late"))
-    assert isinstance(welcome, messages.Welcome)
-    assert welcome.characters == [messages.Revision("chair", 1), messages.Revision("lamp", 2)]
+    welcome = peer.ask(requests.Hello("late"))
+    assert isinstance(welcome, requests.Welcome)
+    assert welcome.characters == [requests.Revision("chair", 1), requests.Revision("lamp", 2)]
     assert (welcome.status.phase, welcome.status.note, welcome.status.edge) == (
         "tracking", "hello", publisher.name,
     )  # fmt: skip
     latest = [unpack_stream(each)[1] for each in welcome.latest]
-    assert {type(m) for m in latest} == {messages.PoseMessage, messages.CuesMessage}
-    assert [m.time_ns for m in latest if isinstance(m, messages.PoseMessage)] == [4]
-    lamp = peer.ask(messages.GetState("lamp"), 2)
-    assert isinstance(lamp, messages.CharacterMessage) and lamp.revision == 2 and lamp.vertex_count == 8
-    assert isinstance(peer.ask(messages.GetState("sofa"), 3), messages.Refused)
+    assert {type(m) for m in latest} == {streams.PoseMessage, streams.CuesMessage}
+    assert [m.time_ns for m in latest if isinstance(m, streams.PoseMessage)] == [4]
+    lamp = peer.ask(requests.GetState("lamp"), 2)
+    assert isinstance(lamp, characters.CharacterMessage) and lamp.revision == 2 and lamp.vertex_count == 8
+    assert isinstance(peer.ask(requests.GetState("sofa"), 3), requests.Refused)
 
 
 def test_a_removed_character_is_gone_from_the_welcome(publisher: Publisher, peer: Peer) -> None:
@@ -146,41 +146,41 @@ def test_a_removed_character_is_gone_from_the_welcome(publisher: Publisher, peer
     publisher.publish_pose(character().rest_pose())
     before = publisher.status.revision
     publisher.remove_character("chair")
-    welcome = peer.ask(messages.Hello("v"))
-    assert isinstance(welcome, messages.Welcome) and not welcome.characters and not welcome.latest
+    welcome = peer.ask(requests.Hello("v"))
+    assert isinstance(welcome, requests.Welcome) and not welcome.characters and not welcome.latest
     assert welcome.status.revision > before
 
 
 def test_commands_come_from_poll_and_are_answered(publisher: Publisher, peer: Peer) -> None:
-    peer.ask(messages.Hello("Ada", True))
+    peer.ask(requests.Hello("Ada", True))
     assert publisher.viewers == 1
-    peer.dealer.send(pack_control(messages.Request(5, messages.Possess("chair", 2, "legs"))))
+    peer.dealer.send(pack_control(requests.Request(5, requests.Possess("chair", 2, "legs"))))
     (command,) = peer.commands()
-    assert command.request == messages.Possess("chair", 2, "legs") and command.viewer == "Ada"
+    assert command.request == requests.Possess("chair", 2, "legs") and command.viewer == "Ada"
     command.reply_refused("nobody is in view" + "!" * 1000)
     refused = peer.reply(5).body
-    assert isinstance(refused, messages.Refused) and refused.reason.startswith("nobody is in view")
-    peer.dealer.send(pack_control(messages.Request(6, messages.Release("chair"))))
+    assert isinstance(refused, requests.Refused) and refused.reason.startswith("nobody is in view")
+    peer.dealer.send(pack_control(requests.Request(6, requests.Release("chair"))))
     peer.commands()[0].reply_done()
-    assert peer.reply(6).body == messages.Done()
+    assert peer.reply(6).body == requests.Done()
 
 
 def test_only_viewers_that_the_streams_reach_are_counted(publisher: Publisher, peer: Peer) -> None:
-    peer.ask(messages.Hello("v", False))
+    peer.ask(requests.Hello("v", False))
     assert publisher.viewers == 0
-    peer.ask(messages.Ping("v", 1, True))
+    peer.ask(requests.Ping("v", 1, True))
     assert publisher.viewers == 1
 
 
 def test_a_ping_is_answered_with_the_edges_clock(publisher: Publisher, peer: Peer) -> None:
     before = time.time_ns()
-    pong = peer.ask(messages.Ping("v", 77))
-    assert isinstance(pong, messages.Pong)
+    pong = peer.ask(requests.Ping("v", 77))
+    assert isinstance(pong, requests.Pong)
     assert pong.sent_ns == 77 and before <= pong.edge_ns <= time.time_ns()
 
 
 def test_another_version_is_told_so(publisher: Publisher, peer: Peer) -> None:
-    peer.dealer.send(b"\x63" + pack_control(messages.Request(1, messages.Hello("v")))[1:])
+    peer.dealer.send(b"\x63" + pack_control(requests.Request(1, requests.Hello("v")))[1:])
     refused = unpack_control(peer.raw_reply(), topics.REPLY).body
     assert "version 99" in refused.reason
     assert publisher.malformed == 1
@@ -188,17 +188,17 @@ def test_another_version_is_told_so(publisher: Publisher, peer: Peer) -> None:
 
 def test_noise_on_the_control_socket_is_counted_and_disturbs_nobody(publisher: Publisher, peer: Peer) -> None:
     rng = np.random.default_rng(0)
-    noise = [b"", b"\0", bytes([messages.VERSION]), b"\x01\xdd\xff\xff\xff\xff"]
+    noise = [b"", b"\0", bytes([envelope.VERSION]), b"\x01\xdd\xff\xff\xff\xff"]
     noise += [rng.bytes(int(n)) for n in rng.integers(0, 2000, 100)]
-    noise += [pack_control(messages.Reply(1, messages.Done()))]
+    noise += [pack_control(requests.Reply(1, requests.Done()))]
     for each in noise:
         peer.dealer.send(each)
     peer.dealer.send_multipart([b"two", b"parts"])
     while publisher.malformed < len(noise) + 1:
         assert not publisher.poll()
     while peer.dealer.poll(200):
-        assert isinstance(unpack_control(peer.dealer.recv(), topics.REPLY).body, messages.Refused)
-    assert isinstance(peer.ask(messages.Ping("v", 1)), messages.Pong)
+        assert isinstance(unpack_control(peer.dealer.recv(), topics.REPLY).body, requests.Refused)
+    assert isinstance(peer.ask(requests.Ping("v", 1)), requests.Pong)
 
 
 def test_a_message_beyond_the_limit_costs_only_its_sender_the_connection(
@@ -206,12 +206,12 @@ def test_a_message_beyond_the_limit_costs_only_its_sender_the_connection(
 ) -> None:
     rude = Peer(publisher)
     rude.dealer.send(bytes(1_000_000))
-    assert isinstance(peer.ask(messages.Ping("v", 1)), messages.Pong)
+    assert isinstance(peer.ask(requests.Ping("v", 1)), requests.Pong)
     rude.close()
     raw = socket.create_connection(("127.0.0.1", publisher.endpoint.control_port))
     raw.sendall(b"GET / HTTP/1.1\r\n\r\n" * 50)
     raw.close()
-    assert isinstance(peer.ask(messages.Ping("v", 1), 2), messages.Pong)
+    assert isinstance(peer.ask(requests.Ping("v", 1), 2), requests.Pong)
 
 
 def test_a_subscriber_that_never_reads_slows_nobody(publisher: Publisher, peer: Peer) -> None:
@@ -271,7 +271,7 @@ def test_a_character_that_cannot_go_leaves_what_was_there(publisher: Publisher) 
 def test_status_fields_are_made_fit_for_the_wire(publisher: Publisher) -> None:
     publisher.set_status(fps=float("nan"), note="x" * 1000, latency_p50_ms=float("inf"))
     data = msgspec.msgpack.encode(publisher.status)
-    back = msgspec.msgpack.decode(data, type=messages.StatusMessage)
+    back = msgspec.msgpack.decode(data, type=streams.StatusMessage)
     assert back.fps == 0 and back.latency_p50_ms == 0 and len(back.note) <= 400
     with pytest.raises(TypeError):
         publisher.set_status(colour="red")

@@ -17,8 +17,8 @@ from .conftest import FRAME, UNBOUND, balls, boxes, pushed
 if importlib.util.find_spec("mujoco") is None:
     pytest.skip("the physics engine is an extra: pip install ./edge[physics]", allow_module_level=True)
 
+from enliven_edge.extras import need
 from enliven_edge.physics.contacts import FLOOR, NOTHING, correct_contacts, limit_speeds
-from enliven_edge.physics.engine import need_engine
 from enliven_edge.physics.world import World
 
 LONGEST_ROCKING = 60
@@ -254,4 +254,4 @@ def test_a_missing_engine_says_what_to_install(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert "mujoco" in sys.modules
     with pytest.raises(ResourceError, match=r"enliven-edge\[physics\]"):
-        need_engine()
+        need("mujoco", "physics", "--physics")

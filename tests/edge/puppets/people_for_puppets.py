@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.person.body import PARTS, Body
+from enliven.person.body import Body
+from enliven.person.parts import PARTS
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation

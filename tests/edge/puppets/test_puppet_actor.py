@@ -16,8 +16,9 @@ from sample_meshes.cactus_puppet import cactus_project
 from enliven.document.character import Pose
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_motion import examples_of
-from enliven.person.body import Body, Joint
+from enliven.examples.puppet_examples import examples_of
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
 from enliven_edge.stage.stage import Stage

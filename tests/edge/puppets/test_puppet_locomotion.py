@@ -15,7 +15,7 @@ from tolerances import assert_alike
 
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.examples.spacetime.locomotion import locate
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.stage.puppet.feet import Feet, Footing
 from enliven_edge.stage.puppet.locomotion import Locomotion
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor

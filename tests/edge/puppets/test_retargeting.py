@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.performer import performed
-from enliven.person.body import MIRROR, PARENTS, Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import MIRROR, PARENTS, Joint
 from enliven.possession.placement import turn_about_y
 from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from enliven_edge.stage.puppet.bones import Bones

@@ -12,7 +12,7 @@ import pytest
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind, Severity
 from enliven.recording import Recording, RecordingWarning
-from enliven.wire.messages import CharacterMessage
+from enliven.wire.characters import CharacterMessage
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.recording.disk_sync import DiskSync
 from enliven_edge.service import Edge

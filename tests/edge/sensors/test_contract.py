@@ -37,10 +37,10 @@ from enliven.errors import InputError
 from enliven.recording import Recorder
 from enliven_edge.sensors.base import SensorFault
 from enliven_edge.sensors.isolation import isolated
-from enliven_edge.sensors.profile import load_profile
 from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.sensors.reopening import kept_open
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 
 LOAD = 0.5

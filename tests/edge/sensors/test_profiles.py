@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from enliven.errors import InputError
-from enliven_edge.sensors.profile import load_profile, profile_names, profiles_folder
+from enliven_edge.sensors import profile_names, profiles_folder
+from enliven_edge.sensors.profile import TypicalCamera, typical_camera
+from enliven_synthesis.sensor.profile import load_profile
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -23,6 +25,8 @@ def test_the_known_cameras_are_there() -> None:
 def test_a_shipped_profile_is_plausible(name: str) -> None:
     profile = load_profile(name)
     camera, reach = profile.camera, profile.range
+    typical = typical_camera(name)
+    assert typical == TypicalCamera(profile.intrinsics(), reach.near, reach.far)
     view = 2 * math.degrees(math.atan(camera.width / 2 / camera.fx))
     assert 50 < view < 100
     assert abs(camera.fx / camera.fy - 1) < 0.02

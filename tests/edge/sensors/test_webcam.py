@@ -9,7 +9,8 @@ import pytest
 from enliven.camera import world_from_level_camera
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven_edge.landmarks.eye import pinhole
 from enliven_edge.landmarks.source import NAMES, Landmarks
 from enliven_edge.sensors.registry import open_sensor

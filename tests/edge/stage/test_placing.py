@@ -13,7 +13,8 @@ from sample_meshes.chair import make_chair
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
-from enliven.person.body import PARENTS, Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.body_in_mesh import find_body_in_mesh
 from enliven.possession.carrying import Mapped

@@ -13,7 +13,9 @@ from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
-from enliven.person.body import PARTS, Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
+from enliven.person.parts import PARTS
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.easing import Easing
 from enliven.possession.placement import turn_about_y

@@ -18,7 +18,8 @@ from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
 from enliven.meshes.mesh import Mesh
-from enliven.person.body import PARTS, Body
+from enliven.person.body import Body
+from enliven.person.parts import PARTS
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.joint_limits import standing

@@ -8,7 +8,8 @@ from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.placement import Placement, facing, meeting
 from enliven_edge.stage.stage import Stage

@@ -10,8 +10,8 @@ import pytest
 
 from enliven.arrays import Float
 from enliven.camera import Intrinsics, rays
-from enliven_edge.sensors.profile import SensorProfile, load_profile
 from enliven_synthesis.sensor.noise import DepthNoise
+from enliven_synthesis.sensor.profile import SensorProfile, load_profile
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
 

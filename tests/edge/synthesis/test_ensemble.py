@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from tolerances import assert_alike
 
-from enliven.person.body import Joint
-from enliven_edge.sensors.profile import load_profile
+from enliven.person.joints import Joint
 from enliven_synthesis.body.body_sdf import BodyAnatomy
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.body.visibility import THICKNESS
 from enliven_synthesis.motion.exercises import exercise
 from enliven_synthesis.motion.motion import Chained, Danced, HeldMotion, MotionSegment, placed
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box
 
 sys.path.insert(0, str(Path(__file__).parent))

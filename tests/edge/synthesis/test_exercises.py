@@ -7,7 +7,7 @@ import pytest
 from tolerances import assert_alike
 
 from enliven.errors import InputError
-from enliven.person.body import BONES, Joint
+from enliven.person.joints import BONES, Joint
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.exercises import exercise, exercise_names
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven.takes.capture_roles import find_roles
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreographies import choreography

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from slow_performer import SlowPerformer
 
 from enliven.errors import InputError
-from enliven.person.body import BONES, Joint
+from enliven.person.joints import BONES, Joint
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.body.rotations import GRID

@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, project, rays, world_from_level_camera
-from enliven.person.body import BONES, Joint
+from enliven.person.joints import BONES, Joint
 from enliven_synthesis.body.body_sdf import BETWEEN, BLEND, DARK, PIECES, TAPER, BodyAnatomy, BodySdf
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreographies import choreography

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from enliven.frames import DepthFrame
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.synthetic import SyntheticSensor

@@ -7,7 +7,8 @@ import pytest
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven_edge.tracking.settings import SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.scene import cast_room

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from enliven.person.body import BONES, Joint
+from enliven.person.joints import BONES, Joint
 from enliven.recording import Recorder, Recording
 from enliven.recording.depth_codec import decode_depth, encode_depth
 from enliven_edge.importing.base import ImportOptions
@@ -211,7 +211,7 @@ def test_the_turning_person_is_recorded_exactly_and_small(tmp_path):
         assert frame.intrinsics == again.intrinsics
 
 
-@pytest.mark.parametrize(("place", "fast", "small"), [("uva_cv2_person_turn", 10, 25), ("vcl3d*", 8, 15)])
+@pytest.mark.parametrize(("place", "fast", "small"), [("uva_cv2_person_turn", 10, 16), ("vcl3d*", 8, 12)])
 def test_real_depth_shrinks(place, fast, small):
     """Raw size over encoded size, live and for archives; the archive's slow search on every fifth image."""
     images = [

@@ -10,12 +10,12 @@ import pytest
 
 from enliven.matching.picking import PickingSettings
 from enliven.matching.views import ScreenView
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven.recording import Recording
 from enliven.rotation import conjugate, multiply, to_rotation_vector
 from enliven.takes.positions import turns_of
 from enliven.wire.matches import message_to_board
-from enliven.wire.messages import MatchesMessage, PoseMessage
+from enliven.wire.streams import MatchesMessage, PoseMessage
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.network.outlet import Outlet

@@ -17,7 +17,7 @@ from enliven.formats.motion.expmap import read_expmap
 from enliven.motion.contact.pin import pin_feet
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, extended, set_travel
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate
 from enliven.takes.capture_clip import BODY_NAMES, between_times, clip_of_bodies, clip_of_capture
 from enliven_edge.importing.base import ImportOptions
@@ -36,7 +36,7 @@ WALKS = [
 
 def clip_of(path: Path) -> Clip:
     capture = read_bvh(path) if path.suffix == ".bvh" else read_expmap(path)
-    return clip_of_capture(capture.clipped(0.0, min(capture.duration, 6.0)), "take")
+    return between_times(clip_of_capture(capture, "take"), 0.0, 6.0)
 
 
 def joints_of(clip: Clip) -> np.ndarray:

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arap_energy import energy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import SOLVED, alike
 
 from enliven import rotation
-from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.input import Handle
+from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.weights import surface_edges, virtual_edges
 from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
@@ -162,10 +164,10 @@ def test_energy_never_rises_in_the_shape_state(seed, plain, far):
     chosen = rng.choice(len(mesh.vertices), 5, replace=False).tolist()
     solver.set_handles([Handle(str(v), (v,), None if v % 2 else 2.0) for v in chosen])
     solver.solve({str(v): mesh.vertices[v] + rng.normal(0, far, 3) for v in chosen})
-    before = solver.energy()
+    before = energy(solver)
     for _ in range(12):
         solver.solve()
-        after = solver.energy()
+        after = energy(solver)
         assert after <= before * (1 + 1e-9) + 1e-12
         before = after
 
@@ -182,7 +184,7 @@ def test_rigid_motion_of_the_handles_is_the_meshs(seed, count, plain):
     moved = mesh.vertices @ turn.T + rng.normal(0, 2, 3)
     made = solver.solve({str(v): moved[v] for v in chosen})
     assert np.abs(made - moved).max() < 1e-9
-    assert solver.energy() < 1e-18
+    assert energy(solver) < 1e-18
 
 
 def test_small_changes_stay_small_where_the_whole_is_about_to_follow():
@@ -204,7 +206,7 @@ def test_small_changes_stay_small_where_the_whole_is_about_to_follow():
 def test_at_rest_nothing_moves():
     mesh = sphere(centre=(100.0, 0.0, 0.0))
     solver = ArapSolver(mesh)
-    solver.add_handle(Handle("pole", (60,)))
+    solver.set_handles([Handle("pole", (60,))])
     assert np.abs(solver.solve() - mesh.vertices).max() < 1e-12
 
 
@@ -233,8 +235,8 @@ def test_handles_come_and_go_without_a_trace():
     one, other = ArapSolver(mesh, PLAIN), ArapSolver(mesh, PLAIN)
     for solver in (one, other):
         solver.set_handles([Handle("a", (0,)), Handle("b", (33,))])
-    one.add_handle(Handle("c", (20,)))
-    one.remove_handle("c")
+    one.set_handles([*one.handles.values(), Handle("c", (20,))])
+    one.set_handles([Handle("a", (0,)), Handle("b", (33,))])
     target = {"a": mesh.vertices[0] + [0.1, 0.2, 0.0]}
     assert alike(one.solve(target), other.solve(target), SOLVED)
 
@@ -279,6 +281,10 @@ def test_needles_and_faces_without_area_do_no_harm():
     assert np.isfinite(made).all() and np.abs(made).max() < 3
 
 
+def add(solver, handle):
+    solver.set_handles([*solver.handles.values(), handle])
+
+
 @pytest.mark.parametrize(
     "does, says",
     [
@@ -286,13 +292,12 @@ def test_needles_and_faces_without_area_do_no_harm():
         (lambda s: s.solve({"a": [[1e9, 0, 0]]}), "units"),
         (lambda s: s.solve({"a": np.zeros((2, 3))}), "1 vertices"),
         (lambda s: s.solve({"z": np.zeros(3)}), "Known: a, b"),
-        (lambda s: s.add_handle(Handle("c", (62,))), "loose"),
-        (lambda s: s.add_handle(Handle("c", (99,))), "no vertex 99"),
-        (lambda s: s.add_handle(Handle("c", ())), "no vertex"),
-        (lambda s: s.add_handle(Handle("a", (5,))), "already"),
-        (lambda s: s.add_handle(Handle("c", (5,), -1.0)), "weight"),
-        (lambda s: s.remove_handle("c"), "Known"),
-        (lambda s: (s.add_handle(Handle("twin", (0,))), s.solve({"twin": [[3.0, 0, 0]]})), "'twin'"),
+        (lambda s: add(s, Handle("c", (62,))), "loose"),
+        (lambda s: add(s, Handle("c", (99,))), "no vertex 99"),
+        (lambda s: add(s, Handle("c", ())), "no vertex"),
+        (lambda s: add(s, Handle("a", (5,))), "one name"),
+        (lambda s: add(s, Handle("c", (5,), -1.0)), "weight"),
+        (lambda s: (add(s, Handle("twin", (0,))), s.solve({"twin": [[3.0, 0, 0]]})), "'twin'"),
     ],
 )
 def test_bad_input_says_which_and_the_last_good_pose_stays(does, says):

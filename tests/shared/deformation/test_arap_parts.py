@@ -8,11 +8,13 @@ from scipy.spatial import Delaunay
 from tolerances import SOLVED, alike
 
 from enliven.deformation.arap.factor import factorise
+from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.polar import ROWS, TRACE, N, R, polar
-from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.solves import backward, forward, unit_column
 from enliven.deformation.arap.threads import ThreadChoice
-from enliven.deformation.arap.weights import LEAST, shells_of, surface_edges, virtual_edges
+from enliven.deformation.arap.weights import LEAST, surface_edges, virtual_edges
+from enliven.deformation.graph import components
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh
 from enliven.rotation import nearest_rotation
@@ -101,8 +103,8 @@ def test_virtual_edges_make_one_piece_of_many(shells):
     faces = np.concatenate([[[k, k + 1, k + 2], [k, k + 2, k + 3]] for k in range(0, 4 * shells, 4)])
     edges, _ = surface_edges(points, faces.astype(np.int32))
     links, _ = virtual_edges(points, edges)
-    assert shells_of(len(points), edges)[0] == shells
-    assert shells_of(len(points), np.concatenate([edges, links]))[0] == 1
+    assert components(len(points), edges).max() + 1 == shells
+    assert components(len(points), np.concatenate([edges, links])).max() == 0
     if shells == 2:
         apart = np.linalg.norm(points[:4, None] - points[4:], axis=2)
         ends = np.linalg.norm(points[links[:, 0]] - points[links[:, 1]], axis=1)

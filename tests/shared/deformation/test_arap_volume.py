@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.input import Handle
+from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import surface_of
 from enliven.deformation.arap.volume import gradient, press
 from enliven.document.surface_settings import ArapSettings

@@ -171,7 +171,7 @@ def test_the_way_along_the_surface_goes_round(two_legs):
     cells = voronoi_cells(net_of(two_legs, 0.05), tips, np.array(faces, np.int32))
     way = between_nodes(2, cells.borders, cells.lengths, np.inf)[0, 1]
     assert 1.45 < way < 1.9
-    assert (np.sign(two_legs.vertices[:, 0]) == np.sign(cells.owner_of_vertex - 0.5))[
+    assert (np.sign(two_legs.vertices[:, 0]) == np.sign(cells.owner[cells.net.of_vertex] - 0.5))[
         two_legs.vertices[:, 1] < 0.7
     ].all()
 

@@ -12,8 +12,9 @@ from enliven import rotation
 from enliven.deformation.arap.coarse import coarse_of, edges_around, poisson_disk_samples
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.deformation.arap.detail import carry, cell_maps
+from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.riders import followed
-from enliven.deformation.arap.solver import ArapSolver, Handle
+from enliven.deformation.arap.solver import ArapSolver
 from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_meshes.isosurface import surface_of
+from skinned_normals import skin_normals
 
 from enliven import rotation
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.deformation.skinning import skin_normals, skin_vertices
+from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh

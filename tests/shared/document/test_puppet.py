@@ -15,7 +15,7 @@ from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, Puppet
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
-from enliven.wire.convert import character_to_message, message_to_character
+from enliven.wire.convert_characters import character_to_message, message_to_character
 
 POINTS = (ControlPoint("left", 0, "hand"), ControlPoint("right", 9, weight=2.0, foot=True))
 

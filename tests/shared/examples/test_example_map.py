@@ -10,10 +10,11 @@ from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import in_body, turned_about_y
+from enliven.examples.performer import in_body
 from enliven.examples.poses import Examples
 from enliven.examples.spacetime.banded import accelerations, pulled
 from enliven.examples.spacetime.constraints import conditions_of
+from enliven.mapping.facing import turned_about_y
 
 STEP = 1 / 30
 FEW = settings(max_examples=25, deadline=None)

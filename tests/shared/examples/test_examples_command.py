@@ -17,9 +17,11 @@ from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.files import save_mesh
 from enliven.modeling.puppet import change_layer
 from enliven.recording import Recording
-from enliven.wire.convert import message_to_character, message_to_pose
-from enliven.wire.messages import CharacterMessage, PoseMessage
+from enliven.wire.characters import CharacterMessage
+from enliven.wire.convert import message_to_pose
+from enliven.wire.convert_characters import message_to_character
 from enliven.wire.posecode import PoseCodec
+from enliven.wire.streams import PoseMessage
 
 sys.path.append(str(Path(__file__).parents[1] / "formats"))
 import msgspec

@@ -13,7 +13,7 @@ from made_bodies import man, turned_body
 from test_capture_clip import STANDING
 
 from enliven.examples.pairing import guess_joints
-from enliven.mapping.facing import turned_level
+from enliven.mapping.facing import turned_about_y
 from enliven.person.body import Body
 from enliven.takes.capture_clip import clip_of_bodies
 
@@ -29,7 +29,7 @@ def test_arms_follow_arms_whatever_the_size_the_order_and_where_the_performer_lo
 
 
 def test_a_mesh_that_is_wide_from_the_side_looks_at_x():
-    turned = turned_level(CACTUS, np.pi / 2)
+    turned = turned_about_y(CACTUS, np.pi / 2)
     assert np.ptp(turned[:, 0]) < 1e-9 and guess_joints(man(), turned) == MEANT
 
 

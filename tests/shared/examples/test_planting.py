@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from tolerances import assert_alike
 
 from enliven.document.locomotion import LocomotionSettings, Switch
-from enliven.examples.performer import turned_about_y
 from enliven.examples.spacetime.locomotion import locate
 from enliven.examples.spacetime.planting import planted
+from enliven.mapping.facing import turned_about_y
 
 STEP = 1 / 60
 FRAMES = 150

@@ -23,15 +23,8 @@ from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import performed
-from enliven.examples.puppet_motion import (
-    clock,
-    examples_of,
-    in_world,
-    missing,
-    motion_of,
-    pose_of_state,
-    state_of,
-)
+from enliven.examples.puppet_examples import examples_of, missing
+from enliven.examples.puppet_motion import clock, in_world, motion_of, pose_of_state, state_of
 from enliven.modeling.puppet import add_point, change_layer, change_point, play_take, set_symmetry
 from enliven.rotation import from_rotation_vector, multiply, rotate
 

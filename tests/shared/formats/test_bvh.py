@@ -128,7 +128,6 @@ def test_a_simple_file() -> None:
     assert capture.names == ("Hips", "Hips end")
     assert (capture.frames, capture.seconds, capture.notes) == (2, 0.04, ())
     np.testing.assert_allclose(capture.positions[1], [[1, 90, 0], [-9, 90, 0]], atol=1e-12)
-    assert capture.clipped(0.04, 0.04).frames == 1
 
 
 def test_a_joint_with_two_ends_gives_them_two_names() -> None:

@@ -17,7 +17,8 @@ from enliven.modeling.possessed.surgery import cut_graph
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate, to_matrix
 from enliven.takes.possessed import read_possessed
-from enliven.wire.convert import character_to_message, pose_to_message
+from enliven.wire.convert import pose_to_message
+from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec
 
 STEP = 1 / 30

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.meshes.files import load_mesh
-from enliven.meshes.scan_surface import read_pcd, surface_through
+from enliven.meshes.scan_surface import parse_pcd, surface_through
 
 
 def ball(centre: np.ndarray, radius: float, count: int = 20_000) -> np.ndarray:
@@ -79,7 +79,7 @@ def pcd(path: Path, points: np.ndarray, kind: str) -> Path:
 def test_pcd_files_are_read_and_become_meshes(tmp_path, kind) -> None:
     points = ball(np.array([0.1, 0.9, -2.0]), 0.25, 4000).astype(np.float32)
     path = pcd(tmp_path / "person.pcd", points, kind)
-    read, viewpoint = read_pcd(path)
+    read, viewpoint = parse_pcd(path.read_bytes(), "person.pcd")
     np.testing.assert_allclose(read, points, rtol=1e-6)
     np.testing.assert_array_equal(viewpoint, [0.0, 1.0, 0.0])
     mesh = load_mesh(path).mesh

@@ -13,7 +13,8 @@ from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion.capture import Capture, composed
-from enliven.person.body import PARENTS, Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import PARENTS, Joint
 from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
 from enliven.takes.capture_clip import (
     _even,

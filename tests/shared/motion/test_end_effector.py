@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from layer_edits import set_layer
+from polylines import sample
 
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.polyline import Polyline
-from enliven.motion.layers.retarget import bind_chain, set_layer
+from enliven.motion.layers.retarget import bind_chain
 from enliven.rotation import conjugate, rotate
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -140,7 +142,7 @@ def test_a_chain_that_was_cut_follows_its_own_part():
     k = int(np.searchsorted(arc, start)) - 1
     share = (start - arc[k]) / (arc[k + 1] - arc[k])
     begin = at[:, k] + share * (at[:, k + 1] - at[:, k])
-    turn = Polyline.of(clip, range(7)).sample([start], np.arange(9))[:, 0]
+    turn = sample(Polyline.of(clip, range(7)), [start], np.arange(9))[:, 0]
     scale = half.lengths.sum() / ((1 - start) * source.lengths.sum())
     expected = joints[:, 0] + scale * rotate(conjugate(turn), at[:, -1] - begin)
     np.testing.assert_allclose(joints[:, -1], expected, atol=1e-5)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from layer_edits import set_layer
+from polylines import sample
 from tolerances import alike
 
 from enliven.document.layers import Layer, Ref, Span
@@ -15,7 +17,7 @@ from enliven.document.rigged import Shape, still_shape
 from enliven.errors import InputError
 from enliven.motion.layers.evaluate import Player, pose_of
 from enliven.motion.layers.polyline import Polyline
-from enliven.motion.layers.retarget import bind_chain, set_layer, set_travel
+from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.motion.layers.timing import Clocks
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, rotate, to_matrix
@@ -46,7 +48,7 @@ def plain_pose(project, shape, seconds):
         clip = project.takes[layer.take]
         frames = Clocks.of([layer], [clip]).played(np.array([seconds]))[0][:, 0]
         line = Polyline.of(clip, layer.chain)
-        return line.sample([s], frames, layer.weight, layer.basis, layer.mirrored)[0, 0]
+        return sample(line, [s], frames, layer.weight, layer.basis, layer.mirrored)[0, 0]
 
     skeleton = shape.skeleton
     turns, joints = np.empty((len(skeleton), 4)), np.empty((len(skeleton), 3))
@@ -219,7 +221,7 @@ def test_layers_on_one_another_telescope(seed):
         )
         layer = project.shape("shape").layer(str(i))
         frames = Clocks.of([layer], [clip]).played(np.asarray(times, float))[0][:, 0]
-        q = Polyline.of(clip, chain).sample([1.0], frames, 1.0, basis)[:, 0]
+        q = sample(Polyline.of(clip, chain), [1.0], frames, 1.0, basis)[:, 0]
         expected = multiply(expected, q)
     turns, _ = Player(project, "shape").sample(times)
     assert angle(multiply(conjugate(turns[:, chain[0]]), turns[:, 7]), expected) < 1e-9

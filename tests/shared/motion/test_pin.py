@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from layer_edits import set_layer
 from tolerances import alike
 
 from enliven.document.clip import Clip
@@ -16,7 +17,7 @@ from enliven.errors import InputError
 from enliven.motion.contact.pin import bend_of, held_pins, pin_feet, unpin
 from enliven.motion.contact.standing import Window, window_of
 from enliven.motion.layers.evaluate import Player
-from enliven.motion.layers.retarget import bind_chain, set_layer, set_travel
+from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.rotation import from_rotation_vector, rotate
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from polylines import sample, turns
 
 from enliven.document.layers import Layer
 from enliven.document.skeleton import Skeleton
@@ -63,7 +64,7 @@ def test_the_kernel_is_the_definition(seed, s, frame, weight, mirrored):
     clip = random_clip(rng, skeleton)
     chain = skeleton.path(*rng.integers(0, 9, 2).tolist())
     basis = random_turn(rng)
-    ours = Polyline.of(clip, chain).sample([s], [frame], weight, basis, mirrored)[0, 0]
+    ours = sample(Polyline.of(clip, chain), [s], [frame], weight, basis, mirrored)[0, 0]
     assert angle(ours, plain_q(clip, chain, s, frame, weight, basis, mirrored)) < 1e-9
 
 
@@ -75,7 +76,7 @@ def test_a_chain_up_the_tree_is_measured_against_the_root(seed):
     clip = random_clip(rng, skeleton)
     line = Polyline.of(clip, (6, 5, 4, 3))
     expected = multiply(conjugate(clip.turns[:, 0]), clip.turns[:, 4])
-    assert angle(line.sample([1.0], np.arange(9))[:, 0], expected) < 1e-9
+    assert angle(sample(line, [1.0], np.arange(9))[:, 0], expected) < 1e-9
 
 
 @laws
@@ -83,9 +84,9 @@ def test_a_chain_up_the_tree_is_measured_against_the_root(seed):
 def test_neighbouring_knots_have_one_sign(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 9)
-    turns = Polyline.of(random_clip(rng, skeleton), skeleton.path(0, 8)).turns(np.linspace(0, 8, 30))
-    assert ((turns[:, 1:] * turns[:, :-1]).sum(-1) >= 0).all()
-    assert np.abs(np.linalg.norm(turns, axis=-1) - 1).max() < 1e-12
+    knots = turns(Polyline.of(random_clip(rng, skeleton), skeleton.path(0, 8)), np.linspace(0, 8, 30))
+    assert ((knots[:, 1:] * knots[:, :-1]).sum(-1) >= 0).all()
+    assert np.abs(np.linalg.norm(knots, axis=-1) - 1).max() < 1e-12
 
 
 def test_a_bone_without_length_keeps_its_turn_to_itself():
@@ -94,7 +95,7 @@ def test_a_bone_without_length_keeps_its_turn_to_itself():
     arc = arc_of(skeleton, (0, 1, 2, 3))
     assert (np.diff(arc) > 0).all() and arc[-1] == 1.0
     clip = random_clip(np.random.default_rng(1), skeleton)
-    q = Polyline.of(clip, (0, 1, 2, 3)).sample(arc, np.arange(9))
+    q = sample(Polyline.of(clip, (0, 1, 2, 3)), arc, np.arange(9))
     for j in (1, 2, 3):
         relative = multiply(conjugate(clip.turns[:, 0]), clip.turns[:, j])
         assert angle(q[:, j], relative) < 1e-9
@@ -129,8 +130,8 @@ def test_one_frame_is_played_for_ever():
     layer = Layer("layer", "take", (0, 1), loop=True, speed=-3.0)
     frames, rounds = Clocks.of([layer], [clip]).played(np.array([-1.0, 0.0, 7.0]))
     assert not frames.any() and not rounds.any()
-    turns = Polyline.of(clip, (0, 1)).turns([0.0])
-    assert angle(turns[0, 1], multiply(conjugate(clip.turns[0, 0]), clip.turns[0, 1])) < 1e-9
+    knots = turns(Polyline.of(clip, (0, 1)), [0.0])
+    assert angle(knots[0, 1], multiply(conjugate(clip.turns[0, 0]), clip.turns[0, 1])) < 1e-9
 
 
 @pytest.mark.parametrize(

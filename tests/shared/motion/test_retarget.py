@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from layer_edits import set_layer
 
 from enliven.document.clip import Clip
 from enliven.document.layers import Ref, Span
@@ -17,7 +18,7 @@ from enliven.errors import InputError
 from enliven.modeling.rigged.spans import joined_spans, split_spans
 from enliven.motion.layers.copying import copy_motion
 from enliven.motion.layers.evaluate import Player
-from enliven.motion.layers.retarget import bind_chain, branch, clear_chain, extended, set_layer, set_travel
+from enliven.motion.layers.retarget import bind_chain, branch, clear_chain, extended, set_travel
 from enliven.rotation import canonical, conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector
 
 sys.path.insert(0, str(Path(__file__).parent))

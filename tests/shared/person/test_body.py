@@ -6,7 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.person.body import MIRROR, PARTS, Body, Joint, parts_named
+from enliven.person.body import Body
+from enliven.person.joints import MIRROR, Joint
+from enliven.person.parts import PARTS, parts_named
 
 
 def test_a_body_needs_no_more_than_joints_and_confidence():

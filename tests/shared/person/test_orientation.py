@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven.person.orientation import mirrored
 from enliven.rotation import normalized, rotate, to_matrix
 

@@ -11,7 +11,8 @@ from enliven import rotation
 from enliven.deformation.embedded.solver import EmbeddedSolver
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
-from enliven.person.body import BONES, PARENTS, PARTS, J, Joint
+from enliven.person.joints import BONES, PARENTS, J, Joint
+from enliven.person.parts import PARTS
 from enliven.possession.attachment import AttachmentSettings, Growth, attach
 from enliven.possession.bone_cylinders import bone_rotations, bone_samples
 from enliven.possession.nearest_nodes import nearest_facing

@@ -8,7 +8,7 @@ from sample_meshes.isosurface import surface_of
 
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes.mesh import Mesh
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven.possession.body_in_mesh import extremities, find_body_in_mesh
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 
 from enliven.meshes.mesh import Mesh
-from enliven.person.body import PARENTS, Joint
+from enliven.person.joints import PARENTS, Joint
 from enliven.possession.placement import turn_about_y
 from enliven.possession.standing import _Nearness, best_stand, fit_standing_person, standing_figure
 

@@ -21,7 +21,8 @@ from mcap.writer import CompressionType, Writer
 from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven.person.body import Body, J
+from enliven.person.body import Body
+from enliven.person.joints import J
 from enliven.recording import Recorder, Recording, RecordingWarning
 from enliven.recording.messages import pack_bodies, pack_depth, unpack_bodies, unpack_depth
 
@@ -343,7 +344,8 @@ def test_bodies_of_the_wrong_shape_are_refused(tmp_path):
 KILLED = """
     import sys, time
     import numpy as np
-    from enliven.person.body import Body, J
+    from enliven.person.body import Body
+    from enliven.person.joints import J
     from enliven.frames import BodyFrame
     from enliven.recording import Recorder
 

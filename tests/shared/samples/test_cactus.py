@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.project import same
-from enliven.examples.puppet_motion import examples_of, missing
+from enliven.examples.puppet_examples import examples_of, missing
 from enliven.meshes.mesh import Mesh
 from enliven.samples import load_sample
 

@@ -16,62 +16,62 @@ from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven.rotation import conjugate, multiply, normalized, to_rotation_vector
-from enliven.wire import HoldMessage, convert, envelope, messages, quaternions, topics
+from enliven.wire import convert, convert_characters, envelope, quaternions, requests, streams, topics
 from enliven.wire.envelope import Malformed, OtherVersion
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.sockets import Endpoint, parse_endpoint
 
 few = settings(max_examples=60, deadline=None)
 EXAMPLES = [
-    messages.PoseMessage("chair", 1, 2, 3, 4, 5, 6, b"abc"),
-    messages.BodiesMessage(
+    streams.PoseMessage("chair", 1, 2, 3, 4, 5, 6, b"abc"),
+    streams.BodiesMessage(
         1,
         2,
         [
-            messages.PackedBody(3, bytes(120), bytes(20)),
-            messages.PackedBody(4, bytes(120), bytes(20), bytes(80), bytes(2), 1805),
+            streams.PackedBody(3, bytes(120), bytes(20)),
+            streams.PackedBody(4, bytes(120), bytes(20), bytes(80), bytes(2), 1805),
         ],
     ),
-    messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 1),
-    messages.StatusMessage(
+    streams.CuesMessage("chair", "possessed", bytes(4), bytes(2), 1),
+    streams.StatusMessage(
         "edge",
         1,
         2,
         3,
         note="fine",
         fps=30.0,
-        health=[messages.HealthMessage("no frames", 2, 4, "No.", "Do.")],
+        health=[streams.HealthMessage("no frames", 2, 4, "No.", "Do.")],
     ),
-    messages.CuesMessage("chair", "possessed", bytes(4), bytes(2), 7, 0, 1, [7, 9], b"\0\1"),
-    messages.MatchesMessage(
-        "spider", "choosing", 3, 7, 0, [messages.PackedMatch("2-1", 4, 1.5, b"\2\1", bytes(18))], 45, 0.5
+    streams.CuesMessage("chair", "possessed", bytes(4), bytes(2), 7, 0, 1, [7, 9], b"\0\1"),
+    streams.MatchesMessage(
+        "spider", "choosing", 3, 7, 0, [streams.PackedMatch("2-1", 4, 1.5, b"\2\1", bytes(18))], 45, 0.5
     ),
-    messages.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),
-    HoldMessage(
+    streams.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),
+    streams.HoldMessage(
         "chair", 5, "take over", 2, 4, "legs + hip", 3, [4, 7], '{"fade": 0.5}', [1, 0, 0, 2, 0], 0.9
     ),
 ]
 ASKS = [
-    messages.Hello("v", True),
-    messages.GetState("chair"),
-    messages.Possess("chair", None),
-    messages.Possess("chair", 3, "legs"),
-    messages.Possess("chair", 3, "left leg + hip + head", "extend"),
-    messages.Release("chair"),
-    messages.Release("chair", 3),
-    messages.Smooth(3, 0.0),
-    messages.Smooth(3),
-    messages.Lock(True),
-    messages.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
-    messages.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (0.0, 1.0, 3.0)),
-    messages.Browse("spider", -1),
-    messages.Ping("v", 1),
+    requests.Hello("v", True),
+    requests.GetState("chair"),
+    requests.Possess("chair", None),
+    requests.Possess("chair", 3, "legs"),
+    requests.Possess("chair", 3, "left leg + hip + head", "extend"),
+    requests.Release("chair"),
+    requests.Release("chair", 3),
+    requests.Smooth(3, 0.0),
+    requests.Smooth(3),
+    requests.Lock(True),
+    requests.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+    requests.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (0.0, 1.0, 3.0)),
+    requests.Browse("spider", -1),
+    requests.Ping("v", 1),
 ]
 ANSWERS = [
-    messages.Welcome(EXAMPLES[3], [messages.Revision("chair", 2)], [b"x"]),
-    messages.Done("ok"),
-    messages.Refused("no"),
-    messages.Pong(1, 2),
+    requests.Welcome(EXAMPLES[3], [requests.Revision("chair", 2)], [b"x"]),
+    requests.Done("ok"),
+    requests.Refused("no"),
+    requests.Pong(1, 2),
 ]
 
 
@@ -98,13 +98,13 @@ def test_streams_survive(message: object) -> None:
 
 @pytest.mark.parametrize("body", ASKS, ids=lambda m: type(m).__name__)
 def test_requests_survive(body: object) -> None:
-    request = messages.Request(7, body)
+    request = requests.Request(7, body)
     assert envelope.unpack_control(envelope.pack_control(request), topics.REQUEST) == request
 
 
 @pytest.mark.parametrize("body", ANSWERS, ids=lambda m: type(m).__name__)
 def test_replies_survive(body: object) -> None:
-    reply = messages.Reply(7, body)
+    reply = requests.Reply(7, body)
     assert envelope.unpack_control(envelope.pack_control(reply), topics.REPLY) == reply
 
 
@@ -117,20 +117,20 @@ def test_the_table_is_whole() -> None:
 
 def test_a_newer_program_may_append_fields() -> None:
     data = msgspec.msgpack.encode([*msgspec.to_builtins(EXAMPLES[3], builtin_types=(bytes,)), "later", 1])
-    head = b"status\0" + bytes([messages.VERSION])
+    head = b"status\0" + bytes([envelope.VERSION])
     assert envelope.unpack_stream(head + data)[1] == EXAMPLES[3]
     request = {"id": 1, "body": {"type": "Hello", "viewer": "v", "colour": "red"}, "more": 1}
-    data = bytes([messages.VERSION]) + msgspec.msgpack.encode(request)
-    assert envelope.unpack_control(data, topics.REQUEST).body == messages.Hello("v")
+    data = bytes([envelope.VERSION]) + msgspec.msgpack.encode(request)
+    assert envelope.unpack_control(data, topics.REQUEST).body == requests.Hello("v")
 
 
 @pytest.mark.parametrize("colours", [False, True])
 def test_a_character_survives(colours: bool) -> None:
     made = chair(colours)
-    reply = messages.Reply(1, convert.character_to_message(made, 4))
+    reply = requests.Reply(1, convert_characters.character_to_message(made, 4))
     back = envelope.unpack_control(envelope.pack_control(reply), topics.REPLY).body
     assert back.revision == 4
-    read = convert.message_to_character(back)
+    read = convert_characters.message_to_character(back)
     for name in ("vertices", "faces", "pivots", "edges", "colours"):
         assert np.array_equal(getattr(read, name), getattr(made, name)), name
     assert np.array_equal(read.skin.indices, made.skin.indices)
@@ -182,7 +182,7 @@ def test_messages_of_older_programs_are_read() -> None:
     [{"orientations": bytes(79)}, {"contacts": bytes(1)}, {"stature_mm": -1}, {"stature_mm": 10_001}],
 )
 def test_a_body_of_the_wrong_length_is_refused(changes) -> None:
-    packed = msgspec.structs.replace(messages.PackedBody(3, bytes(120), bytes(20)))
+    packed = msgspec.structs.replace(streams.PackedBody(3, bytes(120), bytes(20)))
     fields = {**msgspec.structs.asdict(packed), **changes}
     data = b"bodies\0\x01" + msgspec.msgpack.encode([1, 2, [list(fields.values())]])
     with pytest.raises(Malformed):
@@ -217,33 +217,35 @@ def test_cues_survive_and_free_with_nodes_is_a_preview() -> None:
 )
 def test_a_character_with_bad_numbers_is_refused(change: dict) -> None:
     with pytest.raises(InputError, match="finite"):
-        convert.message_to_character(convert.character_to_message(replace(chair(), **change), 1))
+        convert_characters.message_to_character(
+            convert_characters.character_to_message(replace(chair(), **change), 1)
+        )
 
 
 def test_a_character_whose_indices_point_outside_is_refused() -> None:
-    message = convert.character_to_message(chair(), 1)
+    message = convert_characters.character_to_message(chair(), 1)
     for name in ("faces", "edges", "indices"):
         data = b"\xff\x7f" + getattr(message, name)[2:]
         with pytest.raises(InputError):
-            convert.message_to_character(msgspec.structs.replace(message, **{name: data}))
+            convert_characters.message_to_character(msgspec.structs.replace(message, **{name: data}))
 
 
 def test_a_character_too_large_for_the_wire_is_refused_before_it_is_sent() -> None:
     with pytest.raises(InputError, match="65 characters"):
-        convert.character_to_message(replace(chair(), id="x" * 65), 1)
+        convert_characters.character_to_message(replace(chair(), id="x" * 65), 1)
 
 
 @pytest.mark.parametrize("name", ["vertices", "faces", "indices", "weights", "pivots", "edges", "colours"])
 @pytest.mark.parametrize("cut", [1, 4])
 def test_array_lengths_must_match_the_counts(name: str, cut: int) -> None:
-    values = msgspec.structs.asdict(convert.character_to_message(chair(True), 1))
+    values = msgspec.structs.asdict(convert_characters.character_to_message(chair(True), 1))
     values[name] = values[name][:-cut]
     data = {"id": 1, "body": {"type": "CharacterMessage", **values}}
     with pytest.raises(Malformed, match=name):
-        envelope.unpack_control(bytes([messages.VERSION]) + msgspec.msgpack.encode(data), topics.REPLY)
+        envelope.unpack_control(bytes([envelope.VERSION]) + msgspec.msgpack.encode(data), topics.REPLY)
 
 
-HEADS = {t.name: t.name.encode() + b"\0" + bytes([messages.VERSION]) for t in topics.STREAMS.values()}
+HEADS = {t.name: t.name.encode() + b"\0" + bytes([envelope.VERSION]) for t in topics.STREAMS.values()}
 BAD = {
     "empty": b"",
     "no topic": b"\0\1\x90",
@@ -361,13 +363,13 @@ def test_more_performers_than_the_wire_names_do_no_harm() -> None:
 def test_what_an_older_program_sends_means_what_it_meant() -> None:
     """Fields that came later are left out: Possess took over alone, Release was of everybody."""
     old = {"type": "Possess", "character": "chair", "body": 3, "parts": "legs"}
-    asked = msgspec.convert(old, messages.Possess)
-    assert asked == messages.Possess("chair", 3, "legs", "alone")
-    assert msgspec.convert({"type": "Release", "character": "chair"}, messages.Release).body is None
-    cues = msgspec.convert(["chair", "possessed", bytes(2), bytes(1), 3, 9], messages.CuesMessage)
+    asked = msgspec.convert(old, requests.Possess)
+    assert asked == requests.Possess("chair", 3, "legs", "alone")
+    assert msgspec.convert({"type": "Release", "character": "chair"}, requests.Release).body is None
+    cues = msgspec.convert(["chair", "possessed", bytes(2), bytes(1), 3, 9], streams.CuesMessage)
     assert cues.held is None and cues.owners == b""
 
 
 def test_cues_of_an_owner_who_is_not_named_are_refused() -> None:
     with pytest.raises(msgspec.ValidationError, match="owner"):
-        msgspec.convert(["chair", "possessed", bytes(2), bytes(1), 3, 9, 1, [3], b"\1"], messages.CuesMessage)
+        msgspec.convert(["chair", "possessed", bytes(2), bytes(1), 3, 9, 1, [3], b"\1"], streams.CuesMessage)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from enliven.document.props import Props
 from enliven.errors import InputError
-from enliven.wire import envelope, messages
+from enliven.wire import envelope, fields, streams
 from enliven.wire.convert import JOINT_STEP, message_to_props, props_to_message
 from enliven.wire.quaternions import ERROR
 from enliven.wire.topics import PROPS
@@ -52,17 +52,17 @@ def test_a_prop_that_is_nowhere_is_left_out():
 
 
 def test_as_many_as_may_be_fit_into_a_message():
-    message = props_to_message(some_props(messages.MAX_PROPS + 5))
-    assert len(message.shapes) == messages.MAX_PROPS
+    message = props_to_message(some_props(fields.MAX_PROPS + 5))
+    assert len(message.shapes) == fields.MAX_PROPS
     assert len(envelope.pack_stream(message)) < PROPS.max_bytes
 
 
 def test_an_unknown_shape_is_refused():
-    message = messages.PropsMessage(0, bytes(2), b"\x07", bytes(6), bytes(3), bytes(6), bytes(4))
+    message = streams.PropsMessage(0, bytes(2), b"\x07", bytes(6), bytes(3), bytes(6), bytes(4))
     with pytest.raises(InputError, match="shape 7"):
         message_to_props(message)
 
 
 def test_lengths_that_disagree_are_malformed():
     with pytest.raises(ValueError, match="turns"):
-        messages.PropsMessage(0, bytes(2), b"\0", bytes(6), bytes(3), bytes(6), bytes(8))
+        streams.PropsMessage(0, bytes(2), b"\0", bytes(6), bytes(3), bytes(6), bytes(8))

@@ -19,7 +19,8 @@ from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.wire.characters import CharacterMessage, SurfaceMessage
-from enliven.wire.convert import character_to_message, message_to_character, message_to_pose, pose_to_message
+from enliven.wire.convert import message_to_pose, pose_to_message
+from enliven.wire.convert_characters import character_to_message, message_to_character
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.quantize import POSITION_STEP
 

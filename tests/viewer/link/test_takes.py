@@ -13,7 +13,8 @@ from enliven.document.character import Character, Pose
 from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
-from enliven.wire.convert import bodies_to_message, character_to_message, cues_to_message, pose_to_message
+from enliven.wire.convert import bodies_to_message, cues_to_message, pose_to_message
+from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec
 from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document

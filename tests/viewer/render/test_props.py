@@ -10,7 +10,8 @@ from enliven.document.character import Character
 from enliven.document.props import BALL, BOX, Props
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector
-from enliven.wire.convert import character_to_message, pose_to_message, props_to_message
+from enliven.wire.convert import pose_to_message, props_to_message
+from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec
 from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.live.hud import HudState, _state_lines

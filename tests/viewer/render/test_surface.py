@@ -6,11 +6,10 @@ import math
 from collections import defaultdict
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_viewer.render.surface import clustered_faces, is_closed, longest_edge, split_creases
+from enliven_viewer.render.surface import clustered_faces, is_closed, split_creases
 
 
 def ball(rows: int = 12, columns: int = 24) -> tuple[np.ndarray, np.ndarray]:
@@ -76,10 +75,6 @@ def test_only_an_outward_closed_mesh_is_closed(make_box) -> None:
     assert not is_closed(vertices, faces[:, ::-1])
     assert not is_closed(vertices, faces[1:])
     assert not is_closed(vertices, np.vstack([faces, faces[:1]]))
-
-
-def test_longest_edge_of_a_box_is_its_longest_diagonal(make_box) -> None:
-    assert longest_edge(*make_box((0, 0, 0), (1, 2, 3))) == pytest.approx(np.hypot(2, 3))
 
 
 def test_clusters_are_fewer_faces_of_the_same_vertices() -> None:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.arrays import Float, Float32, Int, UInt8
+from enliven.arrays import Float, Float32, UInt8
 from enliven.deformation import skin_vertices
-from enliven.document import Character, Pose, Project, Shape, Skeleton, SkinWeights, character_of, still_shape
+from enliven.document import Character, Pose, Project, Shape, Skeleton, character_of, still_shape
+from enliven.exporters import sticks
 from enliven.formats.rig import playing
 from enliven.mapping import Retargeted
-from enliven.meshes import Mesh
 from enliven.motion.layers import Player
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.render import Box, OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
@@ -86,38 +86,10 @@ def _take(made: Retargeted, times: Float) -> MotionRow:
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:
     """A shape that shows a skeleton: a slender double pyramid for every bone."""
-    size = float(np.ptp(skeleton.positions, axis=0).max())
-    vertices, faces, bones = list[Float](), list[Int](), list[int]()
-    for j in range(1, len(skeleton)):
-        if skeleton.lengths[j] < 1e-3 * size:
-            continue
-        start = len(bones)
-        vertices.append(_double_pyramid(skeleton.positions[skeleton.parents[j]], skeleton.vectors[j], size))
-        faces.append(_PYRAMID + start)
-        bones += [j] * 6
-    mesh = Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), name)
-    mesh = replace(mesh, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
-    indices = np.zeros((len(bones), 4), np.uint16)
-    indices[:, 0] = bones
-    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(bones), 1))
-    return still_shape(name, skeleton, mesh, SkinWeights(indices, weights))
-
-
-_PYRAMID = np.array(
-    [[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [5, 1, 2], [5, 2, 3], [5, 3, 4], [5, 4, 1]], np.int64
-)
-
-
-def _double_pyramid(start: Float, along: Float, size: float) -> Float:
-    """(6, 3) the first end, four corners a fifth of the way on, the last end."""
-    length = float(np.linalg.norm(along))
-    radius = min(0.16 * length, 0.02 * size) + 0.004 * size
-    other = np.eye(3)[np.abs(along).argmin()]
-    u = np.cross(along, other)
-    u *= radius / np.linalg.norm(u)
-    v = np.cross(along / length, u)
-    waist = start + 0.2 * along
-    return np.stack([start, waist + u, waist + v, waist - u, waist - v, start + along])
+    mesh, skin = sticks(skeleton)
+    if mesh is not None:
+        mesh = replace(mesh, name=name, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
+    return still_shape(name, skeleton, mesh, skin)
 
 
 def pictures_of(renderer: Renderer, film: MotionRow) -> list[UInt8]:

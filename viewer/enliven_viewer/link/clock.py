@@ -47,11 +47,6 @@ class ClockEstimate:
         low, high = max(self._lower), min(self._upper)
         return 0 if low <= 0 <= high else (low + high) // 2
 
-    @property
-    def uncertainty_ns(self) -> int:
-        """Nanoseconds, half the range of the possible offsets."""
-        return (min(self._upper) - max(self._lower)) // 2 if self.known else 0
-
     def _mend(self) -> None:
         """Bounds that exclude each other mean that a clock was set: only the newest hold."""
         if self._upper and self._lower and max(self._lower) > min(self._upper):

@@ -77,7 +77,8 @@ class App:
         title = f"enliven · {self._take}" if self._take else "enliven"
         with open_window(self.settings.width, self.settings.height, title) as window:
             self._size = glfw.get_framebuffer_size(window)
-            renderer = Renderer(window_context(), _at_least_one(self._size), self.settings.render)
+            size = max(self._size[0], 1), max(self._size[1], 1)
+            renderer = Renderer(window_context(), size, self.settings.render)
             hud = Hud(renderer.ctx)
             if listen:
                 listen(self, window)
@@ -222,7 +223,3 @@ class App:
         if edge.connected:
             return "waiting for the edge's characters"
         return edge.message or f"waiting for an edge at {edge.address}"
-
-
-def _at_least_one(size: tuple[int, int]) -> tuple[int, int]:
-    return max(size[0], 1), max(size[1], 1)

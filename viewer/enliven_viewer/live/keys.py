@@ -29,7 +29,7 @@ class KeyBindings:
         glfw.set_key_callback(window, self._on_key)
         glfw.set_mouse_button_callback(window, self._on_button)
         glfw.set_cursor_pos_callback(window, self._on_move)
-        glfw.set_scroll_callback(window, self._on_scroll)
+        glfw.set_scroll_callback(window, lambda window, across, up: app.camera.zoom(0.88**up))
 
     def _on_key(self, window: Any, key: int, code: int, action: int, modifiers: int) -> None:
         if action == glfw.RELEASE:
@@ -68,28 +68,19 @@ class KeyBindings:
         if self._held is None:
             return
         height = max(glfw.get_window_size(self._window)[1], 1)
+        shift = glfw.get_key(self._window, glfw.KEY_LEFT_SHIFT) == glfw.PRESS
         if self._scrubbing:
-            self._app.playhead.scrub(self._fraction_along(x))
-        elif self._held == glfw.MOUSE_BUTTON_LEFT and not self._shift():
+            # The cursor may have left the track.
+            self._app.playhead.scrub(self._app.fraction_along(self._in_pixels(x, 0.0)[0]))
+        elif self._held == glfw.MOUSE_BUTTON_LEFT and not shift:
             self._app.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
         else:
             self._app.camera.pan(-across / height, down / height)
-
-    def _on_scroll(self, window: Any, across: float, up: float) -> None:
-        self._app.camera.zoom(0.88**up)
-
-    def _shift(self) -> bool:
-        return bool(glfw.get_key(self._window, glfw.KEY_LEFT_SHIFT) == glfw.PRESS)
 
     def _timeline_at_cursor(self) -> float | None:
         x, y, ratio = self._in_pixels(*self._cursor)
         size = glfw.get_framebuffer_size(self._window)
         return timeline_fraction(x, y, size, self._app.scale) if ratio else None
-
-    def _fraction_along(self, x: float) -> float:
-        """The place on the timeline under a cursor that may have left the track."""
-        pixel, _, _ = self._in_pixels(x, 0.0)
-        return self._app.fraction_along(pixel)
 
     def _in_pixels(self, x: float, y: float) -> tuple[float, float, float]:
         """Screen coordinates as the framebuffer's pixels, and the ratio between them."""

@@ -29,8 +29,12 @@ class ViewReporter:
 
     def changed(self, view: CameraView, seconds: float) -> Look | None:
         """The view to report at a time of the wall clock, seconds; None where it has not changed."""
-        if seconds - self._when < _EVERY or (self._told is not None and _alike(view, self._told)):
+        if seconds - self._when < _EVERY:
             return None
+        if self._told is not None:
+            turned = np.abs(view.camera_from_world[:3, :3] - self._told.camera_from_world[:3, :3]).max()
+            if turned < _TURNED and np.abs(view.eye - self._told.eye).max() < _MOVED:
+                return None
         self._told, self._when = view, seconds
         return look_of(view)
 
@@ -63,8 +67,3 @@ def turn_to_bones(camera: OrbitCamera, scene: Scene) -> None:
     best = views.best_view(vectors, views.ScreenView(-rows[2], rows[1]))
     back = -best.direction if best.direction[1] <= 0 else best.direction
     camera.face(math.atan2(back[0], back[2]), math.asin(float(np.clip(back[1], -1.0, 1.0))))
-
-
-def _alike(one: CameraView, other: CameraView) -> bool:
-    turned = np.abs(one.camera_from_world[:3, :3] - other.camera_from_world[:3, :3]).max()
-    return bool(turned < _TURNED and np.abs(one.eye - other.eye).max() < _MOVED)

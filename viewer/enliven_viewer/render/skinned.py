@@ -9,13 +9,13 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose
+from enliven.meshes import longest_edge
 from enliven_viewer.render.gl import UNITS
 from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.scene import corners
 from enliven_viewer.render.surface import (
     clustered_faces,
     is_closed,
-    longest_edge,
     neighbours_in_turn,
     split_creases,
 )
@@ -60,7 +60,9 @@ class SkinnedMesh:
             ctx.buffer(np.ascontiguousarray(character.skin.weights[surface.source], "f4").tobytes()),
         ]
         self.closed = is_closed(character.vertices, character.faces)
-        self.fine = self.closed and longest_edge(character.vertices, character.faces) <= _FINE
+        self.fine = (
+            self.closed and longest_edge(character.vertices.astype(np.float64), character.faces) <= _FINE
+        )
         faces = neighbours_in_turn(rest, surface.faces)
         self._faces = ctx.buffer(faces.tobytes())
         self._coarse_faces = ctx.buffer(clustered_faces(rest, faces, _COARSE).tobytes())

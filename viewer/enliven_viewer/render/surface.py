@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int, Int32
+from enliven.meshes import space_curve
 from enliven_viewer.render.surface_kernels import (
     bounds_something,
     corners_of,
@@ -17,9 +18,6 @@ from enliven_viewer.render.surface_kernels import (
     places_of,
     summed,
 )
-
-_CURVE_BITS = 10
-"""Of a place along each axis: cells of a thousandth of the mesh."""
 
 
 @dataclass(frozen=True)
@@ -80,12 +78,6 @@ def is_closed(vertices: Float32, faces: Int32) -> bool:
     return bool(np.einsum("ij,ij->", a, np.cross(b, c)) > 0)
 
 
-def longest_edge(vertices: Float32, faces: Int32) -> float:
-    """Metres."""
-    corners = vertices[faces]
-    return float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
-
-
 def clustered_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
     """(G, 3) fewer faces over the same vertices: those of a cube of ``cell`` metres stand for one another."""
     key = np.floor(vertices / cell).astype(np.int64)
@@ -104,15 +96,4 @@ def neighbours_in_turn(vertices: Float32, faces: Int32) -> Int32:
     What draws keeps the last few vertices that it moved; a face that shares one with the face before it
     costs less. Software OpenGL moved each vertex of a scanned mesh three times, and so moves it 1.2 times.
     """
-    middles = vertices[faces].mean(axis=1, dtype=np.float64)
-    low, high = middles.min(0, initial=np.inf), middles.max(0, initial=-np.inf)
-    cells = (middles - low) * ((2**_CURVE_BITS - 1) / max(float((high - low).max(initial=0.0)), 1e-12))
-    key = _spread(cells.astype(np.int64)) @ np.array([1, 2, 4])
-    return np.ascontiguousarray(faces[np.argsort(key, kind="stable")])
-
-
-def _spread(numbers: Int) -> Int:
-    """Each number of ten bits with two empty bits after each of its bits."""
-    for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
-        numbers = (numbers | numbers << shift) & mask
-    return numbers
+    return np.ascontiguousarray(faces[space_curve(vertices[faces].mean(axis=1, dtype=np.float64))])

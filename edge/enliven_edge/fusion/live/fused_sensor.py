@@ -6,7 +6,6 @@ import logging
 import threading
 import time
 from collections.abc import Mapping
-from types import TracebackType
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
@@ -33,7 +32,7 @@ _SEVERITY = {
 the other sensors go on."""
 
 
-class FusedSensors:
+class FusedSensors(Sensor):
     """One sensor made of several. A thread for each reads and tracks it, and ``read`` fuses their bodies.
 
     Bodies of live sensors are fused as they come. Recordings wait for one another, so that they stay
@@ -94,12 +93,6 @@ class FusedSensors:
         return worst_first(health_states)
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
-        """Returns the next set of bodies; None after the last sensor's end.
-
-        Raises:
-            TimeoutError: when nothing came in time.
-            ResourceError: when all sensors are lost for good, or with ``once`` when one is lost.
-        """
         if not self._started:
             self._started = True
             for watcher in self._watchers:
@@ -115,17 +108,8 @@ class FusedSensors:
                 return frame
 
     def close(self) -> None:
-        """Ends all threads and lets all sensors go."""
         for watcher in self._watchers:
             watcher.stop()
-
-    def __enter__(self) -> FusedSensors:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _take(self, deadline: float | None) -> SensorBodies | None:
         """Returns the next bodies of any sensor, or None when all have ended."""

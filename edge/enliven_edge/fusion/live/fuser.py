@@ -21,7 +21,6 @@ _ASTRAY = 0.2
 differ in general."""
 _ASTRAY_TIME = 3.0
 """Seconds of the low-pass of that difference: a passing error of tracking moves no sensor."""
-
 _DUPLICATE = 0.35
 """Metres beside a person within which a body that only some of the sensors see is no second person."""
 

@@ -74,7 +74,6 @@ class Watcher(SensorThread):
         self._once = once
 
     def stop(self) -> None:
-        """Ends the thread and releases the sensor."""
         self._stopped.set()
         with self._changed:
             self._changed.notify_all()

@@ -70,7 +70,6 @@ class AlignedFields(Fields):
             raise self.damaged()
 
     def numbers(self, kinds: str) -> tuple[float, ...]:
-        """Reads the next numbers, one for each letter."""
         values: list[float] = []
         for kind in kinds:
             self._at += -self._at % struct.calcsize(kind)

@@ -8,21 +8,22 @@ from pathlib import Path
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.importing.bags import orbbec, realsense, ros1, ros2
-from enliven_edge.importing.base import DEFAULT_OPTIONS, ImportOptions, Reader, head_of, only_one
+from enliven_edge.importing.base import DEFAULT_OPTIONS, FileReader, ImportOptions, head_of
 
 
-class BagReader(Reader):
+class BagReader(FileReader):
     """A recording of librealsense (.bag, .db3) or of OrbbecSDK (.bag): the depth camera and its images."""
 
     name = "bag"
     description = "recordings of RealSense (.bag, .db3) and Orbbec (.bag) tools"
     note = ""
 
-    def can_read(self, paths: Sequence[Path]) -> bool:
-        return any(_is_recording(path) for path in paths)
+    def matches(self, path: Path) -> bool:
+        head = head_of(path, len(ros2.MAGIC))
+        return head.startswith(ros1.MAGIC) or (head == ros2.MAGIC and path.suffix == ".db3")
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
-        path = only_one([path for path in paths if _is_recording(path)] or paths)
+        path = self.chosen(paths)
         if head_of(path, len(ros2.MAGIC)) == ros2.MAGIC:
             yield from realsense.frames(path, ros2.messages, options.device)
             return
@@ -35,8 +36,3 @@ class BagReader(Reader):
                 return
         mend = "Only those of RealSense and Orbbec are known."
         raise InputError("it is a ROS bag of no known camera", where=str(path), mend=mend)
-
-
-def _is_recording(path: Path) -> bool:
-    head = head_of(path, len(ros2.MAGIC))
-    return head.startswith(ros1.MAGIC) or (head == ros2.MAGIC and path.suffix == ".db3")

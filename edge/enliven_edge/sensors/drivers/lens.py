@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
-from enliven_edge.sensors.profile import load_profile
+from enliven_edge.sensors.profile import typical_camera
 
 _SHORTEST = 10.0
 """Pixels of focal length below which a camera has reported none: depth cameras have 150 to 1,000."""
@@ -53,7 +53,8 @@ def known_or_typical(
     fx, fy, cx, cy = lens
     if min(fx, fy) >= _SHORTEST:
         return Intrinsics(width, height, fx, fy, cx, cy), True
-    typical = load_profile(profile).intrinsics(width)
+    full = typical_camera(profile).camera
+    typical = full.scaled(width / full.width)
     if typical.height != height:
         size = f"{typical.width}x{typical.height}"
         what = f"it does not know its lens, and the profile {profile} has none for {width}x{height}"
@@ -86,7 +87,7 @@ def limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> tuple[i
     Raises:
         InputError: where the reach is empty.
     """
-    known = load_profile(profile).range
+    known = typical_camera(profile)
     typical = (0.0, 0.0) if rehearsed else (known.near, known.far)
     near, far = (given or other for given, other in zip(reach, typical, strict=True))
     if (far and near >= far) or near < 0 or far < 0:

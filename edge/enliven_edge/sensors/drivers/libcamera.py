@@ -105,13 +105,6 @@ class LibcameraSensor(Sensor):
             raise
 
     def read(self, timeout: float | None = None) -> DepthFrame | BodyFrame | None:
-        """The next depth image, or the bodies of the next image; None when a rehearsal is over.
-
-        Raises:
-            TimeoutError: when none came in time.
-            InputError: for an image that cannot be used.
-            ResourceError: where a camera was lost, or two are not in step.
-        """
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
             left = None if deadline is None else max(deadline - time.monotonic(), 0.0)
@@ -132,7 +125,6 @@ class LibcameraSensor(Sensor):
         return Condition(link, temperature=self._images.temperature(), hot=_HOT)
 
     def close(self) -> None:
-        """Lets the cameras and the source of landmarks go; a second call does nothing."""
         self._images.close()
         if self._eye is not None:
             self._eye.close()

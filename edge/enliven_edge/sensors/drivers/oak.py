@@ -92,13 +92,6 @@ class OakSensor(Sensor):
             raise refused("oak", error, self.name, bool(rehearse)) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """The next image; None when a rehearsal is over.
-
-        Raises:
-            TimeoutError: when none came in time.
-            InputError: for an image that is none.
-            ResourceError: where the camera was lost, or its own program crashed.
-        """
         over = self._rehearsal is not None and self._rehearsal.is_over()
         try:
             image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
@@ -123,7 +116,6 @@ class OakSensor(Sensor):
         return Condition(link, slow, celsius, _HOT, self._down(), self._calibrated)
 
     def close(self) -> None:
-        """Lets the camera go; a second call does nothing."""
         if self._rehearsal:
             self._rehearsal.stop()
         if self._images is not None:

@@ -94,12 +94,6 @@ class OrbbecSensor(Sensor):
             raise
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """The next image; None when a rehearsal is over.
-
-        Raises:
-            TimeoutError: when none came in time.
-            ResourceError: where the camera was unplugged, or the library failed.
-        """
         try:
             self._start()
             over = self._rehearsed and self._played_parts == self._part
@@ -123,7 +117,6 @@ class OrbbecSensor(Sensor):
         return Condition(usb, slow, self._celsius(), None, self._down(), self._calibrated)
 
     def close(self) -> None:
-        """Lets the camera go; a second call does nothing."""
         self._stop()
         self._device = self._context = None
         self._left = []

@@ -73,12 +73,6 @@ class RealSenseSensor(Sensor):
             raise
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """The next image; None when a rehearsal is over.
-
-        Raises:
-            TimeoutError: when none came in time.
-            InputError: for an image that is none.
-        """
         over = self._rehearsal is not None and self._rehearsal.is_over()
         there, frame = self._images.try_wait_for_frame(round(1e3 * (timeout or 0.0)))
         if not there:
@@ -99,7 +93,6 @@ class RealSenseSensor(Sensor):
         return Condition(f"USB {usb}" if usb else "", slow, celsius, _HOT, self._down(), self._calibrated)
 
     def close(self) -> None:
-        """Lets the camera go; a second call does nothing."""
         if self._rehearsal:
             self._rehearsal.stop()
         streams, self._streams = self._streams, []

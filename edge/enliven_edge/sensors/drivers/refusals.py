@@ -1,12 +1,10 @@
-"""Errors of camera libraries that cannot open a camera, as sentences with advice: one table for all.
-
-The pieces of messages are the libraries' own; a test looks for them in the installed libraries, so that an
-update that words them anew is noticed.
-"""
+"""Errors of camera libraries that cannot open a camera, as sentences with advice, of ``refusals.toml``."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
+from importlib.resources import files
 from typing import TypeVar
 
 from enliven.errors import ResourceError
@@ -15,75 +13,22 @@ from enliven_edge.sensors.attached_cameras import ALLOW, FORBIDDEN, attached
 Device = TypeVar("Device")
 Sentence = tuple[str, str]
 """What is wrong, and what to do about it."""
-
 _CHECK = "then type: enliven doctor"
-IN_USE: Sentence = ("another program uses it", f"Close that program, {_CHECK}")
-NOT_ALLOWED: Sentence = (FORBIDDEN, ALLOW)
-UNPLUGGED: Sentence = ("it is not there any more", f"Plug it in again, {_CHECK}")
-BROKEN_LINK: Sentence = (
-    "its link broke",
-    "Use another USB 3 cable and port; a camera on a hub may need a power supply of its own.",
-)
-NOT_BACK: Sentence = (
-    "it does not come back after its firmware was loaded",
-    f"Use another USB 3 cable and port; on Linux it needs the project's udev rules: {_CHECK}",
-)
-NO_PAIR: Sentence = ("it has no pair of cameras for depth", "Use an OAK-D, which has one.")
-NOT_OPENED: Sentence = (
-    "it cannot be opened",
-    f"Close what else uses it, and see whether your user may open it: {_CHECK}",
-)
-NO_MODE: Sentence = (
-    "it has no such images on this port",
-    "Use a USB 3 port and cable; else ask for a smaller image or fewer images a second.",
-)
 REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven inspect says what is in one."
 """The advice where no device is found."""
 
-SAID: dict[str, tuple[tuple[str, Sentence], ...]] = {
-    "oak": (
-        ("it is used by another process", IN_USE),
-        ("connected, but in use", IN_USE),
-        ("X_LINK_DEVICE_ALREADY_IN_USE", IN_USE),
-        ("Insufficient permissions", NOT_ALLOWED),
-        ("X_LINK_INSUFFICIENT_PERMISSIONS", NOT_ALLOWED),
-        ("Failed to find device after booting", NOT_BACK),
-        ("does not have stereo pair available", NO_PAIR),
-        ("Failed to boot device!", BROKEN_LINK),
-        ("Failed to connect to device", BROKEN_LINK),
-        ("Couldn't open stream", BROKEN_LINK),
-        ("Couldn't read data from stream", BROKEN_LINK),
-        ("Device already closed or disconnected", BROKEN_LINK),
-        ("Failed to find device", UNPLUGGED),
-        ("Cannot find any device with given deviceInfo", UNPLUGGED),
-    ),
-    "realsense": (
-        ("RS2_USB_STATUS_ACCESS", NOT_ALLOWED),
-        ("RS2_USB_STATUS_BUSY", IN_USE),
-        ("Resource busy", IN_USE),
-        ("RS2_USB_STATUS_NO_DEVICE", UNPLUGGED),
-        ("Couldn't resolve requests", NO_MODE),
-        ("Device disconnected", UNPLUGGED),
-        ("UVC sensor is not alive", UNPLUGGED),
-        ("acquire_power failed", BROKEN_LINK),
-    ),
-    "orbbec": (
-        ("Access denied (insufficient permissions)", NOT_ALLOWED),
-        ("No such device (it may have been disconnected)", UNPLUGGED),
-        ("Device is deactivated", UNPLUGGED),
-        ("Resource busy", IN_USE),
-        ("usbEnumerator openUsbDevice failed!", NOT_OPENED),
-    ),
-}
-"""By sensor: a part of a library's message, and its meaning; the first match counts."""
 
-SYSTEM: tuple[tuple[str, Sentence], ...] = (
-    ("Permission denied", NOT_ALLOWED),
-    ("Operation not permitted", NOT_ALLOWED),
-    ("Device or resource busy", IN_USE),
-    ("No such device", UNPLUGGED),
-    ("No such file or directory", UNPLUGGED),
-)
+def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
+    """By sensor, and for "system", the table of the file."""
+    told = tomllib.loads(files(__package__).joinpath("refusals.toml").read_text("utf-8"))
+    known = {name: (each["what"], each["mend"]) for name, each in told.pop("sentences").items()}
+    known["not allowed"] = (FORBIDDEN, ALLOW)
+    return {of: tuple((piece, known[name]) for piece, name in said.items()) for of, said in told.items()}
+
+
+SAID = _read()
+"""By sensor: a part of a library's message, and its meaning; the first match counts."""
+SYSTEM = SAID.pop("system")
 """Parts of the system's messages, which libraries pass on; for every sensor, after its own."""
 
 

@@ -94,12 +94,6 @@ class TofSensor(Sensor):
             self._open(device, range)
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """The next image; None when a rehearsal is over.
-
-        Raises:
-            TimeoutError: when none came in time.
-            InputError: for an image of another size.
-        """
         over = self._rehearsal is not None and self._rehearsal.is_over()
         frame = self._request(timeout or 0.0)
         if frame is None:
@@ -125,7 +119,6 @@ class TofSensor(Sensor):
         return Condition("CSI" if self._camera is not None else "", calibrated=self._calibrated)
 
     def close(self) -> None:
-        """Lets the camera go; a second call does nothing."""
         if self._rehearsal:
             self._rehearsal.stop()
         camera, self._camera = self._camera, None

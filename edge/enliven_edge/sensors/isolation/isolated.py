@@ -89,13 +89,6 @@ class IsolatedSensor(Sensor):
         return self._condition
 
     def read(self, timeout: float | None = None) -> Frame | None:
-        """The next frame, or one of the newest where many wait; None when the stream has ended.
-
-        Raises:
-            TimeoutError: when none came in time.
-            InputError: for a frame that cannot be used.
-            SensorFault: where the device, its library or the process was lost.
-        """
         deadline = None if timeout is None else time.monotonic() + timeout
         if self._heard == -math.inf and not self._closed:
             self._helper.go()
@@ -115,7 +108,6 @@ class IsolatedSensor(Sensor):
         return None
 
     def close(self) -> None:
-        """Lets the device and its process go; a second call does nothing."""
         if not self._closed:
             self._closed = True
             self._helper.end()

@@ -19,7 +19,6 @@ _LENGTH = 1e-3
 """Metres by which the baseline may differ from the translation's length: a slip of the hand is more."""
 _CROOKED = 1e-3
 """By which a rotation's rows may differ from unit vectors at right angles."""
-
 _Row = tuple[float, float, float]
 
 

@@ -61,11 +61,6 @@ class Live:
         self.loose: Int = np.zeros(0, np.int64)
         self.rest: Float = np.zeros((0, 3))
 
-    @property
-    def delay(self) -> float:
-        """Seconds from a performer's pose to the puppet's."""
-        return (self._lag + 1) * self._step_ns / _NS
-
     def begin(self, time_ns: int, sample: Sample, state: State) -> State:
         """Starts from a first sample, as if the performer had always been so, and returns the state to show.
 

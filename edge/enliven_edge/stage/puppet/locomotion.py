@@ -15,8 +15,9 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.document import LocomotionSettings
-from enliven.examples import State, turned_about_y
+from enliven.examples import State
 from enliven.examples.spacetime import stand
+from enliven.mapping import turned_about_y
 from enliven_edge.stage.puppet.feet import EITHER, Footing
 
 

@@ -12,7 +12,7 @@ from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
 from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of
 from enliven.person import MIRROR, Body, parts_named
-from enliven.possession import ActorBase, Cues, Easing, Mode, cues_of
+from enliven.possession import Actor, Cues, Easing, Mode, cues_of
 from enliven.rotation import rotate
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.feet import Feet, side_of_foot
@@ -26,8 +26,8 @@ _STEP = 33_333_333
 """Nanoseconds between the frames of a rehearsal."""
 
 
-class PuppetActor(ActorBase):
-    """A mesh with control points and key poses; to the stage an ``Actor`` like any.
+class PuppetActor(Actor):
+    """A mesh with control points and key poses.
 
     Args:
         project: with the puppet, and the takes of its key poses.
@@ -35,9 +35,6 @@ class PuppetActor(ActorBase):
     Raises:
         InputError: where the puppet lacks something, or follows joints that a tracked person does not have.
     """
-
-    uses_surface = False
-    """It follows skeletons, not surfaces."""
 
     def __init__(self, project: Project, puppet: Puppet, settings: PuppetSettings | None = None) -> None:
         self.settings = settings or PuppetSettings()
@@ -61,15 +58,9 @@ class PuppetActor(ActorBase):
         self._restarts = self._placed = False
         self._time_ns = 0
 
-    @property
-    def delay(self) -> float:
-        """Seconds from a performer's pose to the puppet's."""
-        return self._live.delay
-
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
-        """Returns the pose at a moment; performers out of view keep their last pose."""
         if not self._placed and bodies and np.isfinite(bodies[0].joints).all():
             self._place_beside(bodies[0])
         self._hand_over(bodies, time_ns)
@@ -119,17 +110,11 @@ class PuppetActor(ActorBase):
         self._candidate = (None, parts)
 
     def release(self, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all; free control points ease back to rest.
-
-        Raises:
-            InputError: where that performer moves nothing of it.
-        """
         self._need_holder(body, ("move", "moved"))
         left = [hold for hold in self.holds if body is not None and hold.body != body]
         self._hold(left)
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """Returns the control points that are moved, and those that the next performer would move."""
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         held = [(hold.body, self._strengths(hold.points)) for hold in self.holds]
@@ -137,7 +122,6 @@ class PuppetActor(ActorBase):
         return cues_of(held, preview)
 
     def warm_up(self) -> None:
-        """Runs everything once, so that no frame waits for a compiler."""
         rehearsal = PuppetActor(self._project, self._puppet, self.settings)
         joints = np.random.default_rng(0).normal(size=(20, 3))
         body = Body(0, joints, np.ones(20))

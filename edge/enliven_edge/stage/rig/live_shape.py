@@ -18,7 +18,6 @@ from enliven.takes import clip_of_bodies, turns_of
 
 _TOWARDS = np.array([0.0, 0.0, -1.0])
 """The unit direction of the sensor's view in the world: performers face +Z."""
-
 Pair = tuple[tuple[int, ...], tuple[int, ...]]
 """A chain of the body, and the chain of the shape that it drives."""
 

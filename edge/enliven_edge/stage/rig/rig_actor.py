@@ -12,21 +12,19 @@ from enliven.document import Pose, Shape, character_of
 from enliven.errors import InputError
 from enliven.matching import Board, MatchRow, ScreenView
 from enliven.person import Body, parts_named
-from enliven.possession import ActorBase, Cues, Mode, cues_of
+from enliven.possession import Cues, Mode, cues_of
+from enliven_edge.stage.actor import ChosenActor
 from enliven_edge.stage.rig.chooser import Chooser
 from enliven_edge.stage.rig.live_shape import Binding, LiveShape, Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 
 
-class RigActor(ActorBase):
-    """A character with a skeleton of its own; to the stage it is like any ``Actor``.
+class RigActor(ChosenActor):
+    """A character with a skeleton of its own.
 
     A performer who drives nothing yet chooses: every frame all matches of their limbs with the shape are
     ranked as the viewer sees it. Taking hold accepts the match that is shown.
     """
-
-    uses_surface = False
-    """It follows skeletons, not surfaces."""
 
     def __init__(self, shape: Shape, settings: MatchingSettings | None = None) -> None:
         self.settings = settings or MatchingSettings()
@@ -38,7 +36,7 @@ class RigActor(ActorBase):
 
     @property
     def view(self) -> ScreenView:
-        """The direction from which the viewer sees it: poses are matched as they look on the screen."""
+        """The direction from which the viewer sees it."""
         return self.chooser.view
 
     @view.setter
@@ -52,14 +50,12 @@ class RigActor(ActorBase):
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer who takes hold next, None for the first in view, and the parts."""
         asked, parts = self._candidate
         return (self.chooser.body if self.chooser.body >= 0 else asked), parts
 
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
-        """Returns the pose at a moment, and ranks the matches of the performer who chooses."""
         self._time_ns = time_ns
         bodies = [body for body in bodies if np.isfinite(body.joints).all()]
         if not self._placed and bodies:
@@ -87,21 +83,14 @@ class RigActor(ActorBase):
         self._bind([body], mode)
 
     def release(self, body: int | None = None) -> None:
-        """Ends the binding of one performer, or of all; choosing starts anew.
-
-        Raises:
-            InputError: where that performer drives nothing of it.
-        """
         self._need_holder(body, ("drive", "driven"))
         self.live_shape.release(body)
         self.chooser.restart()
 
     def browse(self, step: int) -> None:
-        """Shows another match; 0 follows the pose again."""
         self.chooser.browse(step)
 
     def cues(self, bodies: list[Body]) -> Cues:
-        """Returns the bones that are driven, and those that the shown match would drive."""
         count = len(self.character.pivots)
         held = [(hold.body, _strengths(count, [t for _, t in hold.pairs])) for hold in self.holds]
         targets = self.chooser.targets()
@@ -109,7 +98,6 @@ class RigActor(ActorBase):
         return cues_of(held, preview)
 
     def board(self) -> Board:
-        """Returns the matches to choose from, or the chains that are driven, for viewers."""
         own, chooser = self.character.id, self.chooser
         rows, shown = chooser.rows(self.live_shape.joints)
         if shown >= 0:
@@ -124,7 +112,6 @@ class RigActor(ActorBase):
         return Board(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
 
     def warm_up(self) -> None:
-        """Runs everything once, so that no frame waits for a compiler."""
         rehearsal = RigActor(self.live_shape.shape, self.settings)
         joints = np.random.default_rng(0).normal(size=(20, 3))
         for parts in ("all", "arms"):

@@ -20,14 +20,12 @@ UPPER_ARM_L, FOREARM_L, UPPER_ARM_R, FOREARM_R, *_LEGS = _LIMBS
 """The numbers of the arms' frames; left is the person's left."""
 THIGH_L, SHIN_L, FOOT_L, THIGH_R, SHIN_R, FOOT_R = _LEGS
 """The numbers of the legs' frames."""
-
 FRAME_PARENTS = np.array([-1, 0, 1, 1, 3, 1, 5, 0, 7, 8, 0, 10, 11])
 """(13,) the parent of each frame; parents come first."""
 HINGES = frozenset({FOREARM_L, FOREARM_R, SHIN_L, FOOT_L, SHIN_R, FOOT_R})
 """Frames that turn about their own x axis only."""
 MIRROR = np.array([0, 1, 2, 5, 6, 3, 4, 10, 11, 12, 7, 8, 9])
 """(13,) the frame on the other side of the body."""
-
 LENGTHS = (
     "lower spine",
     "upper spine",
@@ -45,7 +43,6 @@ LENGTHS = (
 """(12,) the names of the lengths."""
 SPINE_LOW, SPINE_UP, NECK, SHOULDER, ARM, FORE, HAND, HIP, THIGH, SHIN, FOOT, GIRTH = range(12)
 """The numbers of the lengths; the girth comes last."""
-
 REFERENCE_HEIGHT = 1.75
 """Metres from sole to crown of an adult with the reference lengths."""
 REFERENCE_LENGTHS = np.array([0.12, 0.31, 0.18, 0.185, 0.285, 0.25, 0.085, 0.085, 0.43, 0.41, 0.14, 1.0])

@@ -45,8 +45,6 @@ _CARRY = CARRIES.T.astype(np.float32)
 _CARRY_EITHER = np.maximum(_CARRY, _CARRY[MIRRORED])
 _TO_THE_SENSOR = 0.5
 """Log probability for facing the sensor, and against facing away, by habit: people look at it."""
-
-
 DISAGREEMENT = 4.0
 """Square centimetres a point: cost where the network takes all points for other parts, as of a bad fit."""
 

@@ -16,28 +16,16 @@ from enliven_edge.tracking.frame import Observation
 
 _FACING = 0.6
 """Square centimetres a point: cost of a less likely facing, for each unit of log probability."""
-
-
 _BACKWARD = 12.0
 """Square centimetres a point: cost of leaning backward, times the sine: people bend forward."""
-
-
 _STATURE = 2.0
 """Square centimetres a point: cost of the unlikeliest stature; less than of a posture that explains badly."""
-
-
 _SPREAD = 0.15
 """Metres from the likeliest stature at which a third of that is paid: about two deviations of adults."""
-
-
 _SHORTEST = 0.9
 """Metres: the least height of what is seen for it to be taken for a standing person's, a child's."""
-
-
 _TALLEST = 2.1
 """Metres: the greatest height of what is seen for it to be a person's, and not raised arms."""
-
-
 _ALIKE = 0.08
 """Share by which two statures may differ to be searched as one: 14 cm of 1.72 m, which a fit makes up for."""
 

@@ -19,7 +19,6 @@ from enliven_edge.tracking.estimator.labels import FACINGS
 _DISTANCE = 3.0
 """Mean distance, in units of its scale, of the distribution that the network learns: in space the density
 falls off exponentially with the distance, and the mean of that is 3."""
-
 _FARTHEST = 1.0
 """Metres of spread that are reported at most: a joint farther off than this is simply not known."""
 _SUREST = 0.03

@@ -17,7 +17,6 @@ _SMALLEST = 16
 """Pixels of an image's side at the least: a smaller image shows no person."""
 _LARGEST = 8192
 """Pixels of an image's side at the most: no depth camera has more."""
-
 Flaw = tuple[HealthKind, str]
 """What kind of trouble, and why, without the full stop."""
 

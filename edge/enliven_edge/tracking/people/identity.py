@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.kernels import quantile
 from enliven.matching import least_cost
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.settings import PeopleSettings
@@ -65,7 +66,7 @@ class Looks:
         if crown is not None:
             self._crowns.append(crown)
             del self._crowns[:-_CROWNS]
-            self.stature = percentile(self._crowns, _STATURE_SHARE)
+            self.stature = float(quantile(np.sort(self._crowns), _STATURE_SHARE))
 
     def mismatch(self, other: Looks) -> float:
         """Returns how much two people differ, in squared standard deviations."""
@@ -75,18 +76,6 @@ class Looks:
         if mine is not None and theirs is not None:
             cost += ((mine - theirs) / _STATURE_SPREAD) ** 2
         return cost
-
-
-def percentile(values: Float | list[float], share: float) -> float:
-    """Returns the number below which a share in [0, 1] of (N,) values is, between two of them linearly.
-
-    The same as ``np.percentile``, at a tenth of its cost for some hundred values.
-    """
-    ordered = np.sort(values)
-    at = share * (len(ordered) - 1)
-    low = int(at)
-    high = min(low + 1, len(ordered) - 1)
-    return float(ordered[low] + (at - low) * (ordered[high] - ordered[low]))
 
 
 @dataclass

@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.kernels import njit
+from enliven.kernels import njit, quantile
 from enliven.person import Joint
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
-from enliven_edge.tracking.people.identity import Looks, percentile
+from enliven_edge.tracking.people.identity import Looks
 
 _LOOK_EVERY = 5
 """Frames between two measurements of a known person's proportions: each costs time."""
@@ -213,7 +213,7 @@ class Person:
         if sure[Joint.HEAD] < _SURE or not upright or hands > head[1] - 0.1:
             return None
         heights = heights_beside(view.points, pixels, head, _HEAD_ABOUT)
-        return percentile(heights, 0.99) if len(heights) > 20 else None
+        return float(quantile(np.sort(heights), 0.99)) if len(heights) > 20 else None
 
 
 def _centre(view: FrameView, pixels: Bool) -> Float | None:

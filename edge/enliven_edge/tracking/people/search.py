@@ -40,7 +40,6 @@ _SAME = 0.25
 """Metres between two hip centres below which both are of one person: raised arms were found as another."""
 _MOSTLY = 0.5
 """Share of a group of pixels that belongs to a body just found from which the group is not searched."""
-
 Found = tuple[Candidate, Follower, float]
 """The newcomer in which a body was found, its fit, and how well that explains the pixels (up to 1)."""
 

@@ -14,62 +14,34 @@ from enliven_edge.tracking.segment.segmentation import LooseGroup
 
 YOUNG = 1.0
 """Seconds of a room's age up to which no person can prove to have come in: all of it is new."""
-
-
 _TALL = 1.05
 """Metres above the floor from which a crown is high enough for a person who walks in: a small child's."""
-
-
 _FRAMES = 3
 """Frames for which a candidate must be seen with a steady crown to be proven: one may be noise."""
-
-
 _LONG = 10
 """Frames after which a shape that is human, but not upright, is proven too."""
-
-
 _STEADY = 0.15
 """Metres by which the crown may vary in the meantime: groups that merge or part vary by more."""
-
-
 _LARGE = 0.33
 """Square metres seen from which a candidate with a low crown may be a person who is bent or kneels."""
-
-
 _LEAST = 0.14
 """Square metres that must be seen of a person to be believed: smaller groups are mostly things."""
-
-
 _STOUT = 0.1
 """Square metres seen at the least of a person a metre tall, from the side; they grow with the height
 squared."""
-
-
 _BULKY = 0.5
 """Square metres seen at the most of a person a metre tall; they grow with the height squared."""
-
-
 STANDS = 1.3
 """Metres above the floor from which a crown is that of a standing person: most seated people's are lower."""
-
-
 _CHECK_NS = 250_000_000
 """Nanoseconds between two looks at a thing that does not change: measuring a shape and asking the network are
 the dear parts."""
-
-
 _BEHIND = 0.25
 """Share of the outline behind something nearer from which a person is still coming out from there."""
-
-
 _PATIENCE_NS = 800_000_000
 """Nanoseconds for which such a candidate is waited for: time to come out, and to be known again."""
-
-
 _BACK_OFF_NS = 150_000_000
 """Nanoseconds to the next try after a first try that found no body; each later wait is twice as long."""
-
-
 _LONGEST_NS = 2_000_000_000
 """Nanoseconds between two tries at most: a real person must not wait for longer."""
 

@@ -16,24 +16,14 @@ from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments, gro
 
 _TOUCHING = 3
 """Pixels within which a fragment touches a group."""
-
-
 _GAP = 0.6
 """Metres in depth between a fragment and what it touches at most: a raised forearm begins no farther off."""
-
-
 _ARM = 0.8
 """Metres from the place of touch to nine tenths of a fragment at most: the length of an arm."""
-
-
 _TIGHTNESS = 0.35
 """Factor on the step in depth within which pixels join, when a person is parted from a wall beside."""
-
-
 _PIECES = 6
 """Pieces of a group that are looked at, the largest first: this bounds the cost of a frame."""
-
-
 Part = tuple[Bool, Bool | None]
 """(h, w) some pixels of a group, and (h, w) those of the walls behind them; None without walls."""
 

@@ -10,20 +10,12 @@ from enliven.masks import pixels_of
 
 BIN = 0.04
 """Metres of a step in which widths are counted: several to a head."""
-
-
 GRID = 0.06
 """Metres of a cell in which the filled part of the upright box is counted: a few samples fall into each."""
-
-
 _TELLING = 0.1
 """Share of an outline beyond which depth must be measured to tell what stands free."""
-
-
 _TELLING_IN_THE_OPEN = 0.3
 """The same share in the open, where few pixels have a depth to compare with."""
-
-
 _OPEN = 0.4
 """Share of the image with depth up to which it shows the open: a hall too deep for the sensor."""
 

@@ -262,20 +262,3 @@ def residual(cells, frames, z, first, last):  # type: ignore[no-untyped-def]
         store4(room, 0, fma4(0.5, v, u))
         to = 4 * cells.eliminated[i]
         z[to], z[to + 1], z[to + 2], z[to + 3] = room[0], room[1], room[2], 0.0
-
-
-@njit(cache=True, nogil=True)
-def energy(cells, frames, hold):  # type: ignore[no-untyped-def]
-    """Eq. 4: the sum over all cells and their edges of w |e' - T e|², and hold c (s - 1)²."""
-    total = 0.0
-    for i in range(len(cells.size)):
-        s = math.sqrt(frames[16 * i] ** 2 + frames[16 * i + 1] ** 2 + frames[16 * i + 2] ** 2)
-        total += hold * cells.size[i] * (s - 1.0) ** 2
-        for e in range(cells.start[i], cells.start[i + 1]):
-            j, w = cells.neighbour[e], cells.spokes[4 * e + 3]
-            for k in range(3):
-                moved = frames[16 * i + 12 + k] - frames[16 * j + 12 + k]
-                for c in range(3):
-                    moved -= frames[16 * i + 4 * c + k] * cells.spokes[4 * e + c] / w
-                total += w * moved * moved
-    return total

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Float, Int, Int32
+from enliven.arrays import Float, Int
 from enliven.kernels import njit
 from enliven.meshes import Mesh, first_of_position, space_curve
 
@@ -26,8 +26,9 @@ class SelfIntersection:
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._order = _curve(mesh.vertices, mesh.faces)
-        self._corners = _welded(mesh.vertices, mesh.faces[self._order])
+        self._order = space_curve(mesh.vertices[mesh.faces].sum(1))
+        first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
+        self._corners = np.ascontiguousarray(first[mesh.faces[self._order]], np.int32)
         self._rest: Int | None = None
 
     def crossing(self, vertices: Float) -> Int:
@@ -45,20 +46,6 @@ class SelfIntersection:
 def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
     """(K,) the faces that cross now and did not at rest: a mesh made of parts stuck into each other is."""
     return np.setdiff1d(crossings, rest_crossings)
-
-
-def _welded(vertices: Float, faces: Int32) -> Int32:
-    """(F, 3) the faces, by the first vertex at each position."""
-    first = first_of_position(np.ascontiguousarray(vertices + 0.0))
-    return np.ascontiguousarray(first[faces], np.int32)
-
-
-def _curve(vertices: Float, faces: Int32) -> Int:
-    """(F,) the faces in the order of a Z-curve through their middles."""
-    middles = vertices[faces[:, 0]] + vertices[faces[:, 1]] + vertices[faces[:, 2]]
-    if not len(middles):
-        return np.empty(0, np.int64)
-    return np.asarray(space_curve(middles))
 
 
 @njit(cache=True, nogil=True)

@@ -4,8 +4,7 @@ U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion 
 2015, section 4, upon O. Sorkine and M. Alexa, "As-rigid-as-possible surface modeling", 2007:
 
     solver = ArapSolver(mesh)
-    solver.add_handle(Handle("hand", (4711,)))
-    solver.add_handle(Handle("feet", (12, 980)))
+    solver.set_handles([Handle("hand", (4711,)), Handle("feet", (12, 980))])
     vertices = solver.solve({"hand": [[0.3, 1.2, 0.1]]})      # the feet stay
 
 A frame takes a few iterations from the last frame's shape. In the shape state each cell takes its best
@@ -27,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.arap.cells import energy, residual, turn_and_scale, turn_and_squash
+from enliven.deformation.arap.cells import residual, turn_and_scale, turn_and_squash
 from enliven.deformation.arap.detail import cell_maps
 from enliven.deformation.arap.handles import HeldVertices, follow, hold, pull
 from enliven.deformation.arap.input import WHERE, Handle, check_handle, checked_target
@@ -39,8 +38,6 @@ from enliven.deformation.arap.volume import press
 from enliven.document import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-
-__all__ = ["ArapSettings", "ArapSolver", "Handle"]
 
 _SAME = 1e-6
 """Part of the mesh's size within which two hard handles on one vertex agree."""
@@ -90,27 +87,6 @@ class ArapSolver:
         self.pose.setflags(write=False)
         self._shown[:], self.pressure = self._surface.rest, 0.0
         self._wanted = {name: self.mesh.vertices[list(h.vertices)] for name, h in self.handles.items()}
-
-    def add_handle(self, handle: Handle) -> None:
-        """Add a handle with its vertices' present positions as targets.
-
-        Raises:
-            InputError: for a name that is taken, or a vertex that is not there or belongs to no face.
-        """
-        if handle.name in self.handles:
-            raise InputError(f"there is already a handle {handle.name!r}", where=WHERE)
-        self.set_handles([*self.handles.values(), handle])
-
-    def remove_handle(self, name: str) -> None:
-        """Remove a handle.
-
-        Raises:
-            InputError: for a name that no handle has.
-        """
-        if name not in self.handles:
-            known = ", ".join(self.handles) or "none"
-            raise InputError(f"there is no handle {name!r}", where=WHERE, mend=f"Known: {known}.")
-        self.set_handles([handle for handle in self.handles.values() if handle.name != name])
 
     def set_handles(self, handles: Sequence[Handle]) -> None:
         """Replace all handles; a handle that stays keeps its targets."""
@@ -216,16 +192,6 @@ class ArapSolver:
         shift: tuple[float, float, float] = pull(held, frames, rows, self._z)
         backward(surface.factor, self._z, self._room)
         return shift
-
-    def energy(self) -> float:
-        """Eq. 4 of the shape state, each cell at its best turn and scale, with what soft handles add."""
-        self._fit()
-        total = float(energy(self._surface.cells, self._frames.reshape(-1), float(self.settings.hold)))
-        for name, handle in self.handles.items():
-            if handle.weight is not None:
-                now = self._frames[self._surface.place_of[list(handle.vertices)], 12:15]
-                total += handle.weight * float(((now + self._surface.centre - self._wanted[name]) ** 2).sum())
-        return total
 
     def shape(self) -> Float:
         """(V, 3) the surface of the shape state, which the next frame starts from."""

@@ -12,7 +12,8 @@ from enliven.arrays import Bool, Float, Int
 from enliven.deformation.arap.cells import Cells, cells_of
 from enliven.deformation.arap.factor import Factor, factorise
 from enliven.deformation.arap.volume import Volume, volume_of
-from enliven.deformation.arap.weights import VIRTUAL, shells_of, surface_edges, virtual_edges
+from enliven.deformation.arap.weights import VIRTUAL, surface_edges, virtual_edges
+from enliven.deformation.graph import components
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 
@@ -76,7 +77,7 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Prep
     edges, weights = surface_edges(points, welded.faces)
     edges = np.concatenate([edges, more])
     weights = np.concatenate([weights, np.full(len(more), VIRTUAL)])
-    shells, _ = shells_of(len(points), edges)
+    shells = int(components(len(points), edges).max()) + 1
     links, held = virtual_edges(points, edges)
     if shells > 1:
         notes.append(f"{shells} separate shells were joined by {len(links)} virtual edges.")

@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int, Int32
+from enliven.deformation.graph import components
 
 _SINE = np.sin(np.radians(1.0))
 """Sine of the least angle of a face that its cotangents are taken of: thinner ones would give weights without
@@ -48,15 +49,6 @@ def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
     return np.stack([keys // count, keys % count], 1), np.maximum(weights, LEAST)
 
 
-def shells_of(count: int, edges: Int) -> tuple[int, Int]:
-    """How many pieces the edges leave, and (V,) the number of each vertex's."""
-    ones = np.ones(len(edges), bool)
-    found, label = connected_components(
-        coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count)), directed=False
-    )
-    return int(found), np.asarray(label, np.int64)
-
-
 def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
     """(J, 2) edges that join all shells to one, where they are nearest, and (J,) their weights.
 
@@ -65,19 +57,19 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
     """
     count = len(vertices)
     made: list[Int] = []
-    shells, label = shells_of(count, edges)
-    if shells > _EXACT:
+    label = components(count, edges)
+    if label.max() >= _EXACT:
         made.append(_near_neighbours(vertices, label))
-        shells, label = shells_of(count, np.concatenate([edges, *made]))
-    while shells > 1:
+        label = components(count, np.concatenate([edges, *made]))
+    while label.max() > 0:
         sizes = np.bincount(label)
-        for shell in np.argsort(sizes)[: min(shells - 1, _EXACT)]:
+        for shell in np.argsort(sizes)[: min(label.max(), _EXACT)]:
             inside = np.flatnonzero(label == shell)
             outside = np.flatnonzero(label != shell)
             if len(inside) and len(outside):
                 made.append(_joint(vertices, inside, outside, label))
                 label[inside] = label[made[-1][0, 1]]
-        shells, label = shells_of(count, np.concatenate([edges, *made]))
+        label = components(count, np.concatenate([edges, *made]))
     links = np.concatenate([np.empty((0, 2), np.int64), *made])
     links = np.unique(np.sort(links, 1), axis=0)
     return links, np.full(len(links), VIRTUAL)

@@ -4,6 +4,6 @@ from .observed import (
     ObservedSettings as ObservedSettings,
     ObservedSurface as ObservedSurface,
 )
-from .planes import PlaneConstraints as PlaneConstraints
+from .planes import PlaneConstraints as PlaneConstraints, PointConstraints as PointConstraints
 from .self_contact import SelfContact as SelfContact, SelfContactSettings as SelfContactSettings
 from .soft import joined_planes as joined_planes

@@ -1,13 +1,30 @@
-"""Soft planes for points of a mesh: what is seen of it, the floor under it, other limbs beside it."""
+"""Points of a mesh that are drawn to targets, and to soft planes: what is seen, the floor, other limbs."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int32
 from enliven.errors import InputError
+
+
+class PointConstraints(Protocol):
+    """Points of the rest space and the nodes that move them; an Attachment is one, or several together."""
+
+    @property
+    def points(self) -> Float:
+        """(L, 3) metres."""
+
+    @property
+    def node_indices(self) -> Int32:
+        """(L, 4) nodes."""
+
+    @property
+    def node_weights(self) -> Float:
+        """(L, 4) weights that sum to one."""
 
 
 @dataclass(frozen=True)

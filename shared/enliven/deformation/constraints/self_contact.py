@@ -36,7 +36,8 @@ class SelfContact:
     ) -> None:
         self.settings = settings or SelfContactSettings()
         surface = character.vertices[grid_subsample(character.vertices, 3000)].astype(np.float64)
-        spacing = _mean_edge(graph)
+        ends = graph.positions[graph.edges]
+        spacing = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()) if len(ends) else 0.0
         self.radii = _inner_radii(graph.positions, graph.normals, surface, 2.0 * spacing)
         count = len(graph.positions)
         nodes = np.zeros((count, 4), np.int32)
@@ -72,12 +73,6 @@ class SelfContact:
             self.settings.weight,
             True,
         )
-
-
-def _mean_edge(graph: DeformationGraph) -> float:
-    """Metres, the mean length of the graph's edges."""
-    ends = graph.positions[graph.edges]
-    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()) if len(ends) else 0.0
 
 
 @njit(cache=True, nogil=True)

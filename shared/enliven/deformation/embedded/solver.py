@@ -30,12 +30,12 @@ factorised as often.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
-from enliven.arrays import Float, Int, Int32
-from enliven.deformation.constraints import PlaneConstraints
+from enliven.arrays import Float, Int32
+from enliven.deformation.constraints import PlaneConstraints, PointConstraints
 from enliven.deformation.embedded.block_cholesky import SIZE, BlockPattern, analyse, elimination_order
 from enliven.deformation.embedded.energy import Planes, Terms, gradient
 from enliven.deformation.embedded.lbfgs import SolverBuffers, record_energies, solve_frame
@@ -47,6 +47,10 @@ from enliven.settings import setting
 
 _FARTHEST = 1e4
 """Metres; a target farther away than this is no measurement."""
+_NONE = np.empty(0)
+_NO_PLANES = Planes(
+    np.empty((0, 4), np.int32), np.empty((0, 4, 4)), np.empty((0, 4)), _NONE, _NONE, np.empty(0, np.bool_)
+)
 
 
 @dataclass(frozen=True)
@@ -69,22 +73,6 @@ class EmbeddedSettings:
         "A frame is done after an iteration that promised to lower the energy by less than this part.",
         low=0.0,
     )
-
-
-class PointConstraints(Protocol):
-    """Points of the rest space and the nodes that move them; an Attachment is one, or several together."""
-
-    @property
-    def points(self) -> Float:
-        """(L, 3) metres."""
-
-    @property
-    def node_indices(self) -> Int32:
-        """(L, 4) nodes."""
-
-    @property
-    def node_weights(self) -> Float:
-        """(L, 4) weights that sum to one."""
 
 
 class EmbeddedSolver:
@@ -115,7 +103,8 @@ class EmbeddedSolver:
         self.settings = settings or EmbeddedSettings()
         count = len(graph.positions)
         nodes = np.ascontiguousarray(attachment.node_indices, np.int32).reshape(-1, 4)
-        pairs = np.concatenate([graph.edges.astype(np.int64), *_pairs_of(nodes)])
+        coupled = [nodes[:, [a, b]] for a in range(4) for b in range(a)]
+        pairs = np.concatenate([graph.edges, *coupled]).astype(np.int64)
         self._order = elimination_order(count, pairs)
         self._place = np.empty(count, np.int64)
         self._place[self._order] = np.arange(count)
@@ -172,14 +161,7 @@ class EmbeddedSolver:
     def _planes_of(self, planes: PlaneConstraints | None) -> Planes:
         """The frame's planes in the kernels' form, without those that are not finite."""
         if planes is None or not len(planes):
-            return Planes(
-                np.empty((0, 4), np.int32),
-                np.empty((0, 4, 4)),
-                np.empty((0, 4)),
-                np.empty(0),
-                np.empty(0),
-                np.empty(0, np.bool_),
-            )
+            return _NO_PLANES
         nodes, rows = self._rows_of(planes)
         normals = np.zeros((len(nodes), 4))
         normals[:, :3] = planes.normals
@@ -314,8 +296,3 @@ def _system_of(pattern: BlockPattern, terms: Terms) -> RigidSystem:
         np.zeros(len(nodes)),
         np.zeros(8 * count, np.float32),
     )
-
-
-def _pairs_of(nodes: Int32) -> list[Int]:
-    """The pairs of nodes that a constraint couples."""
-    return [nodes[:, [a, b]].astype(np.int64) for a in range(4) for b in range(a)]

@@ -1,3 +1,4 @@
+from .connectivity import components as components
 from .geodesic_kernels import (
     dijkstra_workspace as dijkstra_workspace,
     settle_within as settle_within,
@@ -11,4 +12,4 @@ from .graph import (
 from .sampling import scatter as scatter
 from .stiffness import stiffness_at as stiffness_at
 from .surface import SurfaceNet as SurfaceNet, net_of as net_of
-from .weights import insert as insert
+from .surface_kernels import insert as insert

@@ -165,12 +165,6 @@ def _mean_spacing(area: float, count: int) -> float:
     return float(np.sqrt(area / count))
 
 
-def _detours(positions: Float, ways: Float, spacing: float) -> Bool:
-    """(N, N) true where the way along the surface is much longer than the straight one."""
-    straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-    return np.asarray(ways > DETOUR * straight + SLACK * spacing)
-
-
 def _through(positions: Float, normals: Float, spacing: float) -> Bool:
     """(N, N) true for nodes on the two faces of a part that is thinner than half the node spacing.
 
@@ -189,7 +183,7 @@ def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
     apart = distance_matrix(samples)
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
     ways = between_nodes(count, cells.borders, cells.lengths)
-    detours = _detours(samples.positions, ways, spacing)
+    detours = ways > DETOUR * straight + SLACK * spacing
     far = detours | (ways > _REACH * spacing)
     # What D cannot judge comes after all that it can, by the way along the surface.
     around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + ways)

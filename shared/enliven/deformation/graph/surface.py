@@ -106,7 +106,8 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
     normals /= np.where(length > 0, length, 1.0)
     shell = components(count, edges)
     links = _links(points, normals, shell, spacing)
-    graph = _weighted(points, np.concatenate([edges, links]))
+    edges = np.concatenate([edges, links])
+    graph = WeightedGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
     return SurfaceNet(
         mesh, cell, points, normals, radii, label[welded_of], shell, graph, label, faces, origin
     )
@@ -142,11 +143,6 @@ def _links(points: Float, normals: Float, shell: Int, spacing: float) -> Int32:
     )
 
 
-def _weighted(points: Float, edges: Int32) -> WeightedGraph:
-    """The edges with their straight lengths."""
-    return WeightedGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
-
-
 @dataclass(frozen=True)
 class VoronoiCells:
     """The Voronoi cells of nodes on a surface, by distances along its net.
@@ -164,11 +160,6 @@ class VoronoiCells:
     owner: Int
     borders: Int
     lengths: Float
-
-    @property
-    def owner_of_vertex(self) -> Int:
-        """(V,) the node that each vertex of the mesh is nearest to along the surface."""
-        return np.asarray(self.owner[self.net.of_vertex])
 
 
 def voronoi_cells(net: SurfaceNet, positions: Float, faces: Int32) -> VoronoiCells:

@@ -188,8 +188,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):  # type: i
         for at in range(starts[cell], starts[cell + 1]):
             i = order[at]
             through, through_length = -1, thin
-            best[:] = np.inf
-            who[:] = -1
+            near = np.int64(0)
             for m in range(27):
                 other = around[cell, m]
                 if other < 0:
@@ -221,24 +220,29 @@ def near_pairs(points, normals, shell, order, starts, around, reach):  # type: i
                     if same:
                         continue
                     if length < touch or (length < seam and (behind or facing > 0.5)):
-                        _keep(best, who, length, j)
+                        near = insert(best, who, near, length, j)
             if through >= 0:
                 out[found, 0], out[found, 1] = min(i, through), max(i, through)
                 found += 1
-            for m in range(_SHELLS):
-                if who[m] >= 0:
-                    out[found, 0], out[found, 1] = min(i, who[m]), max(i, who[m])
-                    found += 1
+            for m in range(near):
+                out[found, 0], out[found, 1] = min(i, who[m]), max(i, who[m])
+                found += 1
     return out[:found]
 
 
 @njit(cache=True, nogil=True)
-def _keep(best, who, length, item):  # type: ignore[no-untyped-def]
-    """Keep ``best`` the smallest lengths, ascending, and ``who`` beside it."""
-    i = best.shape[0]
-    while i > 0 and best[i - 1] > length:
-        if i < best.shape[0]:
-            best[i], who[i] = best[i - 1], who[i - 1]
+def insert(near, who, found, length, item):  # type: ignore[no-untyped-def]
+    """Keep ``near`` the smallest lengths, ascending, ``who`` beside it; returns how many there are.
+
+    The length is a float64, the others are int64: every other type would be compiled by itself.
+    """
+    if found == near.shape[0]:
+        if length >= near[found - 1]:
+            return found
+        found -= 1
+    i = found
+    while i > 0 and near[i - 1] > length:
+        near[i], who[i] = near[i - 1], who[i - 1]
         i -= 1
-    if i < best.shape[0]:
-        best[i], who[i] = length, item
+    near[i], who[i] = length, item
+    return found + 1

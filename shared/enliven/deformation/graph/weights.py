@@ -24,6 +24,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.graph.surface import SurfaceNet, members, points_around
+from enliven.deformation.graph.surface_kernels import insert
 from enliven.document import SkinWeights
 from enliven.kernels import njit
 
@@ -239,21 +240,3 @@ def _drop_small_columns(table, rows, union, some, largest, who):  # type: ignore
                 table[b, kept] = table[b, m]
             kept += 1
     return kept
-
-
-@njit(cache=True, nogil=True)
-def insert(near, who, found, length, item):  # type: ignore[no-untyped-def]
-    """Keep ``near`` the smallest lengths, ascending, ``who`` beside it; returns how many there are.
-
-    The length is a float64, the others are int64: every other type would be compiled by itself.
-    """
-    if found == near.shape[0]:
-        if length >= near[found - 1]:
-            return found
-        found -= 1
-    i = found
-    while i > 0 and near[i - 1] > length:
-        near[i], who[i] = near[i - 1], who[i - 1]
-        i -= 1
-    near[i], who[i] = length, item
-    return found + 1

@@ -19,8 +19,8 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import Coupling, LocomotionSettings, Switch
 from enliven.errors import InputError
-from enliven.examples.performer import turned_about_y
 from enliven.examples.spacetime.anchoring import stand
+from enliven.mapping import turned_about_y
 from enliven.motion.contact import runs_of, touching
 
 

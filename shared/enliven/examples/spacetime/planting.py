@@ -14,8 +14,8 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.document import LocomotionSettings
-from enliven.examples.performer import turned_about_y
 from enliven.examples.spacetime.locomotion import PlacedMotion
+from enliven.mapping import turned_about_y
 from enliven.motion.contact import hold, runs_of
 
 

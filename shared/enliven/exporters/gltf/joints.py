@@ -6,8 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, UInt8, UInt16
 from enliven.document import Skeleton
-from enliven.exporters.performance import continuous
-from enliven.rotation import conjugate, multiply, normalized
+from enliven.rotation import conjugate, continuous, multiply, normalized
 
 
 def bone_names(skeleton: Skeleton) -> list[str]:

@@ -28,11 +28,11 @@ from enliven.examples.baking import BakedMorphs
 from enliven.exporters.gltf.joints import bone_names, listed, local_offsets, local_turns
 from enliven.exporters.gltf.keys import needed_keys
 from enliven.exporters.gltf.scene import GltfScene
-from enliven.exporters.performance import Performance, continuous, stretches_of
+from enliven.exporters.performance import Performance, stretches_of
 from enliven.exporters.registry import Exporter
 from enliven.files import write_file
 from enliven.meshes import Mesh
-from enliven.rotation import from_matrix
+from enliven.rotation import continuous, from_matrix
 
 
 def write_gltf(

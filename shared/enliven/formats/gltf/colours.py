@@ -61,7 +61,8 @@ class Colours:
         height, width = picture.shape[:2]
         columns = np.floor(uv[:, 0] % 1.0 * width).astype(int) % width
         rows = np.floor(uv[:, 1] % 1.0 * height).astype(int) % height
-        return _linear(picture[rows, columns] / 255.0)
+        srgb = picture[rows, columns] / 255.0
+        return np.asarray(np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4))
 
     def _picture(self, texture: int) -> UInt8 | None:
         """(H, W, 3) sRGB, or None with a note."""
@@ -90,10 +91,6 @@ class Colours:
             if self._pixels > _MOST_PIXELS:
                 raise ValueError(f"with the others it has {self._pixels} pixels, more than {_MOST_PIXELS}")
             return np.asarray(picture.convert("RGB"))
-
-
-def _linear(srgb: Float) -> Float:
-    return np.asarray(np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4))
 
 
 def _srgb(linear: Float) -> UInt8:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.document import Clip, Skeleton, SkinWeights, still_shape
+from enliven.document import Clip, Skeleton, SkinWeights, still_shape, unused
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
 from enliven.formats.gltf.bind import Bind
@@ -199,10 +199,7 @@ def _skin(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWei
 
 
 def _clip(animation: _Animation, tree: Tree, bodies: list[LinkBody], taken: set[str]) -> Clip:
-    number, name = 1, animation.name
-    while name in taken:
-        number += 1
-        name = f"{animation.name} {number}"
+    name = unused(animation.name, taken)
     taken.add(name)
     turns = np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1)
     return Clip(name, tree.skeleton, turns, bodies[tree.root].places[animation.frames], animation.step)

@@ -44,13 +44,6 @@ class Capture:
         """Seconds from the first frame to the last."""
         return (self.frames - 1) * self.seconds
 
-    def clipped(self, start: float, stop: float) -> Capture:
-        """The frames from ``start`` to ``stop`` seconds."""
-        a, b = round(start / self.seconds), round(stop / self.seconds) + 1
-        return Capture(
-            self.names, self.parents, self.positions[a:b], self.rotations[a:b], self.seconds, self.notes
-        )
-
 
 def composed(parents: tuple[int, ...], offsets: Float, rotations: Float) -> tuple[Float, Float]:
     """Forward kinematics.

@@ -23,7 +23,10 @@ def characters_of_kinds(project: dict[str, Any]) -> dict[str, Any]:
             if rig is Shape:
                 made["layers"] = [layers[layer] for layer in _layers_of(table) if layer in layers]
             if rig is GraphShape:
-                made["parts"] = [_renamed(part, "stream", "take") for part in table["parts"]]
+                made["parts"] = [
+                    {"take" if key == "stream" else key: value for key, value in part.items()}
+                    for part in table["parts"]
+                ]
             new = unused(key, characters)
             characters[new] = {**made, "id": new}
     return {"characters": characters, **{name: project.get(name, {}) for name in ("takes", "streams")}}
@@ -33,7 +36,3 @@ def _layers_of(shape: dict[str, Any]) -> list[str]:
     """The layers that the spans of a shape name, each once, and that of its travel."""
     named = [ref["layer"] for spans in shape["spans"] for span in spans for ref in span.get("refs", [])]
     return list(dict.fromkeys([*named, *([shape["travel"]] if shape.get("travel") else [])]))
-
-
-def _renamed(table: dict[str, Any], old: str, new: str) -> dict[str, Any]:
-    return {new if key == old else key: value for key, value in table.items()}

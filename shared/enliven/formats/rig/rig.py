@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Layer, Project, Ref, Shape, Skeleton, SkinWeights, Span, unused
+from enliven.document import Clip, Layer, Project, Ref, Shape, SkinWeights, Span, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
@@ -58,16 +58,12 @@ def on_floor(rig: Rig) -> Rig:
 def _moved(rig: Rig, scale: float, by: Float) -> Rig:
     """Returns the model scaled about the origin, then moved."""
     shape = rig.shape
-    skeleton = _placed(shape.skeleton, scale, by)
+    skeleton = replace(shape.skeleton, positions=shape.skeleton.positions * scale + by)
     mesh = shape.mesh
     if mesh is not None:
         mesh = replace(mesh, vertices=mesh.vertices * scale + by)
     clips = tuple(replace(c, skeleton=skeleton, root=c.root * scale + by) for c in rig.clips)
     return replace(rig, shape=shape.with_changes(skeleton=skeleton, mesh=mesh), clips=clips)
-
-
-def _placed(skeleton: Skeleton, scale: float, by: Float) -> Skeleton:
-    return replace(skeleton, positions=skeleton.positions * scale + by)
 
 
 def welded(shape: Shape) -> Shape:

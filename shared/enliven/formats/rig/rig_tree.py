@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Skeleton
+from enliven.document import Skeleton, unused
 from enliven.formats.rig.rig_links import LinkBody, downward, links_of
 from enliven.rotation import rotate
 
@@ -144,11 +144,7 @@ class _Joints:
 
     def add(self, name: str, parent: int, rest: Float, driver: int) -> int:
         """The number of a new joint; a name that is taken gets a number."""
-        number, plain = 1, name
-        while name in self.names:
-            number += 1
-            name = f"{plain} {number}"
-        self.names.append(name)
+        self.names.append(unused(name, self.names))
         self.parents.append(parent)
         self.rest.append(np.asarray(rest, np.float64))
         self.drivers.append(driver)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Bool, Float, Int
+from enliven.deformation.graph import components
 
 
 @dataclass(frozen=True)
@@ -46,9 +45,8 @@ def crossings_of(faces: Int, far: Bool) -> Crossings:
     # The border of the near part runs from the last edge to the first where the lonely corner is far.
     lonely_far = np.take_along_axis(side, lonely[:, None], 1)[:, 0]
     pairs = np.where(lonely_far[:, None], pairs, pairs[:, ::-1])
-    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(edges), len(edges)))
-    label = connected_components(links, directed=False)[1] if len(edges) else np.zeros(0, np.int32)
-    return Crossings(crossed, edges, pairs, label[pairs[:, 0]].astype(np.int64))
+    label = components(len(edges), pairs) if len(edges) else np.zeros(0, np.int64)
+    return Crossings(crossed, edges, pairs, label[pairs[:, 0]])
 
 
 def chains_of(pairs: Int) -> list[tuple[Int, bool]]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Bool, Float, Int
+from enliven.deformation.graph import components
 from enliven.document import SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
@@ -106,7 +105,7 @@ class CutPlan:
         values = self.values[self.first]
         far = values > 0
         same = [self.faces[far[self.faces[:, a]] == far[self.faces[:, b]]][:, [a, b]] for a, b in _SIDES]
-        part = connected_parts(np.concatenate(same), len(values))
+        part = components(len(values), np.concatenate(same))
         size = np.bincount(part)
         of_side = np.array([(~far).sum(), far.sum()])[far.astype(np.int64)]
         small = size[part] < _ISLAND * of_side
@@ -226,7 +225,7 @@ class CutPlan:
         for a, b in _SIDES:
             same = self.far[split[:, a]] == self.far[split[:, b]]
             links.append(split[same][:, [a, b]])
-        return connected_parts(np.concatenate(links), len(self.rest))
+        return components(len(self.rest), np.concatenate(links))
 
     def _choose_another(self, part: Int, torn: Int) -> None:
         """Add the nearest loop through which the two sides still hang together."""
@@ -256,7 +255,7 @@ class CutPlan:
         """A cap for every shell that was cut, its rim as numbers of crossed edges."""
         cut = np.isin(self.found.loops, self.chosen)
         ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-        shell = connected_parts(ends, len(self.rest))[self.faces[self.found.faces, 0]]
+        shell = components(len(self.rest), ends)[self.faces[self.found.faces, 0]]
         made = []
         for one in np.unique(shell[cut]):
             chains = chains_of(self.found.pairs[cut & (shell == one)])
@@ -265,8 +264,10 @@ class CutPlan:
                 for order, shut in joined(chains, self.places, self.settings.gap)
                 if shut and len(order) > 2
             ]
-            if len(loops) < len(chains) and "some of it is open there and was left open" not in self.notes:
-                self._say_open(chains, loops)
+            note = "some of it is open there and was left open"
+            left_open = sum(len(chain) for chain, _ in chains) > sum(len(loop) for loop in loops)
+            if len(loops) < len(chains) and left_open and note not in self.notes:
+                self.notes.append(note)
             if self.values is not None:
                 made += [self._own_cap(loop) for loop in loops]
             elif loops:
@@ -278,13 +279,3 @@ class CutPlan:
         points = self.between(self.at, self.found.edges[loop], self.share[loop])
         cap = cap_of([np.arange(len(loop))], flattened(points), self.settings.fine)
         return Cap(loop[cap.rim], cap.faces, cap.inside)
-
-    def _say_open(self, chains: list[tuple[Int, bool]], loops: list[Int]) -> None:
-        if sum(len(chain) for chain, _ in chains) > sum(len(loop) for loop in loops):
-            self.notes.append("some of it is open there and was left open")
-
-
-def connected_parts(links: Int, count: int) -> Int:
-    """(count,) the number of the part that each hangs together with over (L, 2) links."""
-    web = coo_matrix((np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), (count, count))
-    return np.asarray(connected_components(web, directed=False)[1], np.int64)

@@ -6,7 +6,21 @@ caller decides whether a flip is legal, and better.
 
 from __future__ import annotations
 
+import numpy as np
+
+from enliven.arrays import Int
 from enliven.kernels import njit
+
+
+def across_edges(triangles: Int, count: int) -> Int:
+    """(T, 3) the triangle across the edge opposite to each corner, or -1."""
+    starts, ends = triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()
+    key = np.minimum(starts, ends) * count + np.maximum(starts, ends)
+    order = np.argsort(key, kind="stable")
+    out = np.full(len(key), -1, np.int64)
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    out[order[same]], out[order[same + 1]] = order[same + 1] // 3, order[same] // 3
+    return out.reshape(-1, 3)
 
 
 @njit(cache=True, nogil=True)

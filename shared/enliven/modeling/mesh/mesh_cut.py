@@ -16,16 +16,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.deformation.graph import components
 from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece, piece_of
-from enliven.modeling.mesh.cut_plan import CutPlan, CutSettings, connected_parts
+from enliven.modeling.mesh.cut_plan import CutPlan, CutSettings
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.modeling.mesh.poisson_equation import poisson
 from enliven.modeling.skinning import skin_values as skins
-
-__all__ = ["Cut", "CutSettings", "Piece", "cut_across_bone", "cut_by_stroke"]
 
 
 @dataclass(frozen=True)
@@ -100,12 +99,9 @@ def _belongs(cut: Cut, ahead: Float, behind: Float) -> float:
         mine = float(weight[right.kept[right.kept >= 0]].sum())
         other = float(weight[wrong.kept[wrong.kept >= 0]].sum())
         # What strays counts against the side that it strays to, too: a foot must not bring half a body.
-        worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / max(_size(wrong), 1.0))
+        size = max(np.count_nonzero(wrong.kept >= 0), 1)
+        worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / size)
     return worst
-
-
-def _size(piece: Piece) -> float:
-    return float((piece.kept >= 0).sum())
 
 
 def cut_by_stroke(
@@ -162,7 +158,7 @@ def rounded(piece: Piece, share: float) -> Piece:
 
 def outward_of(caps: Mesh) -> Float:
     """(V, 3) for each vertex the mean direction that the cap that it is on looks to."""
-    part = connected_parts(caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2).astype(np.int64), len(caps.vertices))
+    part = components(len(caps.vertices), caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
     total = np.zeros((int(part.max()) + 1, 3))
     np.add.at(total, part[caps.faces[:, 0]], caps.face_vectors())
     return np.asarray((total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))[part])

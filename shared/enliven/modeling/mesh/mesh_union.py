@@ -26,8 +26,6 @@ from enliven.modeling.mesh.seam import creased
 from enliven.modeling.mesh.solids import Solid, solid_of
 from enliven.modeling.skinning import skin_values as skins
 
-__all__ = ["Union", "united"]
-
 
 def united(
     first: Mesh,

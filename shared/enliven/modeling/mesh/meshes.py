@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Bool, Float, Int
+from enliven.deformation.graph import components
 from enliven.document import Shape, SkinWeights
 from enliven.meshes import submesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece
@@ -46,8 +45,7 @@ def parted(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
     assert piece.skin is not None
     welded, of = weld(piece.mesh)
     ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    web = coo_matrix((np.ones(len(ends), np.int8), (ends[:, 0], ends[:, 1])), (len(welded.vertices),) * 2)
-    shell = connected_components(web, directed=False)[1][of]
+    shell = components(len(welded.vertices), ends)[of]
     follows = np.zeros((int(shell.max()) + 1, len(groups)))
     for k, bones in enumerate(groups):
         weight = np.where(np.isin(piece.skin.indices, list(bones)), piece.skin.weights, 0.0).sum(1)

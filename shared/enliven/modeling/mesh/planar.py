@@ -14,7 +14,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import copy_row, copy_rows, njit
-from enliven.modeling.mesh.flips import flip, slot
+from enliven.modeling.mesh.flips import across_edges, flip, slot
 
 _MOST = 20_000
 """Points at most that a refinement adds."""
@@ -30,7 +30,7 @@ def triangulated(points: Float, loops: Sequence[Int]) -> Int:
     order = np.concatenate(loops)
     ears = manifold3d.triangulate([np.ascontiguousarray(points[loop], np.float64) for loop in loops])
     triangles = order[np.asarray(ears, np.int64).reshape(-1, 3)]
-    _legalise_all(np.ascontiguousarray(points, np.float64), triangles, _neighbours(triangles, len(points)))
+    _legalise_all(np.ascontiguousarray(points, np.float64), triangles, across_edges(triangles, len(points)))
     return triangles
 
 
@@ -54,24 +54,13 @@ def refined(
     all_points[: len(points)], all_sizes[: len(points)] = points, sizes
     cells, beside = np.zeros((2 * room, 3), np.int64), np.full((2 * room, 3), -1, np.int64)
     cells[: len(triangles)] = triangles
-    beside[: len(triangles)] = _neighbours(triangles, len(points))
+    beside[: len(triangles)] = across_edges(triangles, len(points))
     count, some = _refine(all_points, all_sizes, cells, beside, len(points), len(triangles), growth)
     made, cells, beside = all_points[:count], cells[:some], beside[:some]
     for _ in range(smooth):
         _relax(made, cells, len(points))
         _legalise_all(made, cells, beside)
     return made.copy(), cells.copy()
-
-
-def _neighbours(triangles: Int, count: int) -> Int:
-    """(T, 3) the triangle across the edge opposite to each corner, or -1."""
-    starts, ends = triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()
-    key = np.minimum(starts, ends) * count + np.maximum(starts, ends)
-    order = np.argsort(key, kind="stable")
-    out = np.full(len(key), -1, np.int64)
-    same = np.flatnonzero(key[order][1:] == key[order][:-1])
-    out[order[same]], out[order[same + 1]] = order[same + 1] // 3, order[same] // 3
-    return out.reshape(-1, 3)
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.kernels import njit
-from enliven.modeling.mesh.flips import flip, slot
+from enliven.modeling.mesh.flips import across_edges, flip, slot
 
 _PASS = 0.5
 """Taubin's factor lambda of smoothing ("A signal processing approach to fair surface design", 1995)."""
@@ -17,29 +17,18 @@ _BACK = -0.53
 def flipped(vertices: Float, faces: Int32) -> Int32:
     """(F, 3) faces with an edge flipped wherever its two opposite angles sum to more than 180 degrees."""
     out = faces.astype(np.int64)
-    _flip_all(np.ascontiguousarray(vertices), out, _beside(out, len(vertices)))
+    _flip_all(np.ascontiguousarray(vertices), out, across_edges(out, len(vertices)))
     return out.astype(np.int32)
 
 
 def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
     """(F, 3) faces of a patch flipped to Delaunay, edges between two vertices of a seam (V,) left alone."""
     out = faces.copy()
-    beside = _beside(out, len(vertices))
+    beside = across_edges(out, len(vertices))
     ends = out[:, [[1, 2], [2, 0], [0, 1]]]
     beside[seam[ends].all(2)] = -1
     _flip_all(np.ascontiguousarray(vertices), out, beside)
     return out
-
-
-def _beside(faces, count):  # type: ignore[no-untyped-def]
-    """(F, 3) the face across the edge opposite to each corner, or -1."""
-    starts, ends = faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()
-    key = np.minimum(starts, ends) * count + np.maximum(starts, ends)
-    order = np.argsort(key, kind="stable")
-    out = np.full(len(key), -1, np.int64)
-    same = np.flatnonzero(key[order][1:] == key[order][:-1])
-    out[order[same]], out[order[same + 1]] = order[same + 1] // 3, order[same] // 3
-    return out.reshape(-1, 3)
 
 
 def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:

@@ -23,6 +23,7 @@ from scipy.sparse.linalg import spsolve
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton, SkinWeights
 from enliven.meshes import Mesh, weld
+from enliven.modeling.mesh.flips import across_edges
 from enliven.modeling.skinning import HeatSettings, bone_count, dense, heat_weights, segments_of, sparse
 from enliven.settings import setting
 
@@ -183,14 +184,11 @@ def creased(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
     on = np.zeros(len(welded.vertices), bool)
     on[of[seam]] = True
     faces = welded.faces.astype(np.int64)
-    starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
-    key = np.minimum(starts, ends) * len(on) + np.maximum(starts, ends)
-    order = np.argsort(key, kind="stable")
-    same = np.flatnonzero(key[order][1:] == key[order][:-1])
-    one, other = order[same], order[same + 1]
+    beside = across_edges(faces, len(on))
     normals = welded.face_normals()
-    bends = (normals[one // 3] * normals[other // 3]).sum(1) < np.cos(np.radians(degrees))
-    pick = one[bends & on[starts[one]] & on[ends[one]]]
+    bends = np.einsum("fa,fka->fk", normals, normals[beside]) < np.cos(np.radians(degrees))
+    starts, ends = faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]
+    pick = (beside >= 0) & bends & on[starts] & on[ends]
     out = np.zeros(len(on), bool)
     out[starts[pick]], out[ends[pick]] = True, True
     return np.asarray(out[of])

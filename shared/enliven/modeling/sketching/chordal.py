@@ -120,9 +120,6 @@ class _Tracer:
             self.links.append((node, at))
         self.tips[at] = region
 
-    def _inscribed(self, point: Float) -> float:
-        return float(np.linalg.norm(self.outline - point, axis=1).min())
-
     def _blob(self) -> Axis:
         """An outline without a limb: one bone along its longest extent."""
         middle = self.outline.mean(0)
@@ -132,7 +129,8 @@ class _Tracer:
         along = axes[:, 1] if sizes[0] < _AS_LONG * sizes[1] else np.array([0.0, 1.0])
         reach = 0.35 * float(np.ptp((self.outline - middle) @ along))
         points = np.stack([middle - reach * along, middle, middle + reach * along])
-        return Axis(points, np.array([self._inscribed(p) for p in points]), [[0, 1, 2]])
+        inscribed = np.linalg.norm(self.outline - points[:, None], axis=2).min(1)
+        return Axis(points, inscribed, [[0, 1, 2]])
 
     def _chained(self) -> Axis:
         """The links as chains between ends and junctions; junctions that are close become one."""

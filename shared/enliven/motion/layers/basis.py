@@ -1,6 +1,5 @@
 """The view-dependent basis of a polyline (AniMesh, sections 5.1 and 5.2): up stays up from source to target.
 
-    B = basis_of(first, view, up)                       # (4,) quaternion, axes x, y, z in the world
     layer.basis = basis_between(source_first, target_first, view, up, flip=False)
 
 z points along the first bone at rest; y is perpendicular to z and to the viewing direction, on the side of
@@ -34,20 +33,6 @@ HALF_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 """(4,) half a turn about z, which is the flip of y."""
 _PARALLEL = 1e-4
 """Sine between a bone and the viewing direction below which the bone is end-on and gives no side."""
-
-
-def basis_of(first: AnyArray, view: AnyArray = VIEW, up: AnyArray = UP) -> Float:
-    """(4,) unit quaternion of the rotation with the axes x, y and z of the polyline as columns.
-
-    Args:
-        first: (3,) along the first bone at rest, any length.
-        view: (3,) the viewing direction, from the eye into the scene.
-        up: (3,) the camera's up.
-
-    Raises:
-        InputError: where a direction is zero or not finite.
-    """
-    return _basis(*(_unit(v, name) for v, name in ((first, "first bone"), (view, "view"), (up, "up"))))[0]
 
 
 def basis_between(

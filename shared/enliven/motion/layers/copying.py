@@ -65,7 +65,9 @@ def copy_motion(
     fresh: dict[str, Layer] = {}
     for name in dict.fromkeys(ref.layer for _, _, refs in pieces for ref in refs):
         taken = {**project.layer_names, **{layer.id: None for layer in fresh.values()}}
-        fresh[name] = _moved(source.layer(name), basis, delay, unused(name, taken))
+        layer = source.layer(name)
+        turned = canonical(multiply(basis, layer.basis))
+        fresh[name] = replace(layer, id=unused(name, taken), basis=turned).later(delay)
     if replaced:
         project = clear_chain(project, to_shape, to_chain)
         target = project.shape(to_shape)
@@ -98,11 +100,6 @@ def _laid_out(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
     ends = np.cumsum([0.0, *(span.share for span in spans)])
     ends = ends / ends[-1]
     return [(a, b, span) for (a, b), span in zip(pairwise(ends.tolist()), spans, strict=True)]
-
-
-def _moved(layer: Layer, basis: AnyArray, delay: float, name: str) -> Layer:
-    turned = canonical(multiply(basis, layer.basis))
-    return replace(layer, id=name, basis=turned).later(delay)
 
 
 def _along(shape: Shape, chain: Sequence[int], pieces: list[_Piece], layers: tuple[Layer, ...]) -> Shape:

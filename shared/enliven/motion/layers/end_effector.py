@@ -1,6 +1,6 @@
 """The end of a chain follows the end of the take's: the alternative mode of a layer (AniMesh, section 8).
 
-    set_layer(project, shape_id, layer_id, mode="end")       # or bind_chain(..., mode="end")
+    bind_chain(..., mode="end")                              # or a changed layer
     led_chains(shape, layer, line) -> list[LedChain]         # what the player works with
 
 The bones turn as in the mode "turns" first; then the end of their chain is brought, by the shortest turns, to

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven.document import Layer, Pose, Project, Shape
+from enliven.document import Pose, Project, Shape
 from enliven.errors import InputError
 from enliven.motion.contact import Contacts, Standing, held_pins, standing_of, window_of
 from enliven.motion.kinematics import compose, upright
@@ -80,7 +80,8 @@ class Player:
         ]
         self._pins, self._live = held_pins(self.shape), False
         self._standing: Standing | None = None
-        self._window = window_of([*parts.layers, *self._travelling()], project.takes)
+        travelling = [] if self._travel.layer is None else [self._travel.layer]
+        self._window = window_of([*parts.layers, *travelling], project.takes)
 
     def at(self, seconds: float) -> ShapePose:
         """The shape at a time of the project."""
@@ -159,9 +160,6 @@ class Player:
         """When the pinned joints stand, by name; seconds of the project."""
         standing, names = self.standing(), self.shape.skeleton.names
         return {names[pin.chain[-1]]: seen for pin, seen in (standing.pins if standing else ())}
-
-    def _travelling(self) -> list[Layer]:
-        return [] if self._travel.layer is None else [self._travel.layer]
 
 
 def _times(times: AnyArray) -> Float:

@@ -2,8 +2,7 @@
 
     line = Polyline.of(clip, chain)           # what does not change with time
     line.knots                                # (K,) arc length s of the joints, 0..1
-    line.turns(frames, weight=1.0)            # (T, K, 4) P at the knots, at frame numbers (fractions too)
-    line.sample(s, frames, weight=1.0)        # (T, S, 4) q(s, t)
+    knot_turns(...)                           # (T, K, 4) P at the knots, at frame numbers (fractions too)
 
 The take at a time between two frames has the slerp of their world turns; everything else is read from that,
 so a polyline that is played on itself is the take, between frames as at them.
@@ -22,7 +21,6 @@ from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.motion.kinematics import between, conj, load, mul, store
-from enliven.rotation import IDENTITY
 
 SHORTEST = 1e-6
 """Share of a polyline that a bone without length still takes, so that its turn has a place of its own."""
@@ -62,40 +60,6 @@ class Polyline:
             return Polyline(clip, chain, np.array([0.0, 1.0]), np.array(chain, np.int32), -1)
         base = chain[0] if goes_down(clip.skeleton, chain) else 0
         return Polyline(clip, chain, arc_of(clip.skeleton, chain), np.array(bones, np.int32), base)
-
-    def turns(
-        self, frames: AnyArray, weight: float = 1.0, basis: AnyArray = IDENTITY, mirrored: bool = False
-    ) -> Float:
-        """(T, K, 4) P_i = D_base^-1 D_i at the knots, each of the same sign as the one before it.
-
-        Args:
-            frames: (T,) frame numbers in [0, F - 1]; fractions are between frames.
-            weight: of every bone's turn relative to the one before.
-            basis: (4,) target_from_source; P becomes basis P basis^-1.
-            mirrored: take (w, x, -y, -z) for P before that: the source reflected in the plane x = 0.
-        """
-        at = np.array(np.atleast_1d(frames), np.float64).reshape(-1, 1)
-        out = np.empty((len(at), len(self.knots), 4))
-        first, bases = np.array([0, len(self.bones)], np.int32), np.array([self.base], np.int32)
-        how = (np.array([weight], np.float64), np.array([basis], np.float64), np.array([mirrored], np.bool_))
-        knot_turns(self.clip.turns, self.bones, first, bases, at, *how, 0, out)
-        return out
-
-    def sample(
-        self,
-        s: AnyArray,
-        frames: AnyArray,
-        weight: float = 1.0,
-        basis: AnyArray = IDENTITY,
-        mirrored: bool = False,
-    ) -> Float:
-        """(T, S, 4) q(s, t) at arc lengths ``s`` (S,) and frame numbers (T,)."""
-        turns = self.turns(frames, weight, basis, mirrored)
-        knot, part = place_of(self.knots, np.atleast_1d(s))
-        out = np.empty((len(turns), len(knot), 4))
-        for t in range(len(turns)):
-            samples(turns[t], knot, part, out[t])
-        return out
 
 
 def bones_of(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
@@ -211,10 +175,3 @@ def turn_at(turns, frame, part, entry):  # type: ignore[no-untyped-def]
     if part == 0.0:
         return load(turns[frame], entry)
     return between(load(turns[frame], entry), load(turns[frame + 1], entry), part)
-
-
-@njit(cache=True, nogil=True)
-def samples(knots, knot, part, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``out`` (S, 4) takes slerps of the turns ``knots`` (K, 4) from ``knot`` (S,) to the next."""
-    for i in range(len(knot)):
-        store(out, i, between(load(knots, knot[i]), load(knots, knot[i] + 1), part[i]))

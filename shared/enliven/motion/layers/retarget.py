@@ -4,7 +4,6 @@
                source_up=None, basis=None, flip=False, offset=0, speed=1, loop=False, weight=1,
                mirrored=False, layer_id=None)                  # adds a layer to the present ones
     clear_chain(project, shape_id, chain, layer_id=None)       # takes one layer, or all, off the bones
-    set_layer(project, shape_id, layer_id, muted=..., weight=..., offset=..., speed=..., loop=..., basis=...)
     copy_motion(project, from_shape, from_chain, to_shape, to_chain, ...)  # of enliven.motion.layers.copying
     set_travel(project, shape_id, layer_id or None, scale=None)  # root motion of that layer's take, or off
     extended(skeleton, joint)                                  # the longest way down from a joint (Figure 5)
@@ -106,18 +105,6 @@ def clear_chain(
             for span in spans[bone]
         )
     return project.with_characters(shape.with_changes(spans=tuple(spans)))
-
-
-def set_layer(project: Project, shape_id: str, layer_id: str, **changes: Any) -> Project:
-    """A project with a layer of a shape changed: muted, weight, offset, speed, loop, basis, mirrored.
-
-    Raises:
-        InputError: where there is no such layer, or it cannot be played like that.
-    """
-    shape = project.shape(shape_id)
-    wanted = shape.layer(layer_id)
-    layers = tuple(replace(one, **changes) if one is wanted else one for one in shape.layers)
-    return project.with_characters(shape.with_changes(layers=layers))
 
 
 def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: float | None = None) -> Project:

@@ -15,7 +15,7 @@ from enliven.recording import Recorder
 from enliven_edge.sensors.drivers import oak, orbbec, realsense
 from enliven_edge.sensors.drivers.lens import kind_of, within
 from enliven_edge.sensors.drivers.tof import TofSensor
-from enliven_edge.sensors.profile import load_profile
+from enliven_synthesis.sensor.profile import load_profile
 
 NAMES = [
     (oak._KINDS, "oak-d", "OAK-D-LITE", "OAK-D Lite"),

@@ -8,7 +8,8 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
-from enliven.person.body import Body, J
+from enliven.person.body import Body
+from enliven.person.joints import J
 from enliven.recording import Recorder, RecordingWarning
 from enliven_edge.sensors import diary, replay
 from enliven_edge.sensors.base import SensorFault

@@ -56,7 +56,7 @@ def test_pivots_are_linear_in_the_lengths_with_raised_arms_too(seed):
 @given(st.integers(0, 10_000))
 @settings(max_examples=25, deadline=None)
 def test_forward_kinematics_keeps_bone_lengths(seed):
-    from enliven.person.body import BONES
+    from enliven.person.joints import BONES
 
     resting = Posture(np.zeros(3), joint_limits.standing(), model.lengths_for_height(1.7)).joints()
     joints = random_posture(seed, 0.8).joints()
@@ -81,7 +81,7 @@ def test_standing_height_is_the_height_asked_for():
 @settings(max_examples=25, deadline=None)
 def test_bones_lie_where_their_orientations_say(seed):
     """Limbs along -Y of their bone's frame, the spine and the neck along +Y, the shoulders across."""
-    from enliven.person.body import Joint
+    from enliven.person.joints import Joint
     from enliven.rotation import rotate
 
     posture = random_posture(seed, 0.8)
@@ -112,7 +112,7 @@ def test_who_stands_upright_has_no_turned_bones():
 
 def test_left_is_left():
     joints = Posture(np.zeros(3), joint_limits.standing(), model.lengths_for_height(1.7)).joints()
-    from enliven.person.body import Joint
+    from enliven.person.joints import Joint
 
     assert joints[Joint.HAND_LEFT, 0] > 0 > joints[Joint.HAND_RIGHT, 0]
     assert joints[Joint.FOOT_LEFT, 2] > joints[Joint.ANKLE_LEFT, 2]

@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.camera import world_from_level_camera
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.tracking.detect.extremities import _PENALTY, extremities, spread
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.training.body_poses import random_figure

@@ -8,7 +8,7 @@ from estimates_for_tests import estimate_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import turned_about

@@ -10,7 +10,7 @@ from estimates_for_tests import estimate_of, seen_as
 from postures_seen_for_tests import observed
 from tolerances import SOLVED, assert_alike
 
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect import recovery

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.health import HealthKind, Severity
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven_edge.tracking.frame.depth_survey import survey
 from enliven_edge.tracking.frame.frame_timing import FrameTiming
 from enliven_edge.tracking.health.alarm import Alarm

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from enliven.person.body import PARENTS
+from enliven.person.joints import PARENTS
 from enliven.rotation import conjugate, from_rotation_vector, multiply, normalized, to_rotation_vector
 from enliven_edge.tracking.output.prediction import learn_spin, moved_on, turned_on
 

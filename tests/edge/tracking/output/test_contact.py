@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from enliven.person.body import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven_edge.tracking.output.contact import FootContacts
 from enliven_edge.tracking.settings import FootContactSettings
 from enliven_synthesis.sensor.synthetic import SyntheticSensor

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from tolerances import assert_alike
 
 from enliven.camera import world_from_level_camera
-from enliven.person.body import BONES, Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import BONES, Joint
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate, to_matrix
 from enliven.settings import load_settings
 from enliven_edge.tracking.output.output import Output

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from enliven.person.body import Joint
+from enliven.person.joints import Joint
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import WorkingCamera, world_points
 from enliven_edge.tracking.frame.view import FrameView

@@ -23,8 +23,9 @@ from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.mesh.cut_loops import area, chains_of, joined, winding
+from enliven.modeling.mesh.cut_plan import CutSettings
 from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
-from enliven.modeling.mesh.mesh_cut import CutSettings, cut_across_bone, cut_by_stroke
+from enliven.modeling.mesh.mesh_cut import cut_across_bone, cut_by_stroke
 from enliven.modeling.mesh.mesh_union import united
 from enliven.modeling.skinning.heat_diffusion import bone_heat
 

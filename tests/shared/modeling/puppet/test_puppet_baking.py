@@ -3,6 +3,7 @@
 import made_puppets
 import numpy as np
 import pytest
+from lost_shear import lost
 
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
@@ -59,7 +60,7 @@ def test_it_may_stay_beside_and_its_settings_count(bean):
 def test_it_is_written_as_it_moves(baked):
     project, name, _ = baked
     performance = performance_of(project, name, 0.2, 2.2, 15.0)
-    assert performance.lost < 1e-6, "its nodes stretch along axes of their own"
+    assert lost(performance) < 1e-6, "its nodes stretch along axes of their own"
     assert len(glb_of([performance])) > 1000
 
 

@@ -8,7 +8,8 @@ from sample_meshes.cactus import make_cactus
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.examples.coverage import unposed
-from enliven.examples.puppet_motion import missing, state_of
+from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_motion import state_of
 from enliven.modeling.puppet.suggest import suggested_puppet, symmetric_joints
 
 REST = np.array([[0.5, 1, 0], [-0.5, 1, 0], [0, 1.5, 0], [0.2, 0, 0], [-0.2, 0, 0]])

@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 from enliven.document.project import same
 from enliven.document.puppet import Plane, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import in_world, missing, state_of
+from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_motion import in_world, state_of
 from enliven.formats.project.file import project_bytes, project_of
 from enliven.modeling.edits import copy_character, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut

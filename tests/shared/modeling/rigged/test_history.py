@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from layer_edits import set_layer
 from surgery_worlds import bending_arm, random_project, random_turns
 
 from enliven.document.history import History, HistorySettings
@@ -19,7 +20,6 @@ from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import turn_bone
 from enliven.modeling.rigged.stroke_cut import cut_stroke
-from enliven.motion.layers.retarget import set_layer
 
 
 def random_edit(project, random):

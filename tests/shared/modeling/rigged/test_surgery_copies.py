@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from layer_edits import set_layer
 from surgery_worlds import angle, random_project, random_turns
 from tolerances import assert_alike
 
@@ -21,7 +22,6 @@ from enliven.modeling.edits import (
 from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import drag_joint, set_bone, turn_bone
 from enliven.motion.layers.evaluate import pose_of
-from enliven.motion.layers.retarget import set_layer
 from enliven.rotation import multiply
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -13,8 +13,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Skeleton, still_shape
-from enliven.examples import turned_about_y, yaw_of
-from enliven.mapping import facing_of
+from enliven.examples import yaw_of
+from enliven.mapping import facing_of, turned_about_y
 from enliven.modeling.puppet import play_take
 from enliven_viewer.render import DRAG_TURN, OrbitCamera
 from enliven_viewer.studio.editor import Editor

@@ -1,4 +1,4 @@
-"""Checks that the optional libraries of the controls are installed."""
+"""Checks that optional libraries are installed."""
 
 from __future__ import annotations
 
@@ -8,11 +8,7 @@ from enliven.errors import ResourceError
 
 
 def need(module: str, extra: str, where: str) -> None:
-    """Raises an error that names the missing package.
-
-    Raises:
-        ResourceError: where it is.
-    """
+    """Raises ResourceError where a library of an extra is not installed, naming what installs it."""
     if importlib.util.find_spec(module) is None:
         raise ResourceError(
             f"the library {module!r} is not installed here",

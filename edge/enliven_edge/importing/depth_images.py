@@ -1,0 +1,147 @@
+"""Depth images with OpenCV camera files beside them, and a Kinect v1's without."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import UInt16
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven_edge.importing.base import (
+    DEFAULT_OPTIONS,
+    ImportOptions,
+    Reader,
+    head_of,
+    natural_order,
+    text_of,
+)
+from enliven_edge.importing.images import KINECT1, is_depth_png, read_colour, read_depth_png
+
+_SUFFIX = "_depth.png"
+
+
+class OpenCvDepthReader(Reader):
+    """16-bit PNG in millimetres, one camera file of OpenCV's FileStorage for each image.
+
+    The camera files may hold a rotation and a translation too: where a turning person was registered, these
+    are the body's motion and not the sensor's, so they are not used.
+    """
+
+    name = "opencv-depth"
+    description = "depth PNG sequence with OpenCV camera files (*_depth.png, *_camera.xml, colour *.jpg)"
+    note = "no times in the files: evenly spaced; the poses in the camera files are not used"
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        depth = [path for path in paths if path.name.endswith(_SUFFIX)]
+        return (
+            bool(depth) and is_depth_png(depth[0]) and b"<opencv_storage>" in head_of(_camera_file(depth[0]))
+        )
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
+        for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
+            depth = read_depth_png(path)
+            camera = read_camera(_camera_file(path), depth.shape[1], depth.shape[0])
+            colour = read_colour(path.with_name(path.name.removesuffix(_SUFFIX) + ".jpg"))
+            yield DepthFrame(depth, camera, time_ns, options.device or "kinect1", colour)
+
+
+def read_camera(path: Path, width: int, height: int) -> Intrinsics:
+    """The pinhole camera in an OpenCV FileStorage XML (matrix ``intrinsic``).
+
+    Raises:
+        InputError: where the file or the matrix is missing or damaged.
+    """
+    try:
+        text = ElementTree.fromstring(text_of(path)).findtext("intrinsic/data") or ""
+        numbers = [float(word) for word in text.split()]
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"the camera file is damaged ({error})", where=str(path)) from None
+    if len(numbers) != 9:
+        raise InputError(
+            f"the matrix `intrinsic` has {len(numbers)} numbers, expected 9",
+            where=str(path),
+            mend="Write it as a 3x3 matrix of OpenCV's FileStorage.",
+        )
+    return Intrinsics(width, height, numbers[0], numbers[4], numbers[2], numbers[5])
+
+
+def _camera_file(depth: Path) -> Path:
+    return depth.with_name(depth.name.removesuffix(_SUFFIX) + "_camera.xml")
+
+
+_BYTES = KINECT1.width * KINECT1.height * 2
+"""Bytes of a file: two for each pixel."""
+_FARTHEST = 10_000
+"""Millimetres: farther values are no distances of a Kinect v1."""
+
+
+class RawKinectReader(Reader):
+    """Reads files of exactly 614,400 bytes that hold possible distances of a Kinect v1."""
+
+    name = "raw-kinect1"
+    description = "headerless Kinect v1 depth images (640x480 uint16 millimetres)"
+    note = "no camera in the files: the usual Kinect v1 (525 pixels) is assumed; no times: evenly spaced"
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        images = _raw_images(paths)
+        return bool(images) and _plausible(np.fromfile(images[0], "<u2"))
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        images = _raw_images(paths) or list(paths)
+        for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
+            yield DepthFrame(_read(path), KINECT1, time_ns, options.device or "kinect1")
+
+
+def _raw_images(paths: Sequence[Path]) -> list[Path]:
+    sized = (path for path in paths if path.is_file() and path.stat().st_size == _BYTES)
+    return sorted(sized, key=natural_order)
+
+
+def _plausible(values: UInt16) -> bool:
+    """Returns whether numbers look like distances: some are near enough, and hardly any too far."""
+    known = values[values > 0]
+    return known.size > 100 and float(np.mean(known > _FARTHEST)) < 0.001
+
+
+def _read(path: Path) -> UInt16:
+    try:
+        values = np.fromfile(path, "<u2")
+    except OSError as error:
+        raise InputError(f"it cannot be read ({error.strerror or error})", where=str(path)) from None
+    if values.size * 2 != _BYTES or path.stat().st_size != _BYTES:
+        raise InputError(
+            f"it has {path.stat().st_size} bytes, a depth image of 640x480 has {_BYTES}",
+            where=str(path),
+            mend="Copy it again; it may have been cut off.",
+        )
+    return values.astype(np.uint16).reshape(KINECT1.height, KINECT1.width)
+
+
+class PlainDepthReader(Reader):
+    """16-bit PNG in millimetres without a camera file."""
+
+    name = "plain-depth"
+    description = "depth PNG sequence alone (16-bit, millimetres, the shape of a Kinect v1 image)"
+    note = "no camera in the files: the usual Kinect v1 (525 pixels) is assumed; no times: evenly spaced"
+
+    def can_read(self, paths: Sequence[Path]) -> bool:
+        return bool(paths) and any(is_depth_png(path) for path in paths)
+
+    def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        images = sorted((path for path in paths if is_depth_png(path)), key=natural_order)
+        for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
+            depth = read_depth_png(path)
+            camera = KINECT1.scaled(depth.shape[1] / KINECT1.width)
+            if (camera.height, camera.width) != depth.shape:
+                raise InputError(
+                    f"the image is {depth.shape[1]}x{depth.shape[0]}, and no file states its camera",
+                    where=str(path),
+                    mend="Put a camera file beside it: NAME_camera.xml for NAME_depth.png.",
+                )
+            yield DepthFrame(depth, camera, time_ns, options.device or "kinect1")

@@ -1,0 +1,194 @@
+"""Skeletons of one person as programs and data sets around the Kinect keep them in text files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.person import Body, Joint
+from enliven_edge.importing.base import (
+    ImportOptions,
+    are_numbers,
+    first_lines,
+    floats_of,
+    head_of,
+    numbers_of,
+    rows_of,
+)
+from enliven_edge.importing.skeletons import (
+    CONFIDENCE_OF_STATE,
+    KINECT2_NAMES,
+    KINECT2_ORDER,
+    WORLD_FROM_KINECT_SPACE,
+    SkeletonMoment,
+    SkeletonReader,
+    in_metres,
+    observed,
+    tracked,
+)
+
+_SCAN_HEADER = ["Joints", "X", "Y", "Z"]
+_SCAN_TILT = "Degree"
+_GAIT_NAMES = {joint.name.replace("_", "-").title(): joint for joint in Joint} | {
+    "Hip-Centro": Joint.HIP_CENTER,
+    "Shoulder-Centro": Joint.SHOULDER_CENTER,
+}
+"""The joint of each name in KinectGait; its files mix languages (``Hip-centro``)."""
+_LABANOTATION_COLUMNS = 101
+"""Numbers of a row: the time, then x, y, z and the tracking state of 25 joints."""
+_TICK_NS = 100
+"""Nanoseconds of a tick, the Kinect SDK 2's unit of time."""
+MSR_ORDER = (
+    Joint.SHOULDER_LEFT,
+    Joint.SHOULDER_RIGHT,
+    Joint.SHOULDER_CENTER,
+    Joint.SPINE,
+    Joint.HIP_LEFT,
+    Joint.HIP_RIGHT,
+    Joint.HIP_CENTER,
+    Joint.ELBOW_LEFT,
+    Joint.ELBOW_RIGHT,
+    Joint.WRIST_LEFT,
+    Joint.WRIST_RIGHT,
+    Joint.HAND_LEFT,
+    Joint.HAND_RIGHT,
+    Joint.KNEE_LEFT,
+    Joint.KNEE_RIGHT,
+    Joint.ANKLE_LEFT,
+    Joint.ANKLE_RIGHT,
+    Joint.FOOT_LEFT,
+    Joint.FOOT_RIGHT,
+    Joint.HEAD,
+)
+"""(20,) the joint in each row of a frame. Right is the side that the subjects were told to use."""
+MSR_FOCAL = 285.0
+"""Focal length of the pixel form's depth camera (320x240), pixels, for which both forms agree."""
+_MSR_CENTRE = (160.0, 120.0)
+"""Column and row of the image's centre, pixels."""
+_MSR_METRES = 0.004
+"""Metres of one unit of depth in the pixel form, for which both forms agree."""
+_MSR_FPS = 15.0
+"""Frames a second of the data set, which its files do not state."""
+
+
+class BodyScannerReader(SkeletonReader):
+    """``Joints,X,Y,Z``; the row ``Degree`` is the sensor's tilt, then 25 joints, +Y up, +Z to the sensor."""
+
+    name = "body-scanner"
+    description = "BodyScanner-Kinect CSV (the joints of one moment, with the sensor's tilt)"
+    note = "one moment only; every joint counts as tracked"
+    sensor = "kinect2"
+
+    def matches(self, path: Path) -> bool:
+        rows = [line.split(",") for line in first_lines(head_of(path), 2)]
+        return len(rows) == 2 and rows[0] == _SCAN_HEADER and rows[1][0] == _SCAN_TILT
+
+    def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        rows = rows_of(path)[1:]
+        values = numbers_of([row[1:] for row in rows], path, 3, 2)
+        named = {row[0].strip(): xyz for row, xyz in zip(rows, values, strict=False)}
+        missing = [name for name in (_SCAN_TILT, *KINECT2_NAMES) if name not in named]
+        if missing:
+            raise InputError(f"the row {missing[0]} is missing", where=str(path))
+        level = level_from_tilted(math.radians(float(named[_SCAN_TILT][0])))
+        # Its +Z is to the sensor, as the world's is.
+        joints = np.array([named[name] for name in KINECT2_NAMES]) @ (WORLD_FROM_KINECT_SPACE @ level).T
+        return [SkeletonMoment(0, [tracked(joints)])]
+
+
+def level_from_tilted(tilt: float) -> Float:
+    """(3, 3) takes the space of a sensor that points ``tilt`` radians down to a level one."""
+    c, s = math.cos(tilt), math.sin(tilt)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+class GaitReader(SkeletonReader):
+    """``Joint-Name;x;y;z`` lines in metres; a frame starts at ``Head`` and has 20 lines."""
+
+    name = "kinect-gait"
+    description = "KinectGait text (Joint-Name;x;y;z lines, 20 a frame)"
+    note = "no times in the files: 30 frames a second; no tracking states: every joint counts as tracked"
+
+    def matches(self, path: Path) -> bool:
+        rows = [line.split(";") for line in first_lines(head_of(path), 20)]
+        return bool(rows) and all(len(row) == 4 and row[0].strip().title() in _GAIT_NAMES for row in rows)
+
+    def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        rows = rows_of(path, ";")
+        joints = [_gait_joint(row[0], path, line) for line, row in enumerate(rows, 1)]
+        values = numbers_of([row[1:] for row in rows], path, 3)
+        starts = [line for line, joint in enumerate(joints) if joint == Joint.HEAD] + [len(values)]
+        moments = []
+        for start, end, time_ns in zip(starts, starts[1:], options.times_ns(30.0), strict=False):
+            xyz = np.full((len(Joint), 3), np.nan)
+            xyz[joints[start:end]] = values[start:end]
+            if np.isfinite(xyz[:, 0]).any():
+                moments.append(SkeletonMoment(time_ns, [tracked(xyz)]))
+        return moments
+
+
+def _gait_joint(name: str, path: Path, line: int) -> Joint:
+    joint = _GAIT_NAMES.get(name.strip().title())
+    if joint is None:
+        what, mend = f"line {line} names the joint {name!r}", f"Known: {', '.join(_GAIT_NAMES)}."
+        raise InputError(what, where=str(path), mend=mend)
+    return joint
+
+
+class LabanotationReader(SkeletonReader):
+    """No header; 101 values a row: time in 100 ns ticks, then 25 joints of x, y, z, tracking state."""
+
+    name = "labanotation"
+    description = "Kinect v2 skeleton CSV of the LabanotationSuite (time, 25 joints with tracking states)"
+    note = ""
+    sensor = "kinect2"
+
+    def matches(self, path: Path) -> bool:
+        cells = (first_lines(head_of(path), 1) or [""])[0].rstrip(",").split(",")
+        return len(cells) == _LABANOTATION_COLUMNS and are_numbers(cells)
+
+    def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        values = numbers_of(rows_of(path), path, _LABANOTATION_COLUMNS)
+        joints = values[:, 1:].reshape(-1, 25, 4)[:, KINECT2_ORDER]
+        states = joints[..., 3]
+        if not np.isin(states, (0.0, 1.0, 2.0)).all() or not np.isfinite(values[:, 0]).all():
+            raise InputError("a tracking state is not 0, 1 or 2, or a time is missing", where=str(path))
+        times = [int(ticks) * _TICK_NS for ticks in values[:, 0]]
+        return _one_person(times, joints[..., :3], CONFIDENCE_OF_STATE[states.astype(int)])
+
+
+class MsrAction3dReader(SkeletonReader):
+    """20 rows a frame of x, y, z, confidence; either metres, or pixels and depth in units of 4 mm."""
+
+    name = "msr-action3d"
+    description = "MSR Action3D skeleton text (aXX_sXX_eXX_skeleton.txt or _skeleton3D.txt)"
+    note = "no times in the files: 15 frames a second"
+
+    def matches(self, path: Path) -> bool:
+        rows = [line.split() for line in first_lines(head_of(path), 20)]
+        return len(rows) == 20 and all(len(row) == 4 and are_numbers(row) for row in rows)
+
+    def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        values = floats_of(path)
+        if not values.size or values.size % 80:
+            what = f"it holds {values.size} numbers, not 80 for each frame"
+            raise InputError(what, where=str(path), mend="Copy it again; it may have been cut off.")
+        rows = values.reshape(-1, 20, 4)[:, np.argsort(MSR_ORDER)]
+        joints = rows[..., :3]
+        if float(np.median(joints[..., 2])) >= 20.0:
+            joints = in_metres(joints[..., :2], joints[..., 2] * _MSR_METRES, MSR_FOCAL, _MSR_CENTRE)
+        times = [time_ns for time_ns, _ in zip(options.times_ns(_MSR_FPS), rows, strict=False)]
+        return _one_person(times, joints, rows[..., 3])
+
+
+def _one_person(times: Sequence[int], joints: Float, confidence: Float) -> list[SkeletonMoment]:
+    """The moments of one person: (F,) nanoseconds, (F, 20, 3) metres and (F, 20)."""
+    return [
+        SkeletonMoment(time_ns, [Body(0, *observed(xyz, sure))])
+        for time_ns, xyz, sure in zip(times, joints, confidence, strict=True)
+    ]

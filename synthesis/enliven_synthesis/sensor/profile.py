@@ -1,0 +1,168 @@
+"""Sensor profiles: what is known of a real depth camera, in ``firmware_configs/sensors/*.toml``."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven.settings import load_settings, setting
+from enliven_edge.sensors import profile_names, profiles_folder
+
+
+@dataclass(frozen=True)
+class CameraProfile:
+    """The lens and the image."""
+
+    width: int = setting(doc="Width of the depth image.", unit="px", low=16, high=4096)
+    height: int = setting(doc="Height of the depth image.", unit="px", low=16, high=4096)
+    fx: float = setting(doc="Focal length across.", unit="px", low=10, high=10000)
+    fy: float = setting(doc="Focal length down.", unit="px", low=10, high=10000)
+    cx: float = setting(doc="Principal point from the left column's centre.", unit="px", low=0, high=4096)
+    cy: float = setting(doc="Principal point from the top row's centre.", unit="px", low=0, high=4096)
+    distortion: tuple[float, float, float, float, float] = setting(
+        (0.0, 0.0, 0.0, 0.0, 0.0), "Brown-Conrady k1, k2, p1, p2, k3 (zero: delivered rectified)."
+    )
+    fps: float = setting(30.0, "Depth images a second.", unit="Hz", low=1, high=240)
+
+
+@dataclass(frozen=True)
+class RangeProfile:
+    """Where the sensor measures, and in which steps."""
+
+    near: float = setting(doc="Nearest distance it reports.", unit="m", low=0.01, high=10)
+    far: float = setting(doc="Farthest distance it reports.", unit="m", low=0.1, high=65)
+    baseline: float = setting(
+        0.0,
+        "From the imager to the projector or the other imager, positive to the image's right; 0 for a "
+        "time-of-flight camera, which casts no shadow of its own.",
+        unit="m",
+        low=-1,
+        high=1,
+    )
+    disparity_step: float = setting(
+        0.0,
+        "Step of the disparity at full resolution; 0 for a time-of-flight camera.",
+        unit="px",
+        low=0,
+        high=1,
+    )
+    depth_step: float = setting(0.001, "Step of the reported depth.", unit="m", low=0.0001, high=0.1)
+
+
+@dataclass(frozen=True)
+class NoiseProfile:
+    """How a measured depth scatters: sigma(z) = constant + linear (z - from) + quadratic (z - from)^2."""
+
+    constant: float = setting(
+        doc="Axial standard deviation at the reference distance.", unit="m", low=0, high=0.2
+    )
+    linear: float = setting(0.0, "Its growth with distance.", unit="m/m", low=0, high=0.1)
+    quadratic: float = setting(0.0, "Its growth with distance squared.", unit="m/m^2", low=0, high=0.1)
+    start: float = setting(0.0, "The reference distance.", unit="m", low=0, high=5)
+    slant: float = setting(
+        0.0,
+        "Added standard deviation at 45 degrees of slant and 1 m (times tan^2 / sqrt(z)).",
+        unit="m",
+        low=0,
+        high=0.05,
+    )
+    lateral: float = setting(0.8, "Standard deviation of where an edge appears.", unit="px", low=0, high=5)
+    correlation: float = setting(
+        1.0, "Width of the window over which neighbours share their noise.", unit="px", low=1, high=25
+    )
+    frozen: float = setting(
+        0.0, "Part of the variance that stays the same from frame to frame.", low=0, high=0.99
+    )
+
+
+@dataclass(frozen=True)
+class FaultProfile:
+    """Where a depth is missing or wrong."""
+
+    edge: float = setting(2.0, "Reach of an edge's faults.", unit="px", low=0, high=12)
+    edge_holes: float = setting(0.3, "Part of the pixels behind an edge that report nothing.", low=0, high=1)
+    flying: float = setting(
+        0.0, "Part of the pixels at an edge that report a depth between both sides.", low=0, high=1
+    )
+    grazing: float = setting(80.0, "Slant beyond which a surface is not seen.", unit="deg", low=30, high=90)
+    dark: float = setting(
+        0.2, "Part of a surface that swallows the light (hair, black shoes) that is lost.", low=0, high=1
+    )
+    mirror: float = setting(
+        0.8, "Part of a surface that mirrors the light away (a screen) that is lost.", low=0, high=1
+    )
+
+
+@dataclass(frozen=True)
+class SensorProfile:
+    """A depth camera as its data sheet and its measurers know it."""
+
+    name: str = setting(doc="What people call it.")
+    kind: Literal["structured light", "stereo", "time of flight"] = setting(doc="How it measures depth.")
+    source: str = setting(doc="Where the figures are from.")
+    camera: CameraProfile = setting(doc="The lens and the image.")
+    range: RangeProfile = setting(doc="Where it measures, and in which steps.")
+    noise: NoiseProfile = setting(doc="How its depth scatters.")
+    faults: FaultProfile = setting(FaultProfile, "Where its depth is missing or wrong.")
+
+    def intrinsics(self, width: int | None = None) -> Intrinsics:
+        """The camera, scaled to ``width`` pixels where one is given."""
+        c = self.camera
+        full = Intrinsics(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
+        return full if width is None or width == c.width else full.scaled(width / c.width)
+
+    def sigma(self, z: float) -> float:
+        """Standard deviation (m) of a reported depth of ``z`` metres on a surface that faces the sensor."""
+        n = self.noise
+        return n.constant + n.linear * max(z - n.start, 0.0) + n.quadratic * (z - n.start) ** 2
+
+    def step(self, z: float) -> float:
+        """Distance (m) between two neighbouring values that a depth near ``z`` metres can take."""
+        r = self.range
+        if r.disparity_step == 0.0:
+            return r.depth_step
+        return max(r.depth_step, z * z * r.disparity_step / (self.camera.fx * abs(r.baseline)))
+
+
+def load_profile(name_or_path: str | Path) -> SensorProfile:
+    """A shipped profile by name (such as "kinect1"), or any profile by the path of its TOML file.
+
+    Raises:
+        InputError: for an unknown name, an unreadable file, a wrong or missing key, or figures that
+            contradict each other.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        known = profile_names()
+        if str(name_or_path) not in known:
+            near = difflib.get_close_matches(str(name_or_path), known, n=1)
+            hint = f"Did you mean {near[0]!r}? " if near else ""
+            raise InputError(
+                f"there is no sensor profile {str(name_or_path)!r}",
+                where="sensor profile",
+                mend=f"{hint}Known: {', '.join(known)}; or give the path of a .toml file.",
+            )
+        path = profiles_folder() / f"{name_or_path}.toml"
+    return _checked(load_settings(SensorProfile, path), str(path))
+
+
+def _checked(profile: SensorProfile, where: str) -> SensorProfile:
+    """The profile, if its figures agree with each other."""
+    r, c = profile.range, profile.camera
+    if r.near >= r.far:
+        raise InputError(f"range.near is {r.near} m, not below range.far, {r.far} m", where=where)
+    if not (c.cx < c.width and c.cy < c.height):
+        raise InputError(f"the principal point ({c.cx}, {c.cy}) is outside the image", where=where)
+    triangulates = profile.kind != "time of flight"
+    if triangulates != (r.baseline != 0.0) or triangulates != (r.disparity_step > 0.0):
+        raise InputError(
+            f"range.baseline is {r.baseline} m and range.disparity_step {r.disparity_step} px "
+            f"for a sensor of kind {profile.kind!r}",
+            where=where,
+            mend="Structured light and stereo have both, a time-of-flight camera neither.",
+        )
+    return profile
