@@ -51,7 +51,7 @@ class HoldLog:
     @contextmanager
     def frame(self, actor: Actor, time_ns: int) -> Iterator[None]:
         """Logs what the actor itself changes within a frame: holds that are handed over, begun or ended."""
-        before, place = [hold.body for hold in actor.holds], actor.place
+        before = [hold.body for hold in actor.holds]
         yield
         self.time_ns = time_ns
         after = [hold.body for hold in actor.holds]
@@ -61,9 +61,9 @@ class HoldLog:
         for who in after:
             if who not in before:
                 former = lost.pop(0) if lost else None
-                self._add(actor, "join" if former is None else "take over", who, former=former, place=place)
+                self._add(actor, "join" if former is None else "take over", who, former=former)
         for who in lost:
-            self._add(actor, "release", who, place=place)
+            self._add(actor, "release", who)
 
     def removed(self, actor: Actor) -> None:
         """Logs that a character left the stage."""
@@ -80,7 +80,7 @@ class HoldLog:
         mode: HoldMode,
         who: int | None,
         *,
-        place: tuple[float, ...],
+        place: tuple[float, ...] = (),
         parts: str = "all",
         former: int | None = None,
     ) -> None:

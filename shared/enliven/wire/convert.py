@@ -79,8 +79,8 @@ def as_sent(bodies: Iterable[Body]) -> list[Body]:
     return [
         replace(
             body,
-            joints=np.clip(np.rint(body.joints / JOINT_STEP), -32768, 32767) * JOINT_STEP,
-            confidence=np.rint(np.clip(np.nan_to_num(body.confidence), 0, 1) * 255) / 255.0,
+            joints=np.minimum(np.maximum(np.rint(body.joints / JOINT_STEP), -32768), 32767) * JOINT_STEP,
+            confidence=np.rint(np.minimum(np.fmax(body.confidence, 0.0), 1.0) * 255) / 255.0,
             stature=None if body.stature is None else round(body.stature * 1000) / 1000.0,
         )
         for body in bodies
