@@ -8,6 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import msgspec
+
 from enliven.document import Character
 from enliven.health import HealthState, worst_first
 from enliven.wire import (
@@ -17,7 +19,6 @@ from enliven.wire import (
     character_to_message,
     cues_to_message,
     health_to_messages,
-    hold_to_message,
     props_to_message,
 )
 from enliven_edge.network.command_queue import CommandQueue
@@ -191,8 +192,8 @@ def _messages(tick: Tick, revision_of: Callable[[str], int]) -> Iterator[Any]:
         yield props_to_message(tick.props)
     for board in tick.boards:
         yield board_to_message(board)
-    for event in tick.holds:
-        yield hold_to_message(event, revision_of(event.character))
+    for change in tick.holds:
+        yield msgspec.structs.replace(change, revision=revision_of(change.character))
 
 
 def _publisher(wire: WireSettings) -> Publisher:

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 
-from enliven.document import HoldEvent, HoldMode
+from enliven.document import HoldMode
 from enliven.person import Body
-from enliven.possession import Mode
-from enliven_edge.stage.actor import Actor
+from enliven.possession import Actor, Mode
+from enliven.wire import MAX_SETTINGS, HoldMessage
 
 
 class HoldLog:
@@ -24,7 +24,7 @@ class HoldLog:
     def __init__(self) -> None:
         self.time_ns = 0
         self.parts: dict[tuple[str, int], str] = {}
-        self._events: list[HoldEvent] = []
+        self._events: list[HoldMessage] = []
 
     def possess(self, actor: Actor, body: Body, parts: str, mode: Mode) -> None:
         """Lets a performer take hold of a character.
@@ -67,9 +67,9 @@ class HoldLog:
 
     def removed(self, actor: Actor) -> None:
         """Logs that a character left the stage."""
-        self._events.append(HoldEvent(actor.character.id, self.time_ns, "remove"))
+        self._events.append(HoldMessage(actor.character.id, self.time_ns, "remove"))
 
-    def take(self) -> list[HoldEvent]:
+    def take(self) -> list[HoldMessage]:
         """Returns what was logged since the last call."""
         events, self._events = self._events, []
         return events
@@ -84,19 +84,18 @@ class HoldLog:
         parts: str = "all",
         former: int | None = None,
     ) -> None:
-        holders = tuple(hold.body for hold in actor.holds)
         settings = json.dumps(asdict(actor.settings))
         self._events.append(
-            HoldEvent(
+            HoldMessage(
                 actor.character.id,
                 self.time_ns,
                 mode,
-                who,
-                parts,
-                former,
-                holders,
-                settings,
-                place,
-                actor.size,
+                body=-1 if who is None else who,
+                parts=parts,
+                former=-1 if former is None else former,
+                holders=[hold.body for hold in actor.holds],
+                settings=settings if len(settings) <= MAX_SETTINGS else "{}",
+                place=list(place),
+                size=actor.size,
             )
         )

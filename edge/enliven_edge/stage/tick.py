@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from enliven.document import HoldEvent, Pose, Props
+from enliven.document import Pose, Props
 from enliven.frames import Frame
 from enliven.matching import Board
 from enliven.person import Body
 from enliven.possession import Cues
+from enliven.wire import HoldMessage
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Tick:
     cues: Mapping[str, Cues] = field(default_factory=dict)
     boards: Sequence[Board] = ()
     holders: frozenset[int] = frozenset()
-    holds: Sequence[HoldEvent] = ()
+    holds: Sequence[HoldMessage] = ()
     props: Props | None = None
 
     @property

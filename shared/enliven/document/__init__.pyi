@@ -1,7 +1,6 @@
 from .body_take import (
     BodyTake as BodyTake,
     HoldChange as HoldChange,
-    HoldEvent as HoldEvent,
     HoldMode as HoldMode,
     Possession as Possession,
 )

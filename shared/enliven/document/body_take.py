@@ -122,36 +122,19 @@ class Possession:
     rest: Float = field(default_factory=lambda: np.zeros((0, 3)))
     solved: str = ""
 
+    def __post_init__(self) -> None:
+        rest = np.array(self.rest, np.float64)
+        rest.setflags(write=False)
+        object.__setattr__(self, "rest", rest)
+        sizes = [self.size, *self.place[:1]]
+        good = rest.ndim == 2 and rest.shape[1] == 3 and len(self.place) in (0, 5) and min(sizes) > 0.0
+        if not (good and np.isfinite([*self.place, *sizes, self.height, self.start, self.end]).all()):
+            what = f"nodes {rest.shape}, a place {self.place} and a size {self.size} do not fit"
+            raise InputError(what, where=f"take {self.take!r}", mend="Record it again.")
+
     def last(self, take: BodyTake) -> float:
         """The second of the take at which it ends."""
         return self.end if self.end > 0.0 else take.duration
-
-
-@dataclass(frozen=True)
-class HoldEvent:
-    """A change of holds as it happens on a stage, with all that solving it again needs.
-
-    Attributes:
-        character: its id.
-        time_ns: the sensor's clock, of the frame that it follows.
-        mode, performer, parts, former: as in :class:`HoldChange`.
-        holders: the ids of all who hold the character from now on.
-        settings: the actor's settings as JSON.
-        place: where the mesh stood before: scale, radians about +Y, and x, y, z in metres; empty for an actor
-            that has no such place.
-        size: metres of the mesh as modelled for one of its rest space.
-    """
-
-    character: str
-    time_ns: int
-    mode: HoldMode
-    performer: int | None = None
-    parts: str = "all"
-    former: int | None = None
-    holders: tuple[int, ...] = ()
-    settings: str = "{}"
-    place: tuple[float, ...] = ()
-    size: float = 1.0
 
 
 def _problem_of(take: BodyTake) -> str:

@@ -119,6 +119,11 @@ class GraphPart(Playing):
         if not self.size > 0.0:
             raise InputError(f"it cannot be {self.size} times as large", where=f"part {self.take!r}")
 
+        known = np.inf if self.possession is None else len(self.possession.rest)
+        if nodes.size and not nodes.max() < known:
+            what = f"it plays node {nodes.max()} of {known} that were solved"
+            raise InputError(what, where=f"part {self.take!r}", mend="Possess the mesh again.")
+
     def needs(self) -> tuple[tuple[str, str], ...]:
         """Its stream, and the bodies that it was solved from."""
         solved = self.possession

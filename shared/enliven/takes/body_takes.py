@@ -13,14 +13,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from enliven.document import BodyTake, Character, HoldChange, HoldEvent, Pose, Possession
+from enliven.document import BodyTake, Character, HoldChange, Pose, Possession
 from enliven.errors import EnlivenError, InputError
 from enliven.files import DAMAGE
 from enliven.frames import BodyFrame, Frame
 from enliven.person import Joint
 from enliven.recording import Recording
 from enliven.takes.recorded import body_frames
-from enliven.wire import HOLDS, HoldMessage, message_to_hold
+from enliven.wire import HOLDS, HoldMessage
 
 
 def body_take_of(path: Path | str) -> BodyTake:
@@ -45,7 +45,7 @@ class RecordedHolds:
 
     take: BodyTake
     begin_ns: int
-    events: dict[tuple[str, int], list[HoldEvent]] = field(default_factory=dict)
+    events: dict[tuple[str, int], list[HoldMessage]] = field(default_factory=dict)
 
     def possession(self, key: tuple[str, int], character: Character, poses: list[Pose]) -> Possession | None:
         """Returns how a character with these poses was possessed; None where that was not recorded.
@@ -53,22 +53,21 @@ class RecordedHolds:
         Args:
             key: the id and the revision of the character.
         """
-        events = self.events.get(key, [])
-        if character.kind != "graph" or not any(event.place for event in events):
+        events = [event for event in self.events.get(key, []) if event.mode != "remove"]
+        first = next((event for event in events if len(event.place) == 5 and event.place[0] > 0.0), None)
+        if character.kind != "graph" or first is None or not first.size > 0.0:
             return None
-        first = next(event for event in events if event.place)
-        changes = [
-            HoldChange(self._second(e.time_ns), e.performer, e.parts, e.mode, e.former)
-            for e in events
-            if e.mode != "remove"
-        ]
+        changes = []
+        for event in events:
+            who, former = (None if one < 0 else one for one in (event.body, event.former))
+            changes.append(HoldChange(self._second(event.time_ns), who, event.parts, event.mode, former))
         return Possession(
             self.take.id,
             tuple(changes),
             first.settings,
             float(np.ptp(character.vertices[:, 1])),
             first.size,
-            first.place,
+            tuple(first.place),
             self._second(poses[0].time_ns),
             self._second(poses[-1].time_ns),
             np.asarray(character.pivots, np.float64),
@@ -93,7 +92,7 @@ def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
             said = msgspec.msgpack.decode(data, type=HoldMessage)
         except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
             continue
-        found.events.setdefault((said.character, said.revision), []).append(message_to_hold(said))
+        found.events.setdefault((said.character, said.revision), []).append(said)
     return found
 
 

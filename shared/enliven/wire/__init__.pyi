@@ -28,7 +28,7 @@ from .envelope import (
     unpack_control as unpack_control,
     unpack_stream as unpack_stream,
 )
-from .holds import hold_to_message as hold_to_message, message_to_hold as message_to_hold
+from .fields import MAX_SETTINGS as MAX_SETTINGS
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
 from .ports import free_ports as free_ports
 from .posecode import PoseCodec as PoseCodec, warm_up as warm_up

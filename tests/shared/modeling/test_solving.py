@@ -255,6 +255,10 @@ def test_progress_notes_and_refusals():
     far = replace(far, vertices=far.vertices + 9.0)
     with pytest.raises(InputError, match="within"):
         possess_mesh(project, far, project.bodies["sway"], how)
+    lacking = [{"rest": how.rest[:5]}, {"rest": np.zeros(3)}, {"place": (1.0, 0.0)}, {"size": 0.0}]
+    for wrong in (*lacking, {"end": np.nan}):
+        with pytest.raises(InputError):
+            replace(shape.parts[0], possession=replace(how, **wrong))
     with pytest.raises(InputError, match="JSON"):
         settings_of(replace(how, settings="{"))
     with pytest.raises(InputError, match="unknown key"):
