@@ -7,10 +7,22 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from enliven.matching import ScreenView
-from enliven.wire import Browse, Lock, Look, Order, Possess, Release, Smooth
+from enliven.wire import (
+    Browse,
+    CharacterPart,
+    Lock,
+    Look,
+    Order,
+    Possess,
+    PutCharacter,
+    Release,
+    RemoveCharacter,
+    Smooth,
+)
 from enliven_edge.network import Handler
 
 if TYPE_CHECKING:
+    from enliven_edge.arrivals import Arrivals
     from enliven_edge.stage import Stage
     from enliven_edge.tracking import Tracker
 
@@ -22,6 +34,7 @@ class Served(Protocol):
     """What orders are about."""
 
     stage: Stage
+    arrivals: Arrivals
     tracker: Tracker
 
 
@@ -39,6 +52,9 @@ def handlers_of(edge: Served) -> dict[type[Order], Handler]:
         Look: Handler(lambda order: edge.stage.set_view(_view(order)), lambda order: _ONE),
         Browse: Handler(lambda order: edge.stage.browse(order.character, order.step)),
         Lock: Handler(lambda order: _lock(edge.tracker, order.on), lambda order: _ONE),
+        PutCharacter: Handler(lambda order: edge.arrivals.put(order)),
+        CharacterPart: Handler(lambda order: edge.arrivals.take(order)),
+        RemoveCharacter: Handler(lambda order: edge.stage.remove(order.character)),
     }
 
 

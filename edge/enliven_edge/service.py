@@ -13,6 +13,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import Frame
 from enliven.health import HealthState, Severity, worst_first
 from enliven.wire import Order, as_sent
+from enliven_edge.arrivals import Arrivals
 from enliven_edge.controls import Controls, Lamps, lamps_of
 from enliven_edge.network import FrameRate, Handler, Outlet
 from enliven_edge.orders import handlers_of
@@ -41,6 +42,7 @@ class Edge:
         health: monitors the sensor and the tracking; None makes one.
         physics: loose things among the characters, or None.
         controls: pedals and the like, beside the viewers; the caller closes them.
+        arrivals: puts the characters that clients send on the stage; None makes one.
         once: end at the first fault of the sensor, in place of going on with its next good frame.
 
     Attributes:
@@ -60,11 +62,13 @@ class Edge:
         health: HealthMonitor | None = None,
         physics: Playground | None = None,
         controls: Controls | None = None,
+        arrivals: Arrivals | None = None,
         once: bool = False,
     ) -> None:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
         self.health, self.physics = health or HealthMonitor(), physics
         self.controls = controls or Controls([])
+        self.arrivals = arrivals or Arrivals(stage)
         self.pace = FrameRate()
         self.frames = 0
         self._heard = time.monotonic()
@@ -120,9 +124,10 @@ class Edge:
         self._judge(tick)
 
     def _show(self) -> None:
-        """Tells viewers, the take and the physics of characters that came, changed or went."""
+        """Puts what has arrived on the stage; tells viewers, take and physics what came, changed or went."""
+        self.arrivals.poll()
         characters = self.stage.characters
-        self.outlet.show(characters)
+        self.outlet.show(characters, self.arrivals.revisions)
         if self.physics is not None:
             self.physics.show(characters)
 

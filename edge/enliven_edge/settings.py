@@ -65,7 +65,7 @@ class EdgeSettings:
         "graph",
         "What moves a model: a deformation graph, for any mesh, or the skeleton of a rigged glTF.",
     )
-    up: str = setting("y", "The mesh's own axis that points up: x, y or z.")
+    up: Literal["", "x", "y", "z"] = setting("", "The mesh's own axis that points up; empty: it is guessed.")
     tracker: TrackerSettings = setting(TrackerSettings, "The tracker.")
     actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
     matching: MatchingSettings = setting(MatchingSettings, "Posing to choose a part of a rigged model.")

@@ -15,3 +15,18 @@ UInt8 = NDArray[np.uint8]
 UInt16 = NDArray[np.uint16]
 Bool = NDArray[np.bool_]
 AnyArray = NDArray[Any]
+
+
+def frozen(array: AnyArray, kind: Any = np.float64) -> AnyArray:
+    """The array of a type, read-only: itself where it is so already, since values share arrays."""
+    if isinstance(array, np.ndarray) and array.dtype == kind and not array.flags.writeable:
+        return array
+    copied = np.array(array, kind)
+    copied.setflags(write=False)
+    return copied
+
+
+def freeze(value: object, *names: str, kind: Any = np.float64) -> None:
+    """Make the named attributes of a frozen value read-only arrays."""
+    for name in names:
+        object.__setattr__(value, name, frozen(getattr(value, name), kind))

@@ -151,12 +151,12 @@ def test_commands_and_their_replies(link: EdgeClient, publisher: Publisher) -> N
     commands: list[Command] = []
     until(link, lambda: (commands.extend(publisher.poll()), commands)[1])
     assert commands[0].request == requests.Possess("chair", 3, "legs")
-    commands[0].reply_done()
+    commands[0].reply(requests.Done())
     until(link, lambda: replies, publisher)
     link.ask(requests.Release("chair"), replies.append)
     commands.clear()
     until(link, lambda: (commands.extend(publisher.poll()), commands)[1])
-    commands[0].reply_refused("it is bolted down")
+    commands[0].reply(requests.Refused("it is bolted down"))
     until(link, lambda: len(replies) == 2, publisher)
     assert replies == [requests.Done(), requests.Refused("it is bolted down")]
     assert [n.text for n in link.take_notices()] == ["it is bolted down"]

@@ -68,6 +68,6 @@ def studio(folder: Path, *names: str, take: str = "") -> tuple[Workspace, Headle
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
     workspace = Workspace.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
     workspace.store.new(project_with(*names, take=take))
-    workspace.puppets.choose("star")
+    workspace.editor.choose("star")
     workspace.input.take("puppet")
     return workspace, HeadlessStage(workspace)

@@ -86,7 +86,7 @@ def work(workspace: Workspace) -> Iterator[Action]:
     said["held"] = len(star().layers[0].velocities)
     yield Click(Widget("all shapes"))
     said["left"] = workspace.puppets.puppet is None
-    yield Click(Widget("puppet star"))
+    yield Click(Widget("character star"))
     said["again"] = workspace.puppets.puppet is star()
     yield Do(lambda workspace: said.update(bad=[t.text for t in workspace.editor.toasts.shown if t.bad]))
     said["done"] = True
@@ -101,7 +101,7 @@ def main() -> None:
     puppet = project.puppets["star"]
     bare = tuple(type(point)(point.name, point.vertex) for point in puppet.points)
     workspace.store.new(project.with_characters(puppet.with_changes(points=bare)))
-    workspace.puppets.choose("star")
+    workspace.editor.choose("star")
     workspace.input.take("puppet")
     window = StudioWindow(workspace, STEP)
     playing: list[tuple[WindowStage, Iterator[None]]] = []

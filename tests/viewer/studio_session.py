@@ -11,9 +11,12 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
+from cage import Swing, cage_of
 from strokes import limb
 from studio_driver import JointPlace, Place, where
 
+from enliven.document.possessed import PoseStream
+from enliven.meshes.mesh import Mesh
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
@@ -57,8 +60,11 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["told"] = [toast.text for toast in editor.toasts.shown]
     ctx.menu_click("##MainMenuBar/Edit/Undo")
     said["undone"] = sorted(editor.project.shapes)
-    ctx.item_click("side/two##shape")
-    said["chosen"] = editor.selection.shape
+    ctx.item_click("side/post   caged mesh##character")
+    settle(ctx)
+    said["caged"] = [editor.selection.character, [bar.label for bar in workspace.timeline.layout.bars()]]
+    ctx.item_click("side/two   shape##character")
+    said["chosen"] = editor.selection.character
     ctx.item_input_value("side/##name", "mantle")
     said["renamed"] = sorted(editor.project.shapes)
     ctx.item_click("side/Duplicate")
@@ -91,7 +97,10 @@ def main() -> None:
     )
     pill = limb(np.array([[0.0, 0.0], [0.0, 0.6]]), np.array([0.08, 0.05]))
     shapes = [shape_from_stroke(np.add(pill, [x, 0.7]), id=name) for x, name in ((-0.4, "one"), (0.4, "two"))]
-    workspace.store.new(workspace.editor.project.with_characters(*shapes))
+    stream = PoseStream("swing", np.tile(np.eye(3), (2, 4, 1, 1)), np.zeros((2, 4, 3)), 1.0)
+    beside = np.add(shapes[0].mesh.vertices, [1.6, 0.0, 0.0])
+    cage = cage_of(Mesh(beside, shapes[0].mesh.faces), "post", (Swing("swing"),))
+    workspace.store.new(workspace.editor.project.with_streams(stream).with_characters(*shapes, cage))
     window = StudioWindow(workspace)
 
     def register() -> None:

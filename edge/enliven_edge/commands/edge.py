@@ -144,6 +144,7 @@ def serve(
     wait_for_sensor: bool = False,
 ) -> None:
     """Opens everything, runs the loop, and closes everything; heavy modules are imported only here."""
+    from enliven_edge.arrivals import Arrivals
     from enliven_edge.commands.interrupts import at_signals
     from enliven_edge.commands.preparing import prepared
     from enliven_edge.controls import open_controls
@@ -167,11 +168,13 @@ def serve(
         live = any(source.sensor != "replay" for source in sources)
         playground = _playground(chosen.physics, [actor.character for actor in actors], live)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
+        stage = Stage(actors)
         service = Edge(
             sensor,
             Tracker(chosen.tracker, _colour_eye(chosen, stack)),
-            Stage(actors),
+            stage,
             outlet,
+            arrivals=Arrivals(stage, chosen),
             possess_at=possess_at,
             parts=parts,
             stop_after=seconds,

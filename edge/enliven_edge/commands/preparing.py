@@ -49,7 +49,7 @@ def _cast(one: CharacterSettings, name: str, taken: Mapping[str, object], chosen
         from enliven_edge.stage.rig import cast_rig
 
         return cast_rig(one.mesh, chosen.matching, name)
-    return cast(one.mesh, chosen.nodes, chosen.actor, chosen.up, name)
+    return cast(one.mesh, chosen.nodes, chosen.actor, chosen.up or None, name)
 
 
 @contextlib.contextmanager

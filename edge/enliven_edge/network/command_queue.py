@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from enliven.wire import SUPERSEDED
+from enliven.wire import SUPERSEDED, Refused
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
@@ -49,7 +49,7 @@ class CommandQueue:
         older = next(same, None)
         if older is not None:
             own.remove(older)
-            older.reply_refused(SUPERSEDED)
+            older.reply(Refused(SUPERSEDED))
         own.append(command)
         if sum(map(len, self._waiting.values())) > _MOST:
             self._waiting = {peer: w for peer, w in self._waiting.items() if peer.is_open}

@@ -26,6 +26,7 @@ class Connection:
         introduced: whether a valid message was received; a connection without one in time is closed.
         heard: monotonic second of its last message.
         moved: monotonic second when bytes last left, or when there were none to send.
+        streaming: whether it sends a long message, of which more is likely to be there.
         pending: orders that wait to be carried out.
         state: data that the user of the server keeps about it.
     """
@@ -33,7 +34,7 @@ class Connection:
     def __init__(self, own: socket.socket, address: str, session: ZmtpSession) -> None:
         self.address, self.session = address, session
         self.opened = self.heard = self.moved = time.monotonic()
-        self.introduced = self.buffered = False
+        self.introduced = self.buffered = self.streaming = False
         self.pending = 0
         self.state: Any = None
         self._socket: socket.socket | None = own

@@ -11,7 +11,6 @@ from enliven.wire import (
     REQUEST,
     Answer,
     Ask,
-    Done,
     Hello,
     Malformed,
     Order,
@@ -50,13 +49,9 @@ class Command:
     _reply: Callable[[Answer], None] = field(repr=False)
     subject: Hashable = None
 
-    def reply_done(self, note: str = "") -> None:
-        """Replies that it was carried out."""
-        self._reply(Done(note[:400]))
-
-    def reply_refused(self, reason: str) -> None:
-        """Replies that it was refused, with a sentence for the viewer to show."""
-        self._reply(Refused(reason[:400]))
+    def reply(self, answer: Answer) -> None:
+        """Replies what came of it."""
+        self._reply(answer)
 
 
 @dataclass

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from enliven.errors import EnlivenError
-from enliven.wire import Order
+from enliven.wire import Answer, Done, Order, Refused
 
 
 def _each(order: Any) -> Hashable:
@@ -21,13 +21,13 @@ class Handler:
     """How one kind of order is carried out.
 
     Attributes:
-        do: carries it out; raises an EnlivenError where it is refused.
+        do: carries it out; returns the answer, None for "done"; raises an EnlivenError where it is refused.
         newest: returns its subject: of a viewer's waiting orders on one subject only the newest is carried
             out; None: this one counts in any case.
         who: may give it, all viewers that may connect or those of this machine alone.
     """
 
-    do: Callable[[Any], None]
+    do: Callable[[Any], Answer | None]
     newest: Callable[[Any], Hashable] = _each
     who: Literal["anyone", "this machine"] = "anyone"
 
@@ -35,22 +35,21 @@ class Handler:
 Handlers = Mapping[type[Order], Handler]
 
 
-def carried_out(handlers: Handlers, order: Order, address: str) -> str:
-    """Carries out an order; returns why it was refused, or an empty string.
+def carried_out(handlers: Handlers, order: Order, address: str) -> Answer:
+    """Carries out an order; returns the answer, of an order that is refused the reason.
 
     Args:
         address: the viewer's, without the port.
     """
     handler = handlers.get(type(order))
     if handler is None:
-        return "this edge cannot do that" if handlers else "the stream has ended"
+        return Refused("this edge cannot do that" if handlers else "the stream has ended")
     if handler.who == "this machine" and not ipaddress.ip_address(address.partition("%")[0]).is_loopback:
-        return "only a viewer on the edge's own machine may ask for that"
+        return Refused("only a viewer on the edge's own machine may ask for that")
     try:
-        handler.do(order)
+        return handler.do(order) or Done()
     except EnlivenError as error:
-        return str(error)
-    return ""
+        return Refused(str(error)[:400])
 
 
 def subject_of(handlers: Handlers, order: Order) -> Hashable:

@@ -14,6 +14,8 @@ from enliven.document import Character
 from enliven.health import HealthState, worst_first
 from enliven.wire import (
     BY_TYPE,
+    Revision,
+    StageMessage,
     board_to_message,
     bodies_to_message,
     character_to_message,
@@ -22,7 +24,6 @@ from enliven.wire import (
     props_to_message,
 )
 from enliven_edge.network.command_queue import CommandQueue
-from enliven_edge.network.control_socket import Command
 from enliven_edge.network.frame_rate import FrameRate
 from enliven_edge.network.handlers import Handlers, carried_out, subject_of
 from enliven_edge.network.publisher import Publisher
@@ -72,6 +73,7 @@ class Outlet:
         self._publisher.set_status(sensor=sensor)
         self._told = 0.0
         self._shown: dict[str, Character] = {}
+        self._stage_told = False
 
     @property
     def publisher(self) -> Publisher:
@@ -83,26 +85,36 @@ class Outlet:
         """The number of viewers."""
         return self._publisher.viewers
 
-    def show(self, characters: Mapping[str, Character]) -> None:
-        """Announces the characters that are new or changed, by identity, and removes those that are gone."""
+    def show(self, characters: Mapping[str, Character], revisions: Mapping[str, int] | None = None) -> None:
+        """Announces the characters that are new or changed, by identity, and removes those that are gone.
+
+        Args:
+            revisions: the lowest that a character may get, by id, as far as known.
+        """
         for name, character in characters.items():
             if self._shown.get(name) is not character:
-                self.introduce(character)
+                self.introduce(character, (revisions or {}).get(name, 1))
         for name in self._shown.keys() - characters.keys():
             del self._shown[name]
+            self._stage_told = False
             self._publisher.remove_character(name)
             if self._take is not None:
                 self._take.remove(name)
 
-    def introduce(self, character: Character) -> None:
+    def introduce(self, character: Character, least: int = 1) -> None:
         """Announces a new character, or a new revision of one; viewers fetch it by themselves."""
-        revision = self._publisher.set_character(character)
+        revision = self._publisher.set_character(character, least)
+        self._stage_told = False
         self._shown[character.id] = character
         if self._take is not None:
             self._take.introduce(character.id, character_to_message(character, revision))
 
     def publish(self, tick: Tick) -> None:
-        """Sends the result of one frame, poses first."""
+        """Sends the result of one frame, poses first; before them what stands on the stage, if it changed."""
+        if not self._stage_told:
+            self._stage_told = True
+            standing = [Revision(name, self._publisher.revision(name)) for name in self._shown]
+            self.send(StageMessage(tick.time_ns, standing), tick.time_ns)
         for pose in tick.poses:
             self._write(self._publisher.publish_pose(pose, tick.read_ns), tick.time_ns)
         for message in _messages(tick, self._publisher.revision):
@@ -151,7 +163,9 @@ class Outlet:
         for command in self._publisher.poll():
             command.subject = subject_of(handlers, command.request)
             self._commands.add(command)
-        self._commands.work(lambda command: _carry_out(handlers, command))
+        self._commands.work(
+            lambda command: command.reply(carried_out(handlers, command.request, command.peer.address))
+        )
 
     def end(self, pace: FrameRate) -> None:
         """Says that the stream has ended, several times: a heartbeat may be lost on the way."""
@@ -207,12 +221,3 @@ def _publisher(wire: WireSettings) -> Publisher:
         rate=wire.rate,
         budget_ms=0.5 * wire.budget,
     )
-
-
-def _carry_out(handlers: Handlers, command: Command) -> None:
-    """Carries out a command and replies: done, or why not."""
-    refused = carried_out(handlers, command.request, command.peer.address)
-    if refused:
-        command.reply_refused(refused)
-    else:
-        command.reply_done()

@@ -123,8 +123,11 @@ class Publisher:
         """The content of the next heartbeat."""
         return self._status
 
-    def set_character(self, character: Character) -> int:
+    def set_character(self, character: Character, least: int = 1) -> int:
         """Sets a new character, or a new version of the one with its id; viewers fetch it by themselves.
+
+        Args:
+            least: the lowest revision that it may get.
 
         Returns:
             its revision: 1, 2, ...; it counts on for a character that was removed and comes back.
@@ -135,7 +138,7 @@ class Publisher:
         codec = PoseCodec(character)
         # The first use compiles the codec, which must not happen in the middle of a performance.
         codec.decode(codec.encode(character.rest_pose()).data)
-        revision = self._revisions.get(character.id, 0) + 1
+        revision = max(self._revisions.get(character.id, 0) + 1, least)
         self._packed[character.id] = payload(character_to_message(character, revision))
         self._characters[character.id] = (revision, codec)
         self._revisions[character.id] = revision

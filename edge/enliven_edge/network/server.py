@@ -38,7 +38,7 @@ its place for six polls, and needs three to introduce itself."""
 _TIDIED_EVERY = 0.25
 """Seconds between two searches for connections to close."""
 _READ_AT_ONCE = 4096
-"""Bytes read from a connection before the next one's turn."""
+"""Bytes read from a connection before the next one's turn, or the rest of a longer message."""
 _FRAMES_A_TURN = 16
 """Frames handled of a connection before the next one's turn."""
 
@@ -111,7 +111,8 @@ class ZmtpServer:
                 if time.monotonic() >= until:
                     return
                 yield from self._turn(connection, until)
-                if connection.is_open and not connection.busy and connection.buffered:
+                more = connection.buffered or connection.streaming
+                if connection.is_open and not connection.busy and more:
                     again.append(connection)
             ready = again
 
@@ -150,10 +151,12 @@ class ZmtpServer:
 
     def _turn(self, connection: Connection, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
         """Reads at most one turn's bytes and frames of one connection."""
-        start, session = time.monotonic(), connection.session
+        start, session, asked = time.monotonic(), connection.session, 0
         try:
             if not connection.buffered:
-                data = connection.read(_READ_AT_ONCE)
+                asked = max(_READ_AT_ONCE, session.missing)
+                data = connection.read(asked)
+                connection.streaming = data is not None and len(data) == asked
                 if data is None:
                     return
                 if not data:
@@ -164,6 +167,7 @@ class ZmtpServer:
                 parts = session.take()
                 if parts is None:
                     connection.buffered = False
+                    connection.streaming &= max(asked, session.missing) > _READ_AT_ONCE
                     break
                 if parts:
                     yield connection, parts

@@ -1,4 +1,5 @@
-from .casting import cast as cast, name_of as name_of, parts_for as parts_for
+from .casting import cast as cast, cast_mesh as cast_mesh, name_of as name_of, parts_for as parts_for
+from .hold_memory import Carried as Carried
 from .opening import Opening as Opening
 from .stage import Stage as Stage
 from .tick import Tick as Tick

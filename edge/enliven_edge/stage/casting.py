@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from enliven.deformation.graph import DeformationGraph, character_from, graph_of
-from enliven.meshes import Mesh
+from enliven.meshes import Axis, Mesh
 from enliven.possession import ActorSettings, EmbeddedActor, prepared
 from enliven.samples import load_sample
 
@@ -21,7 +21,7 @@ _OWN_PARTS = {"lamp": "hip and right arm"}
 
 
 def cast(
-    spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: str = "y", name: str = ""
+    spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: Axis | None = None, name: str = ""
 ) -> EmbeddedActor:
     """The actor of a mesh file, or of a mesh that ships.
 
@@ -32,15 +32,40 @@ def cast(
     Args:
         spec: a path, or a name of :data:`MADE`.
         nodes: of the deformation graph.
-        up: "x", "y" or "z", the mesh's own axis that points up.
+        up: the mesh's own axis that points up; None guesses it.
         name: the character's id; empty: the file's stem.
 
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    settings = settings or ActorSettings()
-    mesh, size = _prepared(spec, settings, up)
-    character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name or name_of(spec))
+    for made in MADE:
+        if spec == made:
+            return cast_mesh(load_sample(made), name or made, nodes, settings, fit=False)
+    from enliven.meshes import load_upright
+
+    mesh, notes = load_upright(spec, up)
+    for note in notes:
+        log.info("%s: %s", spec, note)
+    return cast_mesh(mesh, name or name_of(spec), nodes, settings)
+
+
+def cast_mesh(
+    mesh: Mesh,
+    name: str,
+    nodes: int = 128,
+    settings: ActorSettings | None = None,
+    *,
+    fit: bool = True,
+) -> EmbeddedActor:
+    """Returns the actor of a mesh, as :func:`cast` does; without ``fit`` the mesh is taken as modelled.
+
+    Raises:
+        InputError: for a mesh that cannot be used.
+    """
+    settings, size = settings or ActorSettings(), 1.0
+    if fit:
+        mesh, size = prepared(mesh, settings)
+    character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
     return EmbeddedActor(character, graph_of(character), settings, size)
 
 
@@ -52,19 +77,3 @@ def parts_for(spec: str) -> str:
 def name_of(spec: str) -> str:
     """A short id for a character: the file's stem, of letters, digits, '-' and '_'."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(spec).stem)[:40].strip("-") or "mesh"
-
-
-def _prepared(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]:
-    """Returns the mesh as it goes on stage, and how many metres of the file are one metre of it.
-
-    Repairs are logged.
-    """
-    for name in MADE:
-        if spec == name:
-            return load_sample(name), 1.0
-    from enliven.meshes import load_mesh
-
-    mesh, notes = load_mesh(spec)
-    for note in notes:
-        log.info("%s: %s", spec, note)
-    return prepared(mesh, settings, up)  # type: ignore[arg-type]

@@ -11,6 +11,7 @@ from enliven.document import HoldMode
 from enliven.person import Body
 from enliven.possession import Actor, Mode
 from enliven.wire import MAX_SETTINGS, HoldMessage
+from enliven_edge.stage.hold_memory import Carried
 
 
 class HoldLog:
@@ -18,12 +19,10 @@ class HoldLog:
 
     Attributes:
         time_ns: the sensor's clock, of the last frame that was performed.
-        parts: by character and performer, the parts of the body that took hold last.
     """
 
     def __init__(self) -> None:
         self.time_ns = 0
-        self.parts: dict[tuple[str, int], str] = {}
         self._events: list[HoldMessage] = []
 
     def possess(self, actor: Actor, body: Body, parts: str, mode: Mode) -> None:
@@ -34,7 +33,6 @@ class HoldLog:
         """
         place = actor.place
         actor.possess(body, parts, mode)
-        self.parts[actor.character.id, body.id] = parts
         self._add(actor, mode, body.id, parts=parts, place=place)
 
     def release(self, actor: Actor, who: int | None) -> None:
@@ -64,6 +62,11 @@ class HoldLog:
                 self._add(actor, "join" if former is None else "take over", who, former=former)
         for who in lost:
             self._add(actor, "release", who)
+
+    def carried_over(self, actor: Actor, carried: Carried) -> None:
+        """Logs who holds a character from now on that took the place of another."""
+        for taken in carried:
+            self._add(actor, "join", taken.body.id, parts=taken.parts, place=actor.place)
 
     def removed(self, actor: Actor) -> None:
         """Logs that a character left the stage."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -18,9 +17,8 @@ from enliven.possession import Actor, Cues, Mode
 from enliven_edge.stage.actor import ChosenActor
 from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
 from enliven_edge.stage.hold_log import HoldLog
+from enliven_edge.stage.hold_memory import Carried, HoldMemory
 from enliven_edge.stage.tick import Tick
-
-log = logging.getLogger(__name__)
 
 Surfaces = Mapping[int, ObservedPoints]
 """By body id, the part of a performer's surface that a depth sensor sees."""
@@ -41,6 +39,8 @@ class Stage:
         self.actors: dict[str, Actor] = {}
         self._bodies: list[Body] = []
         self._places: dict[str, Float] = {}
+        self._memory = HoldMemory()
+        self._time_ns = 0
         self._view: ScreenView | None = None
         self._log = HoldLog()
         for actor in actors:
@@ -51,25 +51,32 @@ class Stage:
         """The characters by id; an object is replaced with its actor."""
         return {name: actor.character for name, actor in self.actors.items()}
 
-    def put(self, actor: Actor) -> None:
+    def put(self, actor: Actor, carried: Carried | None = None) -> None:
         """Puts a character on the stage, or in the place of the one with its id; the others go on.
 
-        Performers who held the one before take hold of the new one with the same parts; one who cannot is
-        logged and let go. The caller prepares the actor (:meth:`~enliven_edge.stage.Actor.warm_up`).
+        Who held the one before holds the new one; the caller has warmed the actor up.
+
+        Args:
+            carried: what :meth:`carry_over` returned for it; it is called again where the holds have changed.
         """
         name = actor.character.id
         before = self.actors.get(name)
-        actor.aside = self._free_place() if before is None else before.aside
+        if before is None:
+            actor.aside = self._free_place()
+        if carried is None or (before and carried != self._memory.holds_of(before, self._bodies)):
+            self.carry_over(actor)
+        self.actors[name] = actor
+        if before is not None:
+            self._log.carried_over(actor, self._memory.holds_of(actor, self._bodies))
+
+    def carry_over(self, actor: Actor) -> Carried:
+        """Lets the holders of the character of an actor's id hold the actor; another thread may do this."""
+        before = self.actors.get(actor.character.id)
         if self._view is not None and isinstance(actor, ChosenActor):
             actor.view = self._view
-        self.actors[name] = actor
-        for hold in () if before is None else before.holds:
-            body = next((body for body in self._bodies if body.id == hold.body), None)
-            try:
-                if body is not None:
-                    self._log.possess(actor, body, self._log.parts.get((name, hold.body), "all"), "join")
-            except InputError as error:
-                log.warning("%s", error)
+        if before is None:
+            return ()
+        return self._memory.carry_over(before, actor, self._bodies, self._time_ns)
 
     def remove(self, character: str) -> None:
         """Takes a character from the stage; who held it is free.
@@ -80,6 +87,7 @@ class Stage:
         self._log.removed(self._actor(character))
         del self.actors[character]
         self._places.pop(character, None)
+        self._memory.forget(character)
 
     @property
     def uses_surface(self) -> bool:
@@ -97,13 +105,14 @@ class Stage:
             surfaces: returns, by body id, the part of the performer's surface that a depth sensor sees; it is
                 only called where a character follows surfaces.
         """
-        self._bodies = bodies
+        self._bodies, self._time_ns = bodies, time_ns
         seen = surfaces() if surfaces is not None and self.uses_surface else None
         poses = []
         for name in self.actors:
-            actor = self._actor(name)
+            offered, actor = self._in_order(name), self._actor(name)
+            self._memory.meet(name, offered)
             with self._log.frame(actor, time_ns):
-                pose = actor.perform(self._in_order(name), time_ns, seen)
+                pose = actor.perform(offered, time_ns, seen)
             self._places[name] = pose.positions.mean(0)[FLOOR]
             poses.append(pose)
         return poses
@@ -176,6 +185,7 @@ class Stage:
             )
         taking = (actor.next_performer(present) if mode == "join" else None) or present[0]
         self._log.possess(actor, taking, parts, mode)
+        self._memory.take(character, taking, parts, mode)
 
     def idle(self, character: str) -> Body | None:
         """Returns the performer in view who would take a character next and holds none; None without one."""
@@ -234,6 +244,7 @@ class Stage:
                 raise InputError(f"performer {body} holds no character", where="stage", mend=mend)
         for actor in meant:
             self._log.release(actor, body)
+            self._memory.release(actor.character.id, body)
 
     def set_view(self, view: ScreenView) -> None:
         """Sets the viewer's direction: rigged characters match poses as they look on its screen."""

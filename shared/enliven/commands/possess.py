@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
-    from enliven.meshes import Mesh
+    from enliven.meshes import Axis, Mesh
     from enliven.possession import ActorSettings
 
 
@@ -28,7 +28,10 @@ def possess(
     ] = "",
     at: Annotated[float, typer.Option(min=0, help="Seconds at which they do, with --parts.")] = 0.0,
     nodes: Annotated[int, typer.Option(min=1, max=4096, help="Nodes of the other mesh's graph.")] = 128,
-    up: Annotated[str, typer.Option(help="The mesh file's own axis that points up: x, y or z.")] = "y",
+    up: Annotated[
+        Literal["x", "y", "z"] | None,
+        typer.Option(help="The mesh file's own axis that points up; else as its format has it."),
+    ] = None,
 ) -> None:
     """Move a mesh by the performers of a recording, as if they had stepped into it.
 
@@ -72,21 +75,19 @@ def possess(
     typer.echo(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
 
 
-def _mesh(spec: str, settings: ActorSettings, up: str) -> tuple[Mesh, float]:
+def _mesh(spec: str, settings: ActorSettings, up: Axis | None) -> tuple[Mesh, float]:
     """Returns a mesh as it goes on stage, and the metres as modelled for one of it.
 
     Raises:
-        InputError: where it cannot be read, or there is no such axis.
+        InputError: where it cannot be read.
     """
-    from enliven.meshes import load_mesh
+    from enliven.meshes import load_upright
     from enliven.possession import prepared
     from enliven.samples import load_sample
 
     if spec in ("chair", "lamp"):
         return load_sample(spec), 1.0
-    if up not in ("x", "y", "z"):
-        raise InputError(f"there is no axis {up!r}", where="--up", mend="Name x, y or z.")
-    mesh, notes = load_mesh(spec)
+    mesh, notes = load_upright(spec, up)
     for note in notes:
         typer.echo(f"enliven: {spec}: {note}", err=True)
-    return prepared(mesh, settings, up)
+    return prepared(mesh, settings)

@@ -24,9 +24,10 @@ from .possessed import (
     PoseStream as PoseStream,
     Ride as Ride,
     character_of_graph as character_of_graph,
+    graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_of as graph_shape_of,
 )
-from .project import AnyRig as AnyRig, Project as Project, same as same
+from .project import Project as Project, same as same
 from .naming import unused as unused
 from .props import BALL as BALL, BOX as BOX, Props as Props
 from .puppet import (

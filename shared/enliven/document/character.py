@@ -44,6 +44,7 @@ class Character:
         held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
         pulls: (J - 1,) float32, how hard each pulls as a soft handle, 0 for a hard one; None: all are hard.
         surface: how the surface follows them; None: as the defaults say.
+        names: (J,) of the joints that the bones end at, each once; None where they have none.
     """
 
     id: str
@@ -57,6 +58,7 @@ class Character:
     held: Int32 | None = None
     pulls: Float32 | None = None
     surface: ArapSettings | None = None
+    names: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         problem = _problem_of(self)
@@ -95,6 +97,8 @@ def _problem_of(character: Character) -> str:
         or not (np.isfinite(character.pulls).all() and (character.pulls >= 0).all())
     ):
         return f"{count - 1} points pull with {character.pulls.tolist()}"
+    if character.names is not None and not len(character.names) == len(set(character.names)) == count:
+        return f"{len(set(character.names))} different names for {count} bones"
     if int(character.skin.indices.max()) >= count:
         return f"a vertex follows transform {int(character.skin.indices.max())} of {count}"
     if int(character.faces.min()) < 0 or int(character.faces.max()) >= vertices:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, freeze
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 
@@ -35,10 +35,7 @@ class Clip:
     step: float
 
     def __post_init__(self) -> None:
-        for name in ("turns", "root"):
-            array = np.array(getattr(self, name), np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        freeze(self, "turns", "root")
         frames, joints = len(self.turns), len(self.skeleton)
         problem = ""
         if frames == 0:

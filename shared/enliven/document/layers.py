@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, freeze
 from enliven.document.time_map import Playing
 from enliven.errors import InputError
 from enliven.rotation import IDENTITY
@@ -52,9 +52,8 @@ class Layer(Playing):
     mode: str = "turns"
 
     def __post_init__(self) -> None:
-        basis = np.array(self.basis, np.float64)
-        basis.setflags(write=False)
-        object.__setattr__(self, "basis", basis)
+        freeze(self, "basis")
+        basis = self.basis
         object.__setattr__(self, "chain", tuple(int(joint) for joint in self.chain))
         problem = ""
         if basis.shape != (4,) or not np.isclose(np.linalg.norm(basis), 1.0, atol=1e-6):

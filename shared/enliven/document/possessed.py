@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float, Int, Int32
+from enliven.arrays import Float, Int, Int32, freeze, frozen
 from enliven.document.body_take import Possession
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.rig import RigBase
@@ -38,7 +38,7 @@ class PoseStream:
     step: float
 
     def __post_init__(self) -> None:
-        _freeze(self, "linear", "positions")
+        freeze(self, "linear", "positions")
         frames, nodes = self.positions.shape[:2] if self.positions.ndim == 3 else (0, 0)
         problem = ""
         if frames == 0 or nodes == 0:
@@ -76,7 +76,7 @@ class Ride:
     place: Float
 
     def __post_init__(self) -> None:
-        _freeze(self, "turn", "place")
+        freeze(self, "turn", "place")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,17 +111,15 @@ class GraphPart(Playing):
     possession: Possession | None = None
 
     def __post_init__(self) -> None:
-        nodes = np.array(self.nodes, np.int64)
-        nodes.setflags(write=False)
-        object.__setattr__(self, "nodes", nodes)
-        _freeze(self, "axes", "turn", "place")
+        freeze(self, "nodes", kind=np.int64)
+        freeze(self, "axes", "turn", "place")
         self.check_time(f"part {self.take!r}")
         if not self.size > 0.0:
             raise InputError(f"it cannot be {self.size} times as large", where=f"part {self.take!r}")
 
         known = np.inf if self.possession is None else len(self.possession.rest)
-        if nodes.size and not nodes.max() < known:
-            what = f"it plays node {nodes.max()} of {known} that were solved"
+        if self.nodes.size and not self.nodes.max() < known:
+            what = f"it plays node {self.nodes.max()} of {known} that were solved"
             raise InputError(what, where=f"part {self.take!r}", mend="Possess the mesh again.")
 
     def needs(self) -> tuple[tuple[str, str], ...]:
@@ -161,18 +159,17 @@ class GraphShape(RigBase):
     parts: tuple[GraphPart, ...]
 
     def __post_init__(self) -> None:
-        _freeze(self, "positions")
-        edges = np.array(self.edges, np.int32).reshape(-1, 2)
-        edges.setflags(write=False)
-        object.__setattr__(self, "edges", edges)
+        freeze(self, "positions")
+        object.__setattr__(self, "edges", frozen(np.reshape(self.edges, (-1, 2)), np.int32))
         object.__setattr__(self, "parts", tuple(self.parts))
         problem = _problem_of(self)
         if problem:
-            raise InputError(problem, where=f"graph shape {self.id!r}", mend="Build the shape again.")
+            raise InputError(problem, where=self.where, mend="Build the shape again.")
 
     kind = "graph"
-    word = "graph shape"
+    word = "possessed mesh"
     played = "parts"
+    drawn_by = ("mesh", "skin", "positions")
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Refuse takes that are not there, or that are of something else."""
@@ -182,10 +179,35 @@ class GraphShape(RigBase):
             if part.nodes.size and not 0 <= part.nodes.min() <= part.nodes.max() < known:
                 raise InputError(f"it plays nodes of {part.take!r} that are not there", where=self.where)
 
+    def without_layer(self, number: int) -> GraphShape:
+        """Refused: the nodes of a part play its stream and nothing else."""
+        mend = "Mute it, or cut that part off."
+        raise InputError("its nodes have no other motion", where=self.where, mend=mend)
+
+    def at_rest(self, mesh: Mesh | None) -> tuple[GraphShape, tuple[PoseStream, ...]]:
+        """A possessed mesh that stands still; its skin is made anew from the mesh on the stage."""
+        shape, stream = graph_shape_at_rest(self.id, self.positions, self.edges, mesh or self.mesh)
+        return shape, (stream,)
+
     @property
     def starts(self) -> tuple[int, ...]:
         """The number of the first node of each part, and N."""
         return tuple(np.cumsum([0, *(len(part.nodes) for part in self.parts)]).tolist())
+
+
+_REST = "rest"
+"""The id of the stream of a possessed mesh at rest."""
+
+
+def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tuple[GraphShape, PoseStream]:
+    """A mesh with nodes (N, 3) that stand still, every vertex on the first of them, and the nodes' stream."""
+    count = len(mesh.vertices)
+    skin = SkinWeights(
+        np.zeros((count, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1))
+    )
+    stream = PoseStream(_REST, np.tile(np.eye(3), (1, len(nodes), 1, 1)), nodes[None], 1.0)
+    part = GraphPart(_REST, np.arange(len(nodes)))
+    return GraphShape(name, nodes, edges, mesh, skin, (part,)), stream
 
 
 def graph_shape_of(
@@ -227,16 +249,6 @@ def character_of_graph(shape: GraphShape) -> Character:
         "graph",
         shape.mesh.colours,
     )
-
-
-def _freeze(part: object, *names: str) -> None:
-    """Make the named attributes read-only float64 arrays."""
-    for name in names:
-        array: AnyArray = getattr(part, name)
-        if not (isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable):
-            array = np.array(array, np.float64)
-            array.setflags(write=False)
-        object.__setattr__(part, name, array)
 
 
 def _problem_of(shape: GraphShape) -> str:

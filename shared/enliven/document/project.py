@@ -18,8 +18,6 @@ from enliven.document.rigged import Shape
 from enliven.document.time_map import Playing
 from enliven.errors import InputError
 
-AnyRig = Shape | GraphShape | Puppet
-"""Every kind of rig; a fourth has its line here and in the table of :mod:`enliven.modeling.edits`."""
 R = TypeVar("R", bound=RigBase)
 
 
@@ -28,7 +26,7 @@ class Project:
     """All characters by id, of any rig, and what they play. Takes and streams never change.
 
     Attributes:
-        characters: rigged shapes, possessed meshes and puppets.
+        characters: rigged shapes, possessed meshes, puppets, and what else has a rig.
         takes: what performers did, as motion of a skeleton.
         streams: what possessed meshes did, as motion of their nodes.
         bodies: what performers did, as it was tracked: possessed meshes are solved from it.
@@ -37,7 +35,7 @@ class Project:
         InputError: where a character plays a take that is not there.
     """
 
-    characters: Mapping[str, AnyRig] = field(default_factory=dict)
+    characters: Mapping[str, RigBase] = field(default_factory=dict)
     takes: Mapping[str, Clip] = field(default_factory=dict)
     streams: Mapping[str, PoseStream] = field(default_factory=dict)
     bodies: Mapping[str, BodyTake] = field(default_factory=dict)
@@ -49,7 +47,7 @@ class Project:
         for character in self.characters.values():
             character.check(held)
 
-    def with_characters(self, *characters: AnyRig) -> Project:
+    def with_characters(self, *characters: RigBase) -> Project:
         """A project with these characters added, or put in the place of those of the same id."""
         return replace(self, characters={**self.characters, **{one.id: one for one in characters}})
 

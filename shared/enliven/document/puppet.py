@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float
+from enliven.arrays import Float, freeze
 from enliven.document.character import Character, SkinWeights
 from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
@@ -62,7 +62,7 @@ class KeyPose:
     places: Float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "places", _frozen(self.places))
+        freeze(self, "places")
 
 
 @dataclass(frozen=True)
@@ -146,14 +146,19 @@ class Puppet(RigBase):
     def __post_init__(self) -> None:
         for name in ("points", "poses", "layers"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        for name in ("place", "turn"):
-            object.__setattr__(self, name, _frozen(getattr(self, name)))
+        freeze(self, "place", "turn")
         problem = _problem_of(self)
         if problem:
             raise InputError(problem, where=f"puppet {self.id!r}", mend="Build the puppet again.")
 
     kind = "points"
     word = "puppet"
+    drawn_by = ("mesh", "points")
+
+    @property
+    def handles(self) -> tuple[str, ...]:
+        """The names of its control points."""
+        return tuple(point.name for point in self.points)
 
     def needed(self) -> Mapping[str, set[str]]:
         """The ids of its takes, with those of its key poses."""
@@ -215,15 +220,6 @@ def character_of_puppet(puppet: Puppet) -> Character:
         pulls=np.array([point.weight or 0.0 for point in puppet.points], np.float32),
         surface=puppet.surface,
     )
-
-
-def _frozen(array: AnyArray) -> Float:
-    """The array, read-only: itself where it is so already, since values share arrays."""
-    if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
-        return array
-    copied = np.array(array, np.float64)
-    copied.setflags(write=False)
-    return copied
 
 
 def _problem_of(puppet: Puppet) -> str:

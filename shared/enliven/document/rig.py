@@ -1,4 +1,12 @@
-"""The rig of a character: what every kind of it has, whatever moves its mesh."""
+"""The rig of a character: what every kind of it has, whatever moves its mesh.
+
+A character is one value, and its rig is its class: it is not put together of a mesh, a rig, layers and a
+placement. Only the mesh could be taken out of all three. The layers of a skeleton are named by the spans of
+its bones, and go when no span names them; those of a deformation graph are its nodes, each part with its own
+place in the world and what it rides on; so neither is whole without the other. The placement of a skeleton is
+the first of its modeling rotations, and that of a graph is in every part. What is common is here, and the
+edits are written once against :class:`enliven.modeling.rig.RigEdits`.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +14,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+import numpy as np
+
+from enliven.arrays import Int32
 from enliven.document.time_map import Playing
 from enliven.errors import InputError
 
@@ -22,6 +33,8 @@ class RigBase:
         kind: its number among the rigs: "bones", "graph" or "points", in files and on the wire.
         word: what it is called in messages.
         played: the attribute that holds its layers.
+        drawn_by: the attributes on which its surface at rest depends.
+        kinds: every rig by its kind; a class enters itself.
         id: its name in the project.
         mesh: the surface at rest, or None.
     """
@@ -29,6 +42,8 @@ class RigBase:
     kind: ClassVar[str]
     word: ClassVar[str]
     played: ClassVar[str] = "layers"
+    drawn_by: ClassVar[tuple[str, ...]] = ("mesh",)
+    kinds: ClassVar[dict[str, type[RigBase]]] = {}
     if TYPE_CHECKING:
 
         @property
@@ -37,10 +52,23 @@ class RigBase:
         @property
         def mesh(self) -> Mesh | None: ...
 
+    def __init_subclass__(cls) -> None:
+        RigBase.kinds[cls.kind] = cls
+
     @property
     def where(self) -> str:
         """How messages name it."""
         return f"{self.word} {self.id!r}"
+
+    @property
+    def handles(self) -> tuple[str, ...]:
+        """The names of what it is posed by: joints or control points. Nodes of a graph have numbers alone."""
+        return ()
+
+    @property
+    def parents(self) -> Int32:
+        """(H,) the handle that each handle hangs on by a bone; -1 where none is."""
+        return np.full(len(self.handles), -1, np.int32)
 
     @property
     def playing(self) -> tuple[Playing, ...]:
@@ -51,6 +79,10 @@ class RigBase:
         """The same with other layers."""
         return self.with_changes(**{self.played: layers})
 
+    def without_layer(self, number: int) -> Self:
+        """The same without a layer; the take stays."""
+        return self.with_playing(*self.playing[:number], *self.playing[number + 1 :])
+
     def with_changes(self, **changes: object) -> Self:
         """A copy with some attributes changed; this one stays as it is."""
         return replace(self, **changes)  # type: ignore[type-var]
@@ -58,6 +90,10 @@ class RigBase:
     def later(self, delay: float) -> Self:
         """The same, playing ``delay`` seconds later."""
         return self.with_playing(*(layer.later(delay) for layer in self.playing))
+
+    def at_rest(self, mesh: Mesh | None) -> tuple[Self, tuple[Any, ...]]:
+        """The same without motion, with another mesh of as many vertices, and the streams that it needs."""
+        return self.with_playing().with_changes(mesh=mesh), ()
 
     def needed(self) -> Mapping[str, set[str]]:
         """The ids that it refers to in each map of takes of the project: "takes", "streams" and "bodies"."""

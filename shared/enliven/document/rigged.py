@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int32, freeze
 from enliven.document.character import Character, SkinWeights
 from enliven.document.layers import STILL, Layer, Span
 from enliven.document.pin import Pin
@@ -59,8 +59,7 @@ class Shape(RigBase):
     layers: tuple[Layer, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("modeling", "place"):
-            object.__setattr__(self, name, _frozen(getattr(self, name)))
+        freeze(self, "modeling", "place")
         object.__setattr__(self, "spans", tuple(tuple(spans) for spans in self.spans))
         named = names_of_layers(self)
         layers = {layer.id: layer for layer in self.layers if layer.id in named}
@@ -72,8 +71,33 @@ class Shape(RigBase):
         if problem:
             raise InputError(problem, where=f"shape {self.id!r}", mend="Build the shape again.")
 
+    def at_rest(self, mesh: Mesh | None) -> tuple[Shape, tuple[()]]:
+        """The same without motion, travel and pins."""
+        spans = (STILL,) * len(self.skeleton)
+        return self.with_changes(mesh=mesh, spans=spans, layers=(), travel=None, pins=()), ()
+
     kind = "bones"
     word = "shape"
+    drawn_by = ("mesh", "skin", "skeleton")
+
+    @property
+    def handles(self) -> tuple[str, ...]:
+        """The names of its joints."""
+        return self.skeleton.names
+
+    @property
+    def parents(self) -> Int32:
+        """(N,) the joint before each; -1 for the root."""
+        return self.skeleton.parents
+
+    def without_layer(self, number: int) -> Shape:
+        """The same without a layer, which no bone and no travel names any more."""
+        gone = self.layers[number].id
+        spans = tuple(
+            tuple(replace(one, refs=tuple(ref for ref in one.refs if ref.layer != gone)) for one in spans)
+            for spans in self.spans
+        )
+        return self.with_changes(spans=spans, travel=None if self.travel == gone else self.travel)
 
     def layer(self, layer_id: str) -> Layer:
         """The layer of an id.
@@ -133,6 +157,7 @@ def character_of(shape: Shape) -> Character:
         edges=_drawn(skeleton),
         kind="bones",
         colours=shape.mesh.colours,
+        names=skeleton.names,
     )
 
 
@@ -141,15 +166,6 @@ def _drawn(skeleton: Skeleton):  # type: ignore[no-untyped-def]
     # The pivot of transform j is its parent joint, so a bone is drawn from its own pivot to a child's.
     pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]
     return np.array(pairs, np.int32).reshape(-1, 2)
-
-
-def _frozen(array: Float) -> Float:
-    """The array, read-only: itself where it is so already, since shapes share arrays."""
-    if isinstance(array, np.ndarray) and array.dtype == np.float64 and not array.flags.writeable:
-        return array
-    copied = np.array(array, np.float64)
-    copied.setflags(write=False)
-    return copied
 
 
 def _problem_of(shape: Shape) -> str:

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from enliven.arrays import Float, Int32
+from enliven.arrays import Float, Int32, frozen
 from enliven.errors import InputError
 
 _Array = TypeVar("_Array", bound=np.ndarray[Any, Any])
@@ -39,8 +39,8 @@ class Skeleton:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
-        object.__setattr__(self, "parents", _frozen(np.array(self.parents, np.int32)))
-        object.__setattr__(self, "positions", _frozen(np.array(self.positions, np.float64)))
+        object.__setattr__(self, "parents", frozen(self.parents, np.int32))
+        object.__setattr__(self, "positions", frozen(self.positions))
         problem = _problem_of(self)
         if problem:
             raise InputError(problem, where="skeleton", mend="Build it with skeleton_of, or mend the file.")
@@ -52,12 +52,12 @@ class Skeleton:
     def vectors(self) -> Float:
         """(N, 3) from each joint's parent to the joint, at rest; zero at the root."""
         parents = np.maximum(self.parents, 0)
-        return _frozen(np.where(self.parents[:, None] < 0, 0.0, self.positions - self.positions[parents]))
+        return frozen(np.where(self.parents[:, None] < 0, 0.0, self.positions - self.positions[parents]))
 
     @cached_property
     def lengths(self) -> Float:
         """(N,) metres of each bone; zero at the root."""
-        return _frozen(np.linalg.norm(self.vectors, axis=1))
+        return frozen(np.linalg.norm(self.vectors, axis=1))
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
@@ -190,9 +190,3 @@ def _problem_of(skeleton: Skeleton) -> str:
         bad = int(np.flatnonzero(~np.isfinite(skeleton.positions).all(1))[0])
         return f"the position of joint {skeleton.names[bad]!r} is not finite"
     return ""
-
-
-def _frozen(array: _Array) -> _Array:
-    """The array, made read-only: a document shares it with its own history."""
-    array.setflags(write=False)
-    return array

@@ -6,13 +6,14 @@ performance_of_clip(clip)                        # a take: its skeleton, drawn a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import AnyRig, Clip, GraphShape, Project, Puppet, Skeleton, SkinWeights
+from enliven.document import Clip, Project, Puppet, RigBase, Shape, Skeleton, SkinWeights
 from enliven.examples.baking import (
     BakeSettings,
     SurfaceFrames,
@@ -23,7 +24,7 @@ from enliven.examples.baking import (
 )
 from enliven.exporters.performance import Performance
 from enliven.meshes import Mesh
-from enliven.modeling.possessed import graph_pose
+from enliven.modeling.edits import rig_of
 from enliven.modeling.puppet import frame_times
 from enliven.motion.layers import Player
 from enliven.rotation import rotate, to_matrix
@@ -34,7 +35,7 @@ _STICK = 0.08
 
 def performance_of(
     project: Project,
-    character: str | AnyRig,
+    character: str | RigBase,
     start: float = 0.0,
     end: float | None = None,
     rate: float = 30.0,
@@ -53,14 +54,9 @@ def performance_of(
     Raises:
         InputError: where there is no such character, the times make no sense, or it lacks something to move.
     """
-    found = project.characters[project.character(character).id] if isinstance(character, str) else character
+    found = project.character(character) if isinstance(character, str) else character
     times = frame_times(start, project.end_of(found) if end is None else end, rate, found.id)
-    if isinstance(found, Puppet):
-        return _of_puppet(project, found, times, how, settings or BakeSettings())
-    if isinstance(found, GraphShape):
-        return _of_graph(project, found, times)
-    turns, joints = Player(project, found.id).sample(times)
-    return _of_bones(found.id, found.skeleton, times, turns, joints, found.mesh, found.skin)
+    return _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
 
 
 def performance_of_clip(clip: Clip) -> Performance:
@@ -92,9 +88,16 @@ def _of_bones(
     )
 
 
-def _of_graph(project: Project, graph: GraphShape, times: Float) -> Performance:
-    poses = [graph_pose(project, graph, float(time)) for time in times]
-    linear, positions = np.stack([p[0] for p in poses]), np.stack([p[1] for p in poses])
+def _of_shape(project: Project, shape: Shape, times: Float, *_: object) -> Performance:
+    turns, joints = Player(project, shape.id).sample(times)
+    return _of_bones(shape.id, shape.skeleton, times, turns, joints, shape.mesh, shape.skin)
+
+
+def _of_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:
+    """What any rig does, as nodes that its vertices follow."""
+    even = times if len(times) > 1 else np.append(times, times[0] + 1.0)
+    graph, stream = rig_of(character).as_graph(project, character, even, character.id)[:2]
+    linear, positions = stream.linear[: len(times)], stream.positions[: len(times)]
     axes = stretch_axes(linear)
     return Performance(
         graph.id, times - times[0], graph.positions, linear, positions, graph.mesh, graph.skin, axes=axes
@@ -121,6 +124,10 @@ def _of_puppet(
         made = Performance(puppet.id, times - times[0], baked.pivots, linear, positions, mesh, baked.skin)
         made = replace(made, axes=baked.axes)
     return replace(made, turns=turns, places=places, error=error, keys=settings.keys * error.size)
+
+
+_BY_RIG: dict[str, Callable[..., Performance]] = {Shape.kind: _of_shape, Puppet.kind: _of_puppet}
+"""Rigs with performances that keep more than transforms: a skeleton, or morph targets."""
 
 
 def sticks(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:

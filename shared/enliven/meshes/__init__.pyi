@@ -1,4 +1,4 @@
-from .files import load_mesh as load_mesh, save_mesh as save_mesh
+from .files import load_mesh as load_mesh, load_upright as load_upright, save_mesh as save_mesh
 from .gltf_json import Entry as Entry, gltf_document as gltf_document
 from .kernels import (
     corner_sums as corner_sums,
@@ -16,8 +16,10 @@ from .mesh import (
     Axis as Axis,
     Mesh as Mesh,
     fit_height as fit_height,
+    guess_up as guess_up,
     refine as refine,
     submesh as submesh,
+    upright as upright,
     weld as weld,
 )
 from .materials import (

@@ -9,7 +9,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.files import read_file
 from enliven.meshes.gltf_json import gltf_tree
 from enliven.meshes.heads import check_obj, check_ply
-from enliven.meshes.mesh import Mesh, weld
+from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
 from enliven.meshes.repair import repair
 from enliven.meshes.scan_surface import parse_pcd, surface_through
 from enliven.meshes.stl import read_stl
@@ -67,6 +67,19 @@ def load_mesh(path: Path | str) -> LoadedMesh:
         notes.append(f"welded {len(mesh.vertices)} STL corners to {len(welded.vertices)} vertices")
         mesh = welded
     return LoadedMesh(mesh, notes)
+
+
+def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
+    """Reads a mesh as :func:`load_mesh` does, and turns it upright.
+
+    Args:
+        up: its own axis that points up; None guesses it, except for a glTF, which has +Y up.
+    """
+    mesh, notes = load_mesh(path)
+    if up is None and Path(path).suffix.lower() not in (".glb", ".gltf"):
+        up, note = guess_up(mesh)
+        notes = [*notes, note] if note else notes
+    return LoadedMesh(upright(mesh, up or "y"), notes)
 
 
 def _read(path: Path, suffix: str, data: bytes) -> Mesh:

@@ -22,6 +22,12 @@ _UP_ROTATIONS: dict[Axis, Float] = {
 }
 
 
+_STANDS_WITHIN = 0.02
+"""Share of a mesh's extent by which its lowest point may miss zero where it is modelled to stand on it."""
+_LONG = 4.0
+"""How many times as long as high a mesh is that may lie on its side: a crocodile is more, a horse is 1.5."""
+
+
 @dataclass(frozen=True)
 class Mesh:
     """A triangle mesh.
@@ -141,6 +147,24 @@ def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
         mesh = Mesh(vertices, faces, mesh.name, colours, materials)
 
 
+def upright(mesh: Mesh, up: Axis) -> Mesh:
+    """The mesh turned so that its own axis ``up`` points along +Y; z-up turns -Y to +Z, as Blender does."""
+    return mesh if up == "y" else replace(mesh, vertices=mesh.vertices @ _UP_ROTATIONS[up].T)
+
+
+def guess_up(mesh: Mesh) -> tuple[Axis, str]:
+    """Returns the axis that points up, by what the mesh stands on, and a sentence where it may be another."""
+    low, high = mesh.vertices.min(0), mesh.vertices.max(0)
+    size = high - low
+    stands = (np.abs(low) <= _STANDS_WITHIN * size) & (size > 0)
+    if stands[2] and not stands[1]:
+        return "z", "it stands on z = 0, so it is turned with z up; --up y leaves it as it is"
+    if max(size[0], size[2]) > _LONG * size[1]:
+        times = max(size[0], size[2]) / max(size[1], 1e-9)
+        return "y", f"it is {times:.0f} times as long as high with y up; if it lies on its side, say --up z"
+    return "y", ""
+
+
 def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:
     """The mesh upright, ``height`` metres tall, standing on y = 0, its box centred on x and z.
 
@@ -154,7 +178,7 @@ def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:
     """
     if not (np.isfinite(height) and height > 0):
         raise InputError(f"the height is {height} m", where=mesh.name, mend="Give a height above 0.")
-    turned = mesh.vertices @ _UP_ROTATIONS[up].T
+    turned = upright(mesh, up).vertices
     low, high = turned.min(0), turned.max(0)
     if not high[1] - low[1] > 1e-9 * max(1e-30, float((high - low).max())):
         raise InputError(

@@ -8,13 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from enliven.document import Character, Clip, GraphShape, Pose, Project, Puppet, Shape, unused
+from enliven.document import Character, Clip, Pose, Project, RigBase, Shape, unused
 from enliven.errors import InputError
-from enliven.examples import missing
 from enliven.exporters import Performance, performance_of, performance_of_clip
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project
 from enliven.formats.rig import playing
+from enliven.modeling.edits import rig_of
 from enliven.modeling.possessed import solve_lost
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.takes.capture_clip import between_times, resampled
@@ -80,21 +80,15 @@ def _of_project(project: Project) -> list[Exportable]:
     """Rigged shapes, possessed meshes, puppets that play something, and then takes."""
     found = list[Exportable]()
     for character in project.characters.values():
-        if isinstance(character, Shape):
-            found.append(_character(project, character, character.mesh is not None))
-        elif not isinstance(character, Puppet) or _plays(project, character):
-            found.append(Exportable(character.id, partial(_sampled, project, character)))
+        if not rig_of(character).lacking(project, character):
+            found.append(_character(project, character))
     return [*found, *(_of_clip(clip, 1) for clip in project.takes.values())]
-
-
-def _plays(project: Project, puppet: Puppet) -> bool:
-    return any(not layer.muted for layer in puppet.layers) and not missing(project, puppet)
 
 
 def _of_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
     """Each animation of a model, the first before the others; the model as it stands where it has none."""
     if not clips:
-        return [_character(Project().with_characters(shape), shape, shape.mesh is not None)]
+        return [_character(Project().with_characters(shape), shape)]
     found = list[Exportable]()
     for clip in clips:
         project, moved = playing(Project(), shape, clip)
@@ -120,8 +114,9 @@ def _of_recording(path: Path) -> list[Exportable]:
     return list(found.values())
 
 
-def _character(project: Project, shape: Shape, solid: bool) -> Exportable:
-    return Exportable(shape.id, partial(_sampled, project, shape), True, solid)
+def _character(project: Project, character: RigBase) -> Exportable:
+    jointed, solid = bool((character.parents >= 0).any()), character.mesh is not None
+    return Exportable(character.id, partial(_sampled, project, character), jointed, solid)
 
 
 def _of_clip(clip: Clip, rank: int = 0) -> Exportable:
@@ -130,7 +125,7 @@ def _of_clip(clip: Clip, rank: int = 0) -> Exportable:
 
 def _sampled(
     project: Project,
-    character: Shape | GraphShape | Puppet,
+    character: RigBase,
     start: float,
     end: float | None,
     rate: float | None,

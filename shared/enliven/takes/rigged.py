@@ -59,7 +59,7 @@ def skeleton_of_bones(character: Character) -> Skeleton:
             parents[bone] = begins[0]
     for bone in np.flatnonzero(np.isnan(positions[:, 0])):
         positions[bone] = _end(character, int(bone), pivots[bone], positions[parents[parents[bone]]])
-    names = ("root", *(f"bone {bone}" for bone in range(1, count)))
+    names = character.names or ("root", *(f"bone {bone}" for bone in range(1, count)))
     return Skeleton(names, parents.astype(np.int32), positions)
 
 

@@ -28,7 +28,11 @@ from .envelope import (
     unpack_control as unpack_control,
     unpack_stream as unpack_stream,
 )
-from .fields import MAX_SETTINGS as MAX_SETTINGS
+from .fields import (
+    MAX_PART_BYTES as MAX_PART_BYTES,
+    MAX_SENT_BYTES as MAX_SENT_BYTES,
+    MAX_SETTINGS as MAX_SETTINGS,
+)
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
 from .ports import free_ports as free_ports
 from .posecode import PoseCodec as PoseCodec, warm_up as warm_up
@@ -37,7 +41,9 @@ from .requests import (
     SUPERSEDED as SUPERSEDED,
     Answer as Answer,
     Ask as Ask,
+    Awaited as Awaited,
     Browse as Browse,
+    CharacterPart as CharacterPart,
     Done as Done,
     GetState as GetState,
     Hello as Hello,
@@ -48,11 +54,12 @@ from .requests import (
     Ping as Ping,
     Pong as Pong,
     Possess as Possess,
+    PutCharacter as PutCharacter,
     Refused as Refused,
     Release as Release,
+    RemoveCharacter as RemoveCharacter,
     Reply as Reply,
     Request as Request,
-    Revision as Revision,
     Smooth as Smooth,
     Welcome as Welcome,
 )
@@ -70,6 +77,8 @@ from .streams import (
     MatchesMessage as MatchesMessage,
     PoseMessage as PoseMessage,
     PropsMessage as PropsMessage,
+    Revision as Revision,
+    StageMessage as StageMessage,
     StatusMessage as StatusMessage,
 )
 from .topics import (
@@ -84,6 +93,7 @@ from .topics import (
     PROPS as PROPS,
     REPLY as REPLY,
     REQUEST as REQUEST,
+    STAGE as STAGE,
     STATUS as STATUS,
     STREAMS as STREAMS,
     TOPICS as TOPICS,

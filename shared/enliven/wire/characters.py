@@ -18,6 +18,11 @@ MAX_SOLVED = 100_000
 busy."""
 
 
+MAX_JOINT_NAME = 128
+"""Characters of a joint's name: what programs make of paths and namespaces is some 60 long."""
+JointName = Annotated[str, Meta(min_length=1, max_length=MAX_JOINT_NAME)]
+
+
 class SurfaceMessage(Struct, frozen=True):
     """How a surface follows control points, see :class:`enliven.deformation.arap.solver.ArapSettings`.
 
@@ -53,6 +58,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
         held: (J - 1,) int32, for kind "points" the vertex that each transform but the first puts somewhere.
         pulls: (J - 1,) float32, how hard each pulls, 0 where it is hard; None: all are hard.
         surface: how the surface follows them; None: as it does by default.
+        names: (J,) of the joints that the bones end at; None where they have none.
     """
 
     id: Name
@@ -72,6 +78,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
     held: bytes | None = None
     pulls: bytes | None = None
     surface: SurfaceMessage | None = None
+    names: Annotated[list[JointName], Meta(max_length=MAX_TRANSFORMS)] | None = None
 
     def __post_init__(self) -> None:
         expect("vertices", self.vertices, 12 * self.vertex_count)

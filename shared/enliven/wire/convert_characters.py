@@ -8,7 +8,14 @@ from msgspec.structs import asdict
 from enliven.arrays import Float32, UInt16
 from enliven.document import ArapSettings, Character, SkinWeights
 from enliven.errors import InputError
-from enliven.wire.characters import MAX_ITERATIONS, MAX_SOLVED, MAX_STIFF, CharacterMessage, SurfaceMessage
+from enliven.wire.characters import (
+    MAX_ITERATIONS,
+    MAX_JOINT_NAME,
+    MAX_SOLVED,
+    MAX_STIFF,
+    CharacterMessage,
+    SurfaceMessage,
+)
 from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes
 
 _RIGID_VERTICES = 100_000
@@ -43,6 +50,7 @@ def character_to_message(character: Character, revision: int) -> CharacterMessag
         None if character.held is None else to_bytes(character.held, "<i4"),
         None if character.pulls is None else to_bytes(character.pulls, "<f4"),
         None if surface is None else _surface_message(surface),
+        _names(character),
     )
 
 
@@ -71,7 +79,14 @@ def message_to_character(message: CharacterMessage) -> Character:
         None if message.held is None else from_bytes(message.held, "<i4", 1)[:, 0],
         None if message.pulls is None else from_bytes(message.pulls, "<f4", 1)[:, 0],
         None if surface is None else ArapSettings(**asdict(surface)),
+        None if message.names is None else tuple(message.names),
     )
+
+
+def _names(character: Character) -> list[str] | None:
+    """Returns the names of the joints; None where one is empty or longer than the wire carries."""
+    names = list(character.names or ())
+    return names if names and all(0 < len(name) <= MAX_JOINT_NAME for name in names) else None
 
 
 def _skin(message: CharacterMessage) -> SkinWeights:

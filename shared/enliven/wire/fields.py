@@ -16,6 +16,8 @@ Sentence = Annotated[str, Meta(max_length=160)]
 Count = Annotated[int, Meta(ge=0, le=2**53)]
 Identity = Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
 """Of a performer."""
+Digest = Annotated[bytes, Meta(min_length=32, max_length=32)]
+"""SHA-256 of some bytes."""
 Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """Finite: msgspec refuses NaN and infinities by the range."""
@@ -32,6 +34,12 @@ MAX_PROPS = 1024
 """Loose things of a message: more than the physics moves in real time."""
 MAX_SETTINGS = 32 * 1024
 """Characters of an actor's settings: all with 400 stiff spots."""
+MAX_PART_BYTES = 64 * 1024
+"""Bytes of one part of a character on its way to an edge: a message of it is read within a frame."""
+MAX_SENT_BYTES = 32 * 1024 * 1024
+"""Packed bytes of a character that an edge takes: a million vertices; 20,000 are half a megabyte."""
+MAX_CHARACTERS = 1024
+"""Characters on a stage: far more than any edge moves."""
 MAX_HEALTH = 8
 """Health states of a heartbeat: more would exceed the size that older programs accept."""
 

@@ -7,8 +7,19 @@ from typing import Annotated, Generic, Literal, TypeVar
 from msgspec import Meta, Struct, field
 
 from enliven.wire.characters import CharacterMessage
-from enliven.wire.fields import Count, Identity, Name, Nanoseconds, Number, Text
-from enliven.wire.streams import StatusMessage
+from enliven.wire.fields import (
+    MAX_CHARACTERS,
+    MAX_PART_BYTES,
+    MAX_SENT_BYTES,
+    Count,
+    Digest,
+    Identity,
+    Name,
+    Nanoseconds,
+    Number,
+    Text,
+)
+from enliven.wire.streams import Revision, StatusMessage
 
 
 class Ask(Struct, tag=True, frozen=True):
@@ -98,6 +109,43 @@ class Browse(Order, frozen=True):
     step: Annotated[int, Meta(ge=-1000, le=1000)] = 1
 
 
+class PutCharacter(Order, frozen=True):
+    """Puts a character on the stage, or in the place of the one with its id, once all its data is there.
+
+    The answer is :class:`Done` once it stands there, and until then :class:`Awaited`: ask again. The data is
+    a project file of one character, of any rig, without textures; it follows in :class:`CharacterPart`.
+
+    Attributes:
+        id: the name that it has on the stage.
+        revision: higher than that of the character in the place of which it is put.
+        digest: SHA-256 of the data; equal data is sent once.
+        size: bytes of the data.
+        fit: whether a possessed mesh is first brought to a person's height, and to where a standing person
+            fits into it, as a mesh from a file is; else it stands as modelled, in metres.
+    """
+
+    id: Name
+    revision: Annotated[int, Meta(ge=1, le=2**53)]
+    digest: Digest
+    size: Annotated[int, Meta(ge=1, le=MAX_SENT_BYTES)]
+    fit: bool = False
+
+
+class CharacterPart(Order, frozen=True):
+    """A part of the data of a character that :class:`PutCharacter` announced; parts come in order."""
+
+    id: Name
+    digest: Digest
+    offset: Count
+    data: Annotated[bytes, Meta(max_length=MAX_PART_BYTES)]
+
+
+class RemoveCharacter(Order, frozen=True):
+    """Takes a character from the stage; performers who held it are free."""
+
+    character: Name
+
+
 class Ping(Ask, frozen=True):
     """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
 
@@ -106,19 +154,12 @@ class Ping(Ask, frozen=True):
     listening: bool = False
 
 
-class Revision(Struct, array_like=True, frozen=True):
-    """A character's id and the revision that the edge holds."""
-
-    character: Name
-    revision: Count
-
-
 class Welcome(Struct, tag=True, frozen=True):
     """The answer to :class:`Hello`: the heartbeat, the characters, and the newest message of each latched
     topic and key."""
 
     status: StatusMessage
-    characters: Annotated[list[Revision], Meta(max_length=1024)]
+    characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
     latest: Annotated[list[bytes], Meta(max_length=4096)] = field(default_factory=list)
 
 
@@ -126,6 +167,12 @@ class Done(Struct, tag=True, frozen=True):
     """The request was carried out."""
 
     note: Text = ""
+
+
+class Awaited(Struct, tag=True, frozen=True):
+    """The character is on its way: the edge has the first ``received`` bytes, or prepares it with all."""
+
+    received: Count
 
 
 class Refused(Struct, tag=True, frozen=True):
@@ -143,9 +190,12 @@ class Pong(Struct, tag=True, frozen=True):
 
 SUPERSEDED = "superseded by a newer one"
 """The reason for refusing an order that a newer one of the same viewer replaced."""
-REQUESTS: list[type[Ask]] = [Hello, GetState, Possess, Release, Smooth, Lock, Look, Browse, Ping]
+REQUESTS: list[type[Ask]] = [
+    *(Hello, GetState, Possess, Release, Smooth, Lock, Look, Browse, Ping),
+    *(PutCharacter, CharacterPart, RemoveCharacter),
+]
 """All requests that this program reads; a program that reads one more appends its class."""
-Answer = Welcome | CharacterMessage | Done | Refused | Pong
+Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong
 Body = TypeVar("Body")
 
 

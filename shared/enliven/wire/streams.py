@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct, field
 
 from enliven.wire.fields import (
+    MAX_CHARACTERS,
     MAX_HEALTH,
     MAX_PROPS,
     MAX_SETTINGS,
@@ -244,6 +245,21 @@ class HealthMessage(Struct, array_like=True, frozen=True):
     what: Sentence
     mend: Sentence = ""
     performer: Identity = -1
+
+
+class Revision(Struct, array_like=True, frozen=True):
+    """A character's id and the revision that the edge holds."""
+
+    character: Name
+    revision: Count
+
+
+class StageMessage(Struct, array_like=True, frozen=True):
+    """The characters that stand on the stage from a frame on, sent where one came, changed or went (topic
+    "stage")."""
+
+    time_ns: Nanoseconds
+    characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
 
 
 class StatusMessage(Struct, array_like=True, frozen=True):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from enliven.wire.characters import CharacterMessage
+from enliven.wire.fields import MAX_PART_BYTES
 from enliven.wire.requests import Reply, Request
 from enliven.wire.streams import (
     BodiesMessage,
@@ -20,6 +21,7 @@ from enliven.wire.streams import (
     MatchesMessage,
     PoseMessage,
     PropsMessage,
+    StageMessage,
     StatusMessage,
 )
 
@@ -87,11 +89,12 @@ MATCHES = _stream("matches", MatchesMessage, 128 * 1024, latched=True, key=_char
 HOLDS = register(
     Topic("holds", HoldMessage, "stream", 40 * 1024, 0, "every", latched=True, key=_character, recorded=True)
 )
+STAGE = register(Topic("stage", StageMessage, "stream", 128 * 1024, 0, "every", latched=True, recorded=True))
 STATUS = register(Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge))
 CHARACTER = register(
     Topic("character", CharacterMessage, "state", 128 * 1024 * 1024, 0, "newest", recorded=True)
 )
-REQUEST = register(Topic("request", Request, "request", 4 * 1024, 0, "every"))
+REQUEST = register(Topic("request", Request, "request", 4 * 1024 + MAX_PART_BYTES, 0, "every"))
 REPLY = register(Topic("reply", Reply, "reply", 128 * 1024 * 1024, 0, "every"))
 
 MAX_STREAM_BYTES = 64 + max(t.max_bytes for t in STREAMS.values())

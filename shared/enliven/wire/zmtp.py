@@ -50,10 +50,11 @@ class ZmtpSession:
     Attributes:
         ready: whether both sides have introduced themselves.
         answers: bytes that are to be sent to the other side now; the caller empties it.
+        missing: bytes of the frame that has begun, as far as its length is known.
     """
 
     def __init__(self, kind: Literal["ROUTER", "PUB"], most: int) -> None:
-        self.ready = False
+        self.ready, self.missing = False, 0
         self.answers = bytearray(GREETING)
         self._kind, self._most = kind, most
         self._bytes, self._at, self._greeted = bytearray(), 0, False
@@ -85,8 +86,8 @@ class ZmtpSession:
             raise ZmtpError("a message before the introduction")
         self._parts.append(data)
         if flags & _MORE:
-            if len(self._parts) >= _MOST_PARTS:
-                raise ZmtpError(f"a message of more than {_MOST_PARTS} parts")
+            if len(self._parts) >= _MOST_PARTS or sum(map(len, self._parts)) > self._most:
+                raise ZmtpError(f"a message of more than {_MOST_PARTS} parts or {self._most} bytes")
             return []
         parts, self._parts = self._parts, []
         return parts
@@ -119,7 +120,8 @@ class ZmtpSession:
             (length,), start = struct.unpack_from(">Q", self._bytes, self._at + 1), self._at + 9
         if length > self._most:
             raise ZmtpError(f"a frame of {length} bytes, {self._most} are taken")
-        if len(self._bytes) < start + length:
+        self.missing = max(start + length - len(self._bytes), 0)
+        if self.missing:
             return None
         self._at = start + length
         return flags, bytes(self._bytes[start : self._at])

@@ -288,11 +288,14 @@ def _spot(place: Float) -> Place:
 
 def _switch(workspace: Workspace) -> Actions:
     """Makes the jump begin earlier, and plays it."""
-    puppet_timeline = workspace.timeline.puppets
-    lanes = puppet_timeline.lanes(workspace.timeline.layout)
-    row = next(row for row in lanes.rows() if row.kind == "band")
+    layout = workspace.timeline.layout
+    row = next(row for row in layout.lanes() if row.kind == "band")
     step = workspace.editor.project.takes[TAKE].step
-    flights = [one.frame * step for one, _, _ in lanes.bands(row) if one.kind == "flight"]
+    flights = [
+        one.frame * step
+        for one, _, _ in workspace.timeline.rows.details.bands(layout, row)
+        if one.kind == "flight"
+    ]
     if flights:
         start = flights[-1]
         yield Drag((OnLane("band", start), OnLane("band", start - 0.15)), 1.0)

@@ -82,9 +82,9 @@ class HeadlessStage:
     def rename(self, name: str) -> bool:
         """Rename the chosen shape, since there is no field."""
         editor = self.workspace.editor
-        before = editor.selection.shape or ""
+        before = editor.selection.character or ""
         if editor.edit("rename", lambda project: rename_character(project, before, name)):
-            editor.select(shape=name)
+            editor.select(character=name)
         return True
 
     def activate(self, name: str) -> bool:

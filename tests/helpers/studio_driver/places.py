@@ -184,7 +184,7 @@ def where(place: Place, stage: SessionStage) -> Point:
         posed = source.posed()
         if posed is None:
             raise InputError("no take is shown", where="session")
-        pixel = source.lens.project(posed.joints)[0][place.joint]
+        pixel = source.lens.project(posed.handles)[0][place.joint]
         return _shifted(stage.source(), pixel)
     if isinstance(place, Pixel):
         return _shifted(stage.viewport(), np.array([place.across, place.down]) * editor.size)
@@ -208,24 +208,18 @@ def _in_world(place: JointPlace | OnBone | OnPuppet | Spot, workspace: Workspace
     if isinstance(place, OnPuppet):
         return _on_puppet(place, workspace)
     posed = workspace.editor.posed(place.shape)
-    skeleton = posed.shape.skeleton
-    joint = skeleton.index(place.joint) if isinstance(place.joint, str) else place.joint
-    if isinstance(place, JointPlace):
-        return posed.joints[joint]
-    start = posed.joints[skeleton.parents[joint]]
-    return np.asarray(start + place.along * (posed.joints[joint] - start))
+    joint = posed.character.handles.index(place.joint) if isinstance(place.joint, str) else place.joint
+    return posed.on_bone(joint, 1.0 if isinstance(place, JointPlace) else place.along)
 
 
 def _on_puppet(place: OnPuppet, workspace: Workspace) -> np.ndarray:
     """(3,) metres."""
-    standing = workspace.puppets.stage.standing_of(place.puppet)
-    if standing is None:
-        raise InputError(f"there is no puppet {place.puppet!r}", where="session")
+    standing = workspace.editor.posed(place.puppet)
     if place.point is None:
         return np.asarray(standing.vertices[place.vertex])
-    puppet = standing.puppet
+    names = standing.character.handles
     return np.asarray(
-        standing.points[puppet.index(place.point) if isinstance(place.point, str) else place.point]
+        standing.handles[names.index(place.point) if isinstance(place.point, str) else place.point]
     )
 
 
@@ -236,10 +230,9 @@ def _on_timeline(place: OnTimeline, stage: SessionStage) -> Point:
 
 
 def _on_lane(place: OnLane, stage: SessionStage) -> Point:
-    timeline = stage.workspace.timeline
-    lanes = timeline.puppets.lanes(timeline.layout)
-    row = next(row for row in lanes.rows() if row.kind == place.row and row.puppet == lanes.chosen)
-    return _shifted(stage.timeline(), np.array([lanes.x(row, place.seconds), row.top + row.height / 2]))
+    layout, chosen = stage.workspace.timeline.layout, stage.workspace.editor.selection.character
+    row = next(one for one in layout.lanes() if (one.kind, one.character.id) == (place.row, chosen))
+    return _shifted(stage.timeline(), np.array([layout.x_of(row, place.seconds), row.top + row.height / 2]))
 
 
 def _on_performer(place: PerformerJoint, stage: SessionStage) -> Point:

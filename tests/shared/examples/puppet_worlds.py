@@ -17,13 +17,13 @@ from enliven.document.skeleton import Skeleton
 from enliven.document.surface_settings import ArapSettings
 from enliven.example_sessions.text import write_session
 from enliven.meshes.mesh import Mesh
+from enliven.modeling.edits import remove_layer
 from enliven.modeling.puppet import (
     add_key_pose,
     add_point,
     change_point,
     make_puppet,
     play_take,
-    remove_layer,
     set_symmetry,
 )
 from enliven.rotation import from_rotation_vector, multiply, rotate

@@ -15,7 +15,7 @@ from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import pose_of_state, state_of
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.files import save_mesh
-from enliven.modeling.puppet import change_layer
+from enliven.modeling.edits import change_layers
 from enliven.recording import Recording
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.convert import message_to_pose
@@ -185,7 +185,7 @@ def test_help_has_worked_examples(capsys):
 
 def test_a_muted_layer_is_not_what_decides_how_long_it_is(folder, capsys):
     project = full_session(folder / "full.toml")
-    muted = change_layer(project, "stool", 1, muted=True)
+    muted = change_layers(project, "stool", [1], muted=True)
     write_project(folder / "muted.enliven", muted)
     assert examples(folder, "fit", "muted.enliven", "-o", "out.mcap") == 0
     assert "3.00 s are in" in capsys.readouterr().out

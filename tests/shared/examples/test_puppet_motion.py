@@ -25,7 +25,8 @@ from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import performed
 from enliven.examples.puppet_examples import examples_of, missing
 from enliven.examples.puppet_motion import clock, in_world, motion_of, pose_of_state, state_of
-from enliven.modeling.puppet import add_point, change_layer, change_point, play_take, set_symmetry
+from enliven.modeling.edits import change_layers
+from enliven.modeling.puppet import add_point, change_point, play_take, set_symmetry
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 seeds = st.integers(0, 10**6)
@@ -140,7 +141,7 @@ def test_a_layer_of_no_weight_changes_nothing(seed, time):
 @few
 def test_a_layer_moves_its_points_as_far_as_its_weight(seed, time, weight):
     full = puppet_project(seed, points=("top", "left hand"))
-    part = change_layer(full, "stool", 0, weight=weight)
+    part = change_layers(full, "stool", [0], weight=weight)
     rest, whole, some = full.puppets["stool"].rest, state(full, time).places, state(part, time).places
     assert_alike(whole[[0, 1, 3]], rest[[0, 1, 3]])
     np.testing.assert_allclose(some, rest + weight * (whole - rest), atol=1e-12)
@@ -152,7 +153,7 @@ def test_the_upper_layer_lies_on_the_lower_and_only_the_first_that_has_feet_trav
     both = play_take(project, "stool", "walk", points=("top",), offset=-0.5)
     now, under = state(both, 1.0), state(project, 1.0)
     assert_alike(now.places[:4], under.places[:4])
-    alone = change_layer(both, "stool", 0, muted=True)
+    alone = change_layers(both, "stool", [0], muted=True)
     np.testing.assert_allclose(now.places[4], state(alone, 1.0).places[4])
     assert_alike(now.root, under.root)
     assert not np.array_equal(state(alone, 1.0).root, under.root)
@@ -164,7 +165,7 @@ def test_who_does_not_travel_stays():
     assert not made.travels and made.switches == ()
     assert not made.yaw.any() and not made.root.any()
     np.testing.assert_allclose(
-        made.places, motion(change_layer(project, "stool", 0, level_feet=False)).places
+        made.places, motion(change_layers(project, "stool", [0], level_feet=False)).places
     )
 
 
@@ -207,7 +208,7 @@ def test_rounds_are_one_motion_after_another():
 @few
 def test_backwards_is_from_the_end(time):
     project = puppet_project()
-    back = change_layer(project, "stool", 0, speed=-1.0)
+    back = change_layers(project, "stool", [0], speed=-1.0)
     end = project.takes["walk"].duration
     a, b = state(back, time), state(project, end - time)
     np.testing.assert_allclose(a.places, b.places, atol=1e-9)
@@ -222,15 +223,17 @@ def test_the_clock_stops_at_both_ends_and_goes_round_where_it_loops():
     assert clock(layer, made, 99.0) == (made.frames - 1, 0)
     assert clock(replace(layer, loop=True), made, 1.0 + 3.5)[1] == 2
     assert project.end_of(project.puppets["stool"]) == pytest.approx(1.0 + 3.0 / 2.0)
-    muted = change_layer(project, "stool", 0, muted=True)
+    muted = change_layers(project, "stool", [0], muted=True)
     assert muted.end_of(muted.puppets["stool"]) == 0.0
 
 
 def test_a_motion_is_solved_once_and_forgotten_with_its_take():
     project = puppet_project(seed=123)
     made = motion(project)
-    assert motion(change_layer(project, "stool", 0, offset=3.0, speed=-0.5, loop=True, muted=False)) is made
-    assert motion(change_layer(project, "stool", 0, weight=0.5)) is not made
+    assert (
+        motion(change_layers(project, "stool", [0], offset=3.0, speed=-0.5, loop=True, muted=False)) is made
+    )
+    assert motion(change_layers(project, "stool", [0], weight=0.5)) is not made
     assert motion(change_point(project, "stool", "top", joint="Spine")) is not made
     with pytest.raises(ValueError):
         made.places[0] = 0.0
@@ -344,7 +347,7 @@ def test_switches_that_were_edited_are_used_and_wrong_ones_refused():
     anchors = motion(project).anchors
     assert (anchors[30:40] < 0).all() and (anchors[:30] >= 0).all()
     with pytest.raises(InputError, match="switches at frames"):
-        change_layer(project, "stool", 0, switches=(Switch(3, "contact"),))
+        change_layers(project, "stool", [0], switches=(Switch(3, "contact"),))
 
 
 def test_there_is_no_layer_of_that_number():

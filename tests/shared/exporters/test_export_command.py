@@ -68,7 +68,8 @@ def test_a_live_performance_on_a_rigged_model_is_a_skeleton_and_a_surface(record
         apart = np.linalg.norm(pose.positions[:, None] - read.positions[frame][None], axis=2)
         assert apart.min(1).max() < WIRE, "there is a joint where each bone begins"
     assert export(tmp_path, "live.mcap", "-o", "man.glb") == 0
-    checked_glb((tmp_path / "man.glb").read_bytes())
+    nodes = checked_glb((tmp_path / "man.glb").read_bytes())["nodes"]
+    assert set(character.names) <= {node.get("name") for node in nodes}, "each joint has its own name"
     slow = SlowGltf(tmp_path / "man.glb")
     for frame in (0, 11, 24):
         seen = slow.vertices_at(0, frame / 25)

@@ -19,6 +19,7 @@ from enliven.modeling.edits import (
     mirror_character,
     move_character,
     paste_character,
+    pose_of_character,
     rig_of,
     scale_character,
     vertices_of,
@@ -84,8 +85,7 @@ def test_a_possessed_leg_grows_out_of_a_rigged_body():
     """Where the surfaces meet they become one; it is cut, mirrored, scaled and stored as any other graph."""
     project, ours, theirs = beside("bones", "graph", 0.5)
     project = scale_character(project, theirs, 0.5)
-    shape = project.shape(ours)
-    tip = rig_of(shape).pose(project, shape, 0.5).positions[-1]
+    tip = pose_of_character(project, ours, 0.5).positions[-1]
     leg = vertices_of(project, theirs, 0.5)
     nearest = leg[np.abs(leg[:, 0] - leg[:, 0].min()).argmin()]
     project = move_character(project, theirs, tip - nearest - [0.12, 0.0, 0.0])
@@ -139,7 +139,7 @@ def test_what_cannot_be_merged_is_said():
     bare = project.with_characters(project.shape(ours).with_changes(mesh=None, skin=None))
     with pytest.raises(InputError, match="no mesh"):
         merge_characters(bare, ours, theirs, 0.2, loose=True)
-    with pytest.raises(InputError, match="no joint"):
+    with pytest.raises(InputError, match="no handle"):
         merge_characters(project, ours, theirs, 0.2, node="tail", loose=True)
     with pytest.raises(InputError, match="no node 99"):
         merge_characters(project, ours, theirs, 0.2, node=99, loose=True)

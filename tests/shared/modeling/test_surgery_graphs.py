@@ -15,10 +15,16 @@ from enliven.document.project import Project, same
 from enliven.errors import InputError
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.edits import copy_character, mirror_character, move_character, scale_character
+from enliven.modeling.edits import (
+    copy_character,
+    merge_characters,
+    mirror_character,
+    move_character,
+    scale_character,
+)
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
-from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
+from enliven.modeling.possessed.surgery import cut_graph
 from enliven.rotation import from_rotation_vector, to_matrix
 
 laws = settings(deadline=None, max_examples=12)
@@ -147,7 +153,7 @@ def test_a_merge_leaves_both_where_they_were_and_the_graft_rides(walking, time, 
     turn = from_rotation_vector(random.normal(size=3))
     project = move_character(project, copy, [0.4, 0.3, 0.2], turn, about=[0.5, 0, 0])
     host, graft = project.graph("block"), project.graph(copy)
-    merged = merge_graphs(project, "block", copy, time, loose=True)
+    merged = merge_characters(project, "block", copy, time, loose=True)
     shape = merged.graph("block")
     count = len(host.positions)
     assert copy not in merged.graphs
@@ -181,7 +187,7 @@ def test_a_cut_off_half_is_put_on_elsewhere_and_cut_off_again(walking):
     edited = move_character(
         edited, far, [-0.35, 0.45, 0], from_rotation_vector([0, 0, 1.2]), about=[0.2, 0, 0]
     )
-    whole = merge_graphs(edited, near, far, 0.4)
+    whole = merge_characters(edited, near, far, 0.4)
     assert closed(whole.graph("block").mesh)
     moved = graph_pose(whole, whole.graph("block"), 2.0)[1]
     assert np.linalg.norm(moved - graph_pose(whole, whole.graph("block"), 0.4)[1], axis=1).min() > 0.01
@@ -190,7 +196,7 @@ def test_a_cut_off_half_is_put_on_elsewhere_and_cut_off_again(walking):
     twice = whole.with_characters(twice.graph(copy).with_changes(id="third"))
     twice = move_character(twice, "third", [1.0, 0.2, 0.3])
     before = graph_pose(twice, twice.graph("block"), 0.7)[1]
-    both = merge_graphs(twice, "third", "block", 0.7, loose=True)
+    both = merge_characters(twice, "third", "block", 0.7, loose=True)
     after = graph_pose(both, both.graph("third"), 0.7)[1]
     np.testing.assert_allclose(after[-len(before) :], before, atol=1e-9)
     third = both.graph("third")
@@ -232,7 +238,7 @@ def test_a_scaled_and_mirrored_mesh_moves_so(walking, time, seed):
 def test_possessed_meshes_are_saved(walking, tmp_path):
     project, _, _ = walking
     edited, (near, far) = cut_graph(project, "block", PlaneCut([0.2, 0, 0], [1.0, 0, 0]), 0.0)
-    edited = merge_graphs(mirror_character(edited, far, [0, 1.0, 0]), near, far, 1.0, loose=True)
+    edited = merge_characters(mirror_character(edited, far, [0, 1.0, 0]), near, far, 1.0, loose=True)
     write_project(tmp_path / "block.enliven", edited)
     assert same(read_project(tmp_path / "block.enliven"), edited)
 
@@ -242,7 +248,7 @@ def test_undo_knows_possessed_meshes_too(walking):
     history = History(project)
     edited, (near, far) = cut_graph(project, "block", PlaneCut([0.2, 0, 0], [1.0, 0, 0]), 0.0)
     history.do("cut", edited)
-    history.do("merge", merge_graphs(history.project, near, far, 1.0, loose=True))
+    history.do("merge", merge_characters(history.project, near, far, 1.0, loose=True))
     history.undo()
     assert same(history.undo(), project)
 
@@ -253,8 +259,8 @@ def test_what_cannot_be_done_is_said(walking):
     unplayed = shape.with_changes(parts=(GraphPart("nothing", shape.parts[0].nodes),))
     refused = [
         (lambda: cut_graph(project, "block", PlaneCut([9, 0, 0], [1.0, 0, 0]), 0.0), "no part of the mesh"),
-        (lambda: cut_graph(project, "chair", PlaneCut([0, 0, 0], [1.0, 0, 0]), 0.0), "no graph shape"),
-        (lambda: merge_graphs(project, "block", "block", 0.0), "itself"),
+        (lambda: cut_graph(project, "chair", PlaneCut([0, 0, 0], [1.0, 0, 0]), 0.0), "no possessed mesh"),
+        (lambda: merge_characters(project, "block", "block", 0.0), "itself"),
         (lambda: scale_character(project, "block", 0.0), "times as large"),
         (lambda: mirror_character(project, "block", [0, 0, 0]), "direction"),
         (lambda: move_character(project, "block", [np.nan, 0, 0]), "moved"),

@@ -46,6 +46,7 @@ EXAMPLES = [
     streams.MatchesMessage(
         "spider", "choosing", 3, 7, 0, [streams.PackedMatch("2-1", 4, 1.5, b"\2\1", bytes(18))], 45, 0.5
     ),
+    streams.StageMessage(5, [streams.Revision("chair", 2), streams.Revision("lamp", 1)]),
     streams.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),
     streams.HoldMessage(
         "chair", 5, "take over", 2, 4, "legs + hip", 3, [4, 7], '{"fade": 0.5}', [1, 0, 0, 2, 0], 0.9
@@ -66,13 +67,27 @@ ASKS = [
     requests.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (0.0, 1.0, 3.0)),
     requests.Browse("spider", -1),
     requests.Ping("v", 1),
+    requests.PutCharacter("chair", 2, bytes(32), 5, True),
+    requests.CharacterPart("chair", bytes(32), 3, b"abc"),
+    requests.RemoveCharacter("chair"),
 ]
 ANSWERS = [
-    requests.Welcome(EXAMPLES[3], [requests.Revision("chair", 2)], [b"x"]),
+    requests.Welcome(EXAMPLES[3], [streams.Revision("chair", 2)], [b"x"]),
     requests.Done("ok"),
+    requests.Awaited(7),
     requests.Refused("no"),
     requests.Pong(1, 2),
 ]
+
+
+def test_a_joints_name_is_carried_and_one_that_is_there_twice_is_refused() -> None:
+    named = replace(chair(), names=("hip", "left knee", "\u9996"))
+    message = convert_characters.character_to_message(named, 1)
+    assert convert_characters.message_to_character(message).names == named.names
+    long = convert_characters.character_to_message(replace(named, names=("hip", "knee", "x" * 200)), 1)
+    assert long.names is None, "what receivers refuse is not sent"
+    with pytest.raises(InputError, match="2 different names for 3 bones"):
+        convert_characters.message_to_character(msgspec.structs.replace(message, names=["a", "b", "b"]))
 
 
 def chair(colours: bool = False) -> Character:

@@ -36,6 +36,34 @@ def until(condition, *steps, seconds: float = PATIENCE) -> None:
         time.sleep(0.005)
 
 
+def test_how_frames_arrive_is_said_and_a_dead_edge_is_not_live(publisher, box, monkeypatch) -> None:
+    monkeypatch.setattr("enliven_viewer.link.topic_health.RATE_OVER", 0.3)
+    for module in ("topic_health", "one_edge"):
+        monkeypatch.setattr(f"enliven_viewer.link.{module}.SILENT_AFTER", 0.6)
+    publisher.set_character(box)
+    feed, document, count = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), iter(range(10**6))
+
+    def turn() -> None:
+        list(publisher.poll())
+        feed.poll(document)
+
+    def frame() -> None:
+        turn()
+        publisher.publish_pose(box.rest_pose(next(count) * NS // 30))
+
+    try:
+        until(lambda: document.edge.connected and document.edge.signal == "live", frame)
+        until(lambda: document.edge.signal == "silent", turn)
+        assert document.edge.connected, "its heart still beats"
+        until(lambda: document.edge.signal == "live", frame)
+        until(
+            lambda: not document.edge.connected and document.edge.signal == "silent",
+            lambda: feed.poll(document),
+        )
+    finally:
+        feed.close()
+
+
 def test_what_is_published_is_on_the_timeline(publisher, box) -> None:
     publisher.set_character(box)
     feed, document = EdgeFeed(EdgeClient([publisher.endpoint])), Document()

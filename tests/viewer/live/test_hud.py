@@ -103,6 +103,24 @@ def test_the_timeline_is_hit_where_it_is_drawn(gl, scale, size) -> None:
     assert timeline_fraction(x, 0, size, scale) is None
 
 
+@pytest.mark.parametrize(
+    ("edge", "good"),
+    [
+        (EdgeState(True, phase="tracking"), True),
+        (EdgeState(True, phase="tracking", signal="slow"), False),
+        (EdgeState(True, phase="tracking", signal="silent"), False),
+        (EdgeState(True, phase="ended"), False),
+        (EdgeState(False, signal="silent"), False),
+    ],
+)
+def test_only_frames_that_come_as_they_should_have_a_green_dot(gl, edge, good) -> None:
+    target, hud = canvas_of(gl, 1280, 720), Hud(gl)
+    hud.draw(target, HudState(edge=edge, length_s=10))
+    x, y, width, height = timeline_area((1280, 720), 1.0)
+    red, green, blue = pixels(target)[int(y + height / 2), int(x + width + 22)][:3].astype(int)
+    assert (green > red + 40 and green > blue) == good
+
+
 def test_everything_at_once_draws_without_an_error(gl) -> None:
     target, hud = canvas_of(gl, 640, 360), Hud(gl)
     edge = EdgeState(True, "tcp://127.0.0.1:5580", "possessed", "a note", 21.0, 8.0)

@@ -86,6 +86,20 @@ def test_cards_show_each_match_as_it_is_seen() -> None:
     np.testing.assert_allclose(spans / spans[0], [1.0, 1.0, 1.4], rtol=0.05, err_msg="nothing is stretched")
 
 
+def test_each_character_that_chooses_has_its_row() -> None:
+    other = replace(CHARACTER, id="spider")
+    actors = tuple(SceneCharacter(one, one.rest_pose()) for one in (CHARACTER, other))
+    both = {"cross": BOARD, "spider": replace(BOARD, character="spider", shown=1)}
+    cards = cards_of(Scene(actors, (), SceneStyle(), boards=both), front().view(1.5))
+    assert [(card.row, card.title) for card in cards] == [
+        (0, "cross 1 of 3"),
+        (0, "cross 2 of 3"),
+        (1, "spider 1 of 3"),
+        (1, "spider 2 of 3"),
+    ]
+    assert [card.meant for card in cards] == [True, False, False, True]
+
+
 def test_cards_are_drawn_above_the_timeline_and_only_where_there_is_room(gl) -> None:
     texture = gl.texture((640, 360), 4)
     target = gl.framebuffer([texture])

@@ -22,15 +22,8 @@ from enliven.document.project import Project, same
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import motion_of, state_of
-from enliven.modeling.edits import rename_character
-from enliven.modeling.puppet import (
-    add_key_pose,
-    add_point,
-    change_layer,
-    make_puppet,
-    play_take,
-    set_symmetry,
-)
+from enliven.modeling.edits import change_layers, rename_character
+from enliven.modeling.puppet import add_key_pose, add_point, make_puppet, play_take, set_symmetry
 from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.examples.edits import (
     added_switch,
@@ -51,7 +44,6 @@ from enliven_viewer.studio.examples.edits import (
 )
 from enliven_viewer.studio.examples.solving import Solving
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
 
 NAMES = ("head", "left", "right", "foot")
 
@@ -71,7 +63,7 @@ def solved(solving: Solving, project: Project):
 
 
 def test_nothing_is_solved_that_lacks_something() -> None:
-    solving = Solving()
+    solving = Solving(Toasts(5.0))
     for project in (project_with(*NAMES), project_with(*NAMES, take="sway"), posed((0.0,))):
         shown = solving.shown(project, "star")
         assert shown[1].layers == () and solving.problem("star") is None and not solving.busy("star")
@@ -97,16 +89,16 @@ def test_the_last_good_motion_stays_while_the_newest_is_refused_and_it_is_told_o
 
 
 def test_what_only_moves_in_time_is_shown_at_once() -> None:
-    solving, project = Solving(patience=5.0), posed()
+    solving, project = Solving(Toasts(5.0), patience=5.0), posed()
     solved(solving, project)
-    moved = change_layer(project, "star", 0, offset=0.5, speed=2.0)
+    moved = change_layers(project, "star", [0], offset=0.5, speed=2.0)
     assert solving.shown(moved, "star")[1] is moved.puppets["star"]
     solving.close()
 
 
 def test_the_layer_that_is_meant_is_the_chosen_one_or_the_first_that_plays() -> None:
     project = play_take(play_take(project_with("head", take="sway"), "star", "walk"), "star", "walk")
-    puppet = change_layer(project, "star", 0, muted=True).puppets["star"]
+    puppet = change_layers(project, "star", [0], muted=True).puppets["star"]
     assert [layer_of(puppet, chosen) for chosen in (None, 0, 2, 7)] == [1, 0, 2, 1]
     assert layer_of(puppet, 2, "sway") == 0 and layer_of(puppet, None, "curl") is None
 
@@ -255,13 +247,13 @@ def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
     figure = view.figure()
     assert figure is not None
     pixel = view.lens.project(figure.joints)[0][figure.skeleton.index("bone 1")]
-    workspace.puppets.choose("star", 0)
+    workspace.editor.choose("star", 0)
     view.press((float(pixel[0]), float(pixel[1])))
     assert workspace.editor.project.puppets["star"].points[0].joint == "bone 1"
     assert figure.skeleton.index("bone 1") in view.paired()
     workspace.editor.undo()
     assert workspace.editor.project.puppets["star"].points[0].joint == "bone 3"
-    workspace.puppets.choose("star", None)
+    workspace.editor.choose("star", None)
     view.pair("bone 2")
     assert workspace.puppets.point == 2, "without a chosen point the one that follows the joint is chosen"
 
@@ -305,22 +297,22 @@ def test_the_first_take_that_is_shown_is_played_and_others_are_only_shown(tmp_pa
     assert [layer.take for layer in puppet.layers] == ["sway"] and view.take == "walk"
     view.play()
     assert [layer.take for layer in workspace.editor.project.puppets["star"].layers] == ["sway", "walk"]
-    assert workspace.editor.selection.puppet_layer == 1
+    assert workspace.editor.selection.layer == 1
 
 
 def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="sway")
     workspace.input.take("choose")
-    workspace.editor.edit("later", lambda project: change_layer(project, "star", 0, offset=0.4))
-    begin_pose(workspace, "sway", 0.61)
-    begin_pose(workspace, "sway", 1.5)
+    workspace.editor.edit("later", lambda project: change_layers(project, "star", [0], offset=0.4))
+    workspace.begin_pose("sway", 0.61)
+    workspace.begin_pose("sway", 1.5)
     times = [pose.time for pose in workspace.editor.project.puppets["star"].poses]
     assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and workspace.puppets.number == 1
     assert workspace.input.tool.name == "puppet" and workspace.editor.time == pytest.approx(1.9)
-    edit_pose(workspace, 0)
+    workspace.edit_pose(0)
     assert workspace.puppets.number == 0 and workspace.editor.time == pytest.approx(1.0)
     assert workspace.performer.moment == ("sway", pytest.approx(18 / 30))
-    begin_pose(workspace, "sway", 1.5)
+    workspace.begin_pose("sway", 1.5)
     assert workspace.puppets.number == 1 and len(workspace.editor.project.puppets["star"].poses) == 2
 
 
@@ -329,17 +321,17 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
     editor = workspace.editor
     editor.frame_all(at_once=True)
     before = editor.lens.view.eye
-    begin_pose(workspace, "sway", 0.5)
+    workspace.begin_pose("sway", 0.5)
     editor.advance(10.0)
     np.testing.assert_allclose(editor.lens.view.eye, before, err_msg="all of it is seen")
     editor.camera.pan(5.0, 0.0)
     editor.advance(10.0)
-    edit_pose(workspace, 0)
+    workspace.edit_pose(0)
     editor.advance(10.0)
     pixels = editor.lens.project(workspace.puppets.stage.standing_of("star").vertices)[0]  # type: ignore[union-attr]
     assert ((pixels >= 0) & (pixels <= editor.size)).all()
 
 
 def test_contacts_are_those_of_the_motion() -> None:
-    project = change_layer(posed(), "star", 0, switches=(Switch(0, "contact"), Switch(30, "flight")))
+    project = change_layers(posed(), "star", [0], switches=(Switch(0, "contact"), Switch(30, "flight")))
     assert motion_of(project, project.puppet("star"), 0).switches[0] == Switch(0, "contact")

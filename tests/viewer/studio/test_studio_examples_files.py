@@ -89,7 +89,7 @@ def test_a_table_of_exponential_maps_opens_as_a_take(workspace: Workspace, tmp_p
 def test_a_session_is_saved_and_opens_beside_what_is_there(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
-    workspace.puppets.choose("star")
+    workspace.editor.choose("star")
     workspace.ask("session")
     assert (
         workspace.asking == "session"
@@ -119,9 +119,9 @@ def test_puppets_go_out_as_glb_and_their_error_is_said(tmp_path) -> None:
     before = workspace.editor.project
     workspace.ask("export")
     workspace.chosen(tmp_path / "star.glb")
-    assert workspace.exporting.busy
-    workspace.exporting.finish()
-    assert not workspace.exporting.busy and same(workspace.editor.project, before)
+    assert workspace.editor.beside.busy
+    workspace.editor.beside.finish()
+    assert not workspace.editor.beside.busy and same(workspace.editor.project, before)
     assert "Wrote 1 shape to star.glb" in said(workspace) and "mm" in said(workspace)
     written = pygltflib.GLTF2().load(tmp_path / "star.glb")
     samplers = written.animations[0].samplers
@@ -135,9 +135,9 @@ def test_an_export_that_fails_is_told_and_another_waits_for_the_one_before(tmp_p
     (tmp_path / "file").write_text("in the way")
     workspace.ask("export")
     workspace.chosen(tmp_path / "file" / "star.glb")
-    workspace.exporting.begin("second", lambda: "never")
-    assert "still being written" in said(workspace)
-    workspace.exporting.finish()
+    workspace.editor.beside.begin("second", lambda: "never", workspace.editor.toasts.say)
+    assert "still being made" in said(workspace)
+    workspace.editor.beside.finish()
     assert any(toast.bad for toast in workspace.editor.toasts.shown) and "never" not in said(workspace)
 
 

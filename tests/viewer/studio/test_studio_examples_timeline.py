@@ -17,9 +17,10 @@ from made_studio_puppets import project_with, studio
 from enliven.document.constraints import Position
 from enliven.document.locomotion import Switch
 from enliven.document.project import Project
-from enliven.modeling.puppet import add_key_pose, change_layer, play_take
-from enliven_viewer.studio.timeline.layout import LABELS, TimelineLayout
-from enliven_viewer.studio.timeline.puppet_lanes import LaneRow, PuppetLanes
+from enliven.modeling.edits import change_layers
+from enliven.modeling.puppet import add_key_pose, play_take
+from enliven_viewer.studio.timeline.layout import LABELS, RULER, Lane, TimelineLayout
+from enliven_viewer.studio.timeline.puppet_lanes import PuppetDetails
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 NAMES = ("head", "left", "right", "foot")
@@ -32,21 +33,21 @@ def posed(times: tuple[float, ...], **changes) -> Project:  # type: ignore[no-un
     rest = project.puppets["star"].rest
     for k, time in enumerate(times):
         project = add_key_pose(project, "star", "sway", time, rest + 0.05 * k)
-    return change_layer(project, "star", 0, **changes)
+    return change_layers(project, "star", [0], **changes)
 
 
 def desk_with(tmp_path: Path, project: Project) -> Workspace:
     workspace, _ = studio(tmp_path, *NAMES)
     workspace.store.new(project)
-    workspace.puppets.choose("star")
+    workspace.editor.choose("star")
     return workspace
 
 
-def row_of(lanes: PuppetLanes, kind: str) -> LaneRow:
-    return next(row for row in lanes.rows() if row.kind == kind)
+def row_of(layout: TimelineLayout, kind: str) -> Lane:
+    return next(lane for lane in layout.lanes() if lane.kind == kind)
 
 
-def middle(row: LaneRow) -> float:
+def middle(row: Lane) -> float:
     return row.top + row.height / 2
 
 
@@ -62,40 +63,42 @@ def test_what_is_drawn_at_a_pixel_is_found_there(offset, speed, frames, width, s
     times = tuple(3 * frame / 30 for frame in frames)
     held = (Position("left", 45, (0.0, 0.5, 0.0)),)
     project = posed(times, offset=offset, speed=speed, switches=SWITCHES, positions=held)
-    layout = TimelineLayout(project, 10.0, width, scrolled)
-    lanes = PuppetLanes(layout, "star", lambda take: None, lambda layer: SWITCHES)
-    assert [row.kind for row in lanes.rows()] == ["bar", "poses", "band", "held"]
-    tops = [(row.top, row.top + row.height) for row in lanes.rows()]
+    shown = PuppetDetails(project.puppet("star"), lambda take: None, lambda layer: SWITCHES)
+    lanes = TimelineLayout(project, 10.0, width, scrolled, shown)
+    assert [row.kind for row in lanes.lanes()] == ["bar", "poses", "band", "held"]
+    tops = [(row.top, row.top + row.height) for row in lanes.lanes()]
     assert all(one[1] <= other[0] for one, other in itertools.pairwise(tops))
+    bare = [lane for lane in lanes.lanes() if middle(lane) >= RULER]  # the ruler covers the others
     poses = row_of(lanes, "poses")
-    for number, x in lanes.poses(poses):
-        if x < LABELS:
+    for number, x in shown.poses(lanes, poses):
+        if x < LABELS or poses not in bare:
             continue
         handle = lanes.handle_at(x, middle(poses))
-        assert handle is not None and handle.kind == "pose"
-        assert dict(lanes.poses(poses))[handle.item] == pytest.approx(x, abs=7.0)
-        assert lanes.seconds(poses, x) == pytest.approx(times[number], abs=1e-6)
+        assert handle.kind == "pose"
+        assert dict(shown.poses(lanes, poses))[handle.item] == pytest.approx(x, abs=7.0)
+        assert lanes.second(poses, x) == pytest.approx(times[number], abs=1e-6)
     band = row_of(lanes, "band")
-    for _, left, right in lanes.bands(band)[1:]:
-        if left >= LABELS and abs(right - left) > 12:
+    for _, left, right in shown.bands(lanes, band)[1:]:
+        if left >= LABELS and abs(right - left) > 12 and band in bare:
             handle = lanes.handle_at(left, middle(band))
-            assert handle is not None and handle.kind == "switch"
-    mark = lanes.held(row_of(lanes, "held"))[0][2]
-    if mark >= LABELS:
-        assert lanes.handle_at(mark, middle(row_of(lanes, "held"))).kind == "held"  # type: ignore[union-attr]
+            assert handle.kind == "switch"
+    mark = shown.held(lanes, row_of(lanes, "held"))[0][2]
+    if mark >= LABELS and row_of(lanes, "held") in bare:
+        assert lanes.handle_at(mark, middle(row_of(lanes, "held"))).kind == "held"
     bar = row_of(lanes, "bar")
-    assert lanes.handle_at(5.0, middle(bar)).kind == "mute"  # type: ignore[union-attr]
-    if lanes.span(bar)[1] > LABELS:
-        assert lanes.handle_at(lanes.span(bar)[1], middle(bar)).kind == "edge"  # type: ignore[union-attr]
+    assert lanes.handle_at(5.0, middle(bar)).kind == ("mute" if bar in bare else "nothing")
+    if bar.right > LABELS and bar in bare:
+        assert lanes.handle_at(bar.right, middle(bar)).kind == "edge"
 
 
 def test_only_the_chosen_puppet_shows_more_than_its_layers() -> None:
     project = play_take(posed((0.0, 0.75)), "star", "walk")
-    layout = TimelineLayout(project, 4.0, 900.0)
-    lanes = PuppetLanes(layout, None, lambda take: None, lambda layer: ())
-    assert [(row.kind, row.layer) for row in lanes.rows()] == [("bar", 0), ("bar", 1)]
-    chosen = PuppetLanes(layout, "star", lambda take: None, lambda layer: ())
-    assert [row.kind for row in chosen.rows()] == ["bar", "poses", "band"] * 2
+    lanes, chosen = (
+        TimelineLayout(project, 4.0, 900.0, 0.0, PuppetDetails(puppet, lambda take: None, lambda layer: ()))
+        for puppet in (None, project.puppet("star"))
+    )
+    assert [(row.kind, row.layers) for row in lanes.lanes()] == [("bar", (0,)), ("bar", (1,))]
+    assert [row.kind for row in chosen.lanes()] == ["bar", "poses", "band"] * 2
     assert lanes.height < chosen.height
 
 
@@ -110,10 +113,10 @@ def drag(workspace: Workspace, start: tuple[float, float], x: float) -> None:
 def test_dragging_a_diamond_retimes_its_key_pose_as_one_edit_and_a_click_opens_it(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), offset=0.5))
     timeline = workspace.timeline
-    lanes = timeline.puppets.lanes(timeline.layout)
+    lanes = timeline.layout
     row = row_of(lanes, "poses")
-    x = lanes.x(row, 0.75)
-    drag(workspace, (x, middle(row)), lanes.x(row, 1.2))
+    x = lanes.x_of(row, 0.75)
+    drag(workspace, (x, middle(row)), lanes.x_of(row, 1.2))
     assert workspace.editor.project.puppets["star"].poses[1].time == pytest.approx(1.2, abs=0.02)
     assert workspace.editor.history.names[-1] == "retime a key pose" and not workspace.puppets.posing
     workspace.editor.undo()
@@ -126,9 +129,9 @@ def test_dragging_a_diamond_retimes_its_key_pose_as_one_edit_and_a_click_opens_i
 def test_bars_are_moved_stretched_and_muted(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75)))
     timeline = workspace.timeline
-    lanes = timeline.puppets.lanes(timeline.layout)
+    lanes = timeline.layout
     row = row_of(lanes, "bar")
-    y, (left, right) = middle(row), lanes.span(row)
+    y, (left, right) = middle(row), (row.left, row.right)
     drag(workspace, (left + 20, y), left + 20 + timeline.layout.x(0.6) - timeline.layout.x(0.0))
     assert workspace.editor.project.puppets["star"].layers[0].offset == pytest.approx(0.6)
     workspace.editor.undo()
@@ -149,9 +152,9 @@ def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
         return None if found is None else [(one.frame, one.kind) for one in found]
 
     def at(second: float) -> tuple[float, float]:
-        lanes = timeline.puppets.lanes(timeline.layout)
+        lanes = timeline.layout
         row = row_of(lanes, "band")
-        return lanes.x(row, second), middle(row)
+        return lanes.x_of(row, second), middle(row)
 
     drag(workspace, at(1.0), at(1.5)[0])
     assert switches() == [(0, "contact"), (45, "flight"), (60, "contact")]
@@ -163,7 +166,7 @@ def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
     timeline.press(*at(0.5))
     timeline.release(at(0.5)[0])
     assert workspace.input.key("delete") and switches() == [(0, "contact"), (45, "flight"), (60, "contact")]
-    row = row_of(timeline.puppets.lanes(timeline.layout), "band")
+    row = row_of(timeline.layout, "band")
     timeline.press(60.0, middle(row))
     timeline.release(60.0)
     assert switches() is None and "star" in workspace.editor.project.puppets
@@ -173,23 +176,23 @@ def test_delete_lets_go_of_what_is_held_and_then_means_the_puppet_again(tmp_path
     held = (Position("left", 45, (-0.4, 0.5, 0.0)),)
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), positions=held))
     timeline = workspace.timeline
-    lanes = timeline.puppets.lanes(timeline.layout)
+    lanes = timeline.layout
     row = row_of(lanes, "held")
-    x = lanes.held(row)[0][2]
+    x = timeline.rows.details.held(lanes, row)[0][2]
     timeline.press(x, middle(row))
     timeline.release(x)
     assert workspace.editor.time == pytest.approx(1.5)
     workspace.input.key("delete")
     assert workspace.editor.project.puppets["star"].layers[0].positions == ()
-    assert not timeline.type("delete")
+    assert not timeline.rows.type("delete")
 
 
 def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0,)))
     timeline = workspace.timeline
-    lanes = timeline.puppets.lanes(timeline.layout)
+    lanes = timeline.layout
     row = row_of(lanes, "poses")
-    second, x = lanes.suggested(row)[0]
+    second, x = timeline.rows.details.suggested(lanes, row)[0]
     timeline.press(x, middle(row))
     timeline.release(x)
     poses = workspace.editor.project.puppets["star"].poses
@@ -199,8 +202,8 @@ def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
 def test_the_found_contacts_are_shown_as_soon_as_it_moves(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25)))
     workspace.editor.solving.settle(workspace.editor.project, "star")
-    lanes = workspace.timeline.puppets.lanes(workspace.timeline.layout)
-    bands = lanes.bands(row_of(lanes, "band"))
+    lanes = workspace.timeline.layout
+    bands = workspace.timeline.rows.details.bands(lanes, row_of(lanes, "band"))
     assert bands and bands[0][0].frame == 0
     starts, ends = np.array([b[1] for b in bands]), np.array([b[2] for b in bands])
     np.testing.assert_allclose(ends[:-1], starts[1:])

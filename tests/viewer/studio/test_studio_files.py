@@ -147,6 +147,7 @@ def test_shapes_go_out_as_glb_and_come_in_again(workspace: Workspace, tmp_path) 
     workspace.ask("export")
     assert workspace.asking == "export" and workspace.browser is not None
     workspace.chosen(tmp_path / "out.glb")
+    workspace.editor.beside.finish()
     assert "Wrote 1 shape" in said(workspace)
     before = workspace.editor.project.shapes["limb"]
     workspace.open(tmp_path / "out.glb")

@@ -51,14 +51,14 @@ def do(workspace: Workspace, *actions) -> Workspace:
 
 
 def vertices(workspace: Workspace) -> dict[str, np.ndarray]:
-    return {mesh.shape.id: mesh.vertices for mesh in workspace.editor.possessed}
+    return {one.id: one.vertices for one in workspace.editor.standing}
 
 
 def test_a_click_chooses_it_and_another_forgets_it(workspace: Workspace) -> None:
     do(workspace, Click(Spot(0.0, 0.7)))
-    assert workspace.editor.selection.graph == "post" and workspace.editor.selection.shape is None
+    assert workspace.editor.selection.character == "post" and workspace.editor.selection.handle is None
     do(workspace, Click(Pixel(0.04, 0.2)))
-    assert workspace.editor.selection.graph is None
+    assert workspace.editor.selection.character is None
 
 
 def test_it_plays_as_long_as_it_was_recorded(workspace: Workspace) -> None:
@@ -96,7 +96,7 @@ def test_a_stroke_beside_it_says_so_and_changes_nothing(workspace: Workspace) ->
 def test_with_shift_two_become_one(workspace: Workspace) -> None:
     do(workspace, Key("g"), Drag((Spot(0.8, 0.7), Spot(0.03, 0.9)), shift=True))
     assert list(workspace.editor.project.graphs) == ["post"], workspace.editor.toasts.shown
-    assert workspace.editor.selection.graph == "post"
+    assert workspace.editor.selection.character == "post"
     workspace.editor.undo()
     assert set(workspace.editor.project.graphs) == {"post", "other"}
 
@@ -132,6 +132,7 @@ def test_a_recorded_take_brings_what_was_possessed(tmp_path, box) -> None:
 def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
     workspace.asking = "export"
     workspace.chosen(tmp_path / "posts.glb")
+    workspace.editor.beside.finish()
     assert (tmp_path / "posts.glb").stat().st_size > 1000 and "2 shapes" in workspace.editor.toasts.shown[
         -1
     ].text

@@ -17,11 +17,9 @@ from enliven.modeling.puppet import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.manipulator import LENGTH, PARTS, Manipulator
-from enliven_viewer.studio.puppets.marks import point_at
 from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex
-from enliven_viewer.studio.puppets.ray import first_hit, vertex_hit
-from enliven_viewer.studio.puppets.stage import puppet_at
-from enliven_viewer.studio.viewport.picking import first_face
+from enliven_viewer.studio.viewport.picking import joint_at, surface_at
+from enliven_viewer.studio.viewport.ray import NEAREST, first_hit, vertex_hit
 
 PLACE = np.array([0.1, 0.5, -0.2])
 
@@ -30,7 +28,7 @@ def editor_with(*names: str) -> Editor:
     editor = Editor(project=project_with(*names))
     editor.size = (640.0, 480.0)
     editor.frame_all(at_once=True)
-    editor.puppets.choose("star")
+    editor.choose("star")
     return editor
 
 
@@ -50,6 +48,20 @@ def five() -> Puppet:
 def pixel_of(editor: Editor, place: np.ndarray) -> tuple[float, float]:
     x, y = editor.lens.project(np.asarray(place)[None])[0][0]
     return float(x), float(y)
+
+
+def first_face(vertices, faces, eye, way):
+    """The nearest face on a ray and how far it is, all faces at once."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    side, other, arm = b - a, c - a, eye - a
+    across, turned = np.cross(way, other), np.cross(arm, side)
+    determinant = np.einsum("fi,fi->f", side, across)
+    safe = np.where(np.abs(determinant) > 1e-18, determinant, np.nan)
+    u, v = np.einsum("fi,fi->f", arm, across) / safe, turned @ way / safe
+    distance = np.einsum("fi,fi->f", other, turned) / safe
+    with np.errstate(invalid="ignore"):
+        met = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > NEAREST)
+    return (int(np.where(met, distance, np.inf).argmin()), distance[met].min()) if met.any() else (-1, np.inf)
 
 
 @settings(max_examples=20, deadline=None)
@@ -81,11 +93,11 @@ def test_a_puppet_is_picked_where_it_stands(name: str) -> None:
     standing = editor.puppets.standing[0]
     middle = standing.vertices.mean(0)
     place = standing.vertices[vertex(name)] * 0.93 + middle * 0.07
-    hit = puppet_at(editor.puppets.standing, editor.lens, pixel_of(editor, place))
-    assert hit is not None and hit[0] is standing
-    met = editor.lens.view.eye + hit[2] * editor.lens.ray(pixel_of(editor, place))
+    hit = surface_at(editor.standing, editor.lens, pixel_of(editor, place))
+    assert hit is not None and hit.character == standing.id
+    met = editor.lens.view.eye + hit.depth * editor.lens.ray(pixel_of(editor, place))
     assert np.linalg.norm(met - place) < 0.15
-    assert puppet_at(editor.puppets.standing, editor.lens, (3.0, 3.0)) is None
+    assert surface_at(editor.standing, editor.lens, (3.0, 3.0)) is None
 
 
 def test_into_the_mesh_and_out_again() -> None:
@@ -94,18 +106,19 @@ def test_into_the_mesh_and_out_again() -> None:
     editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
     standing = editor.puppets.standing[0]
     assert np.allclose(standing.into(standing.vertices), star().vertices)
-    assert np.allclose(standing.vertices, in_world(standing.puppet, standing.state, star().vertices))
-    assert np.allclose(standing.points[0], standing.vertices[vertex("head")])
-    assert np.allclose(standing.drawn, standing.vertices, atol=1e-6)
+    assert np.allclose(standing.vertices, in_world(standing.character, standing.state, star().vertices))
+    assert np.allclose(standing.handles[0], standing.vertices[vertex("head")])
+    assert np.allclose(standing.solved, standing.vertices, atol=1e-6)
 
 
 def test_the_point_under_the_pointer_is_found_and_of_two_the_one_before() -> None:
     editor = editor_with("head", "left")
     standing, lens = editor.puppets.standing[0], editor.lens
-    x, y = pixel_of(editor, standing.points[1])
-    assert point_at(standing, lens, (x + 5, y - 5), 11.0) == 1
-    assert point_at(standing, lens, (x + 15, y), 11.0) is None
-    assert point_at(editor_with().puppets.standing[0], lens, (x, y), 11.0) is None
+    x, y = pixel_of(editor, standing.handles[1])
+    hit = joint_at([standing], lens, (x + 5, y - 5), 11.0)
+    assert hit is not None and hit.handle == 1
+    assert joint_at([standing], lens, (x + 15, y), 11.0) is None
+    assert joint_at([editor_with().puppets.standing[0]], lens, (x, y), 11.0) is None
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -86,7 +86,7 @@ def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
     play([Drag((start, Near(start, 0, -60)))], stage)
     kept = workspace.puppets.puppet.poses
     user_input = workspace.input
-    at = workspace.editor.lens.project(workspace.puppets.standing[0].points)[0][1]
+    at = workspace.editor.lens.project(workspace.puppets.standing[0].handles)[0][1]
     user_input.press((at[0], at[1]))
     user_input.move((at[0] + 40, at[1]))
     assert workspace.puppets.dragging
@@ -188,7 +188,7 @@ def test_a_puppet_is_moved_turned_copied_and_deleted_as_other_shapes(tmp_path) -
     play([Key("ctrl+d"), Key("f")], stage)
     assert (
         list(workspace.editor.project.puppets) == ["star", "star 2"]
-        and workspace.editor.selection.puppet == "star 2"
+        and workspace.editor.selection.character == "star 2"
     )
     play([Key("ctrl+equal"), Key("ctrl+m"), Key("ctrl+left")], stage)
     play([Key("ctrl+c"), Key("ctrl+v"), Key("ctrl+x"), Key("ctrl+v"), Key("delete")], stage)
@@ -204,20 +204,20 @@ def test_a_puppet_is_moved_turned_copied_and_deleted_as_other_shapes(tmp_path) -
 def test_a_click_chooses_a_puppet_and_one_beside_all_none(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head")
     play([Key("q"), Click(Pixel(0.02, 0.9))], stage)
-    assert workspace.editor.selection.puppet is None
+    assert workspace.editor.selection.character is None
     play([Click(Spot(0.0, 0.5, 0.0))], stage)
-    assert workspace.editor.selection.puppet == "star"
+    assert workspace.editor.selection.character == "star"
 
 
 def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
     workspace, stage = studio(tmp_path)
     workspace.store.new(workspace.editor.project.without("star").with_characters(make_limb("limb")))
-    assert workspace.editor.selection.shape is None
+    assert workspace.editor.selection.character is None
     play([Key("f"), Wait(1.0), Click(Spot(0.0, 0.8, 0.05)), Key("ctrl+p")], stage)
     made = workspace.editor.project.puppets["limb puppet"]
-    assert "limb" in workspace.editor.project.shapes and workspace.editor.selection.puppet == "limb puppet"
+    assert "limb" in workspace.editor.project.shapes and workspace.editor.selection.character == "limb puppet"
     assert made.mesh.vertices[:, 1].min() == 0.0 and made.place[1] == pytest.approx(0.2)
-    workspace.editor.select(shape=None, puppet=None)
+    workspace.editor.select(character=None)
     play([Key("ctrl+p")], stage)
     assert "No shape" in workspace.editor.toasts.shown[-1].text
 
@@ -286,7 +286,7 @@ def test_a_stroke_cuts_a_puppet_and_both_parts_go_on(tmp_path) -> None:
     stroke = (Spot(-0.25, 0.35), Spot(-0.25, 0.9))
     play([Key("c"), Drag(stroke)], stage)
     assert len(workspace.editor.project.puppets) == 2, [toast.text for toast in workspace.editor.toasts.shown]
-    assert not bad(workspace) and workspace.editor.selection.puppet in workspace.editor.project.puppets
+    assert not bad(workspace) and workspace.editor.selection.character in workspace.editor.project.puppets
     assert len(workspace.puppets.standing) == 2
     workspace.editor.undo()
     assert list(workspace.editor.project.puppets) == ["star"]
@@ -313,29 +313,29 @@ def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
     workspace.editor.edit("post", lambda p: play_take(make_puppet(p, mesh, "post"), "post", "sway"))
     for number, joint in ((0, "root"), (len(mesh.vertices) - 1, "bone 3")):
         workspace.editor.edit("put", lambda p, n=number, j=joint: add_point(p, "post", n, j, joint=j))
-    workspace.puppets.choose("post")
+    workspace.editor.choose("post")
     rest = workspace.puppets.puppet.rest
     for time, way in ((0.0, 0.0), (0.8, 0.3)):
         places = np.add(rest, [[0.0, 0.0, 0.0], [way, 0.0, 0.0]])
         workspace.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "post", "sway", t, q))
     workspace.input.commands.puppets.bake()
     assert "Baking" in workspace.editor.toasts.shown[-1].text and "post" in workspace.editor.project.puppets
-    workspace.puppets.baking.finish()
+    workspace.editor.beside.finish()
     assert (
-        workspace.editor.selection.graph == "post"
+        workspace.editor.selection.character == "post"
         and "post" not in workspace.editor.project.puppets
         and not bad(workspace)
     )
     play([Key("ctrl+z")], stage)
-    workspace.puppets.choose("post")
+    workspace.editor.choose("post")
     workspace.input.commands.puppets.bake()
     workspace.puppets.add_point(20)
-    workspace.puppets.baking.finish()
+    workspace.editor.beside.finish()
     assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
 
 
 def test_what_cannot_move_cannot_be_baked(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", take="sway")
     workspace.input.commands.puppets.bake()
-    workspace.puppets.baking.finish()
+    workspace.editor.beside.finish()
     assert bad(workspace) and "star" in workspace.editor.project.puppets

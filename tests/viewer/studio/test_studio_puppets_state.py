@@ -20,7 +20,7 @@ from enliven_viewer.studio.puppets.posing import PuppetEditor
 
 def posing(*names: str, take: str = "sway") -> PuppetEditor:
     editor = Editor(project=project_with(*names, take=take))
-    editor.puppets.choose("star")
+    editor.choose("star")
     return editor.puppets
 
 
@@ -116,13 +116,13 @@ def test_cancel_keeps_points_that_were_put_meanwhile() -> None:
 def test_another_puppet_and_another_project_leave_the_key_pose() -> None:
     puppets = posing("head", "left")
     puppets.begin_pose("sway", 0.5)
-    puppets.choose(None)
+    puppets.editor.choose(None)
     puppets.editor.advance(0.0)
-    puppets.choose("star")
+    puppets.editor.choose("star")
     assert not puppets.posing
     puppets.edit_pose(0)
     puppets.editor.begin(puppets.editor.project)
-    puppets.choose("star")
+    puppets.editor.choose("star")
     assert not puppets.posing
 
 
@@ -198,7 +198,7 @@ def test_a_puppet_that_cannot_be_solved_is_told_and_mended() -> None:
     puppets.editor.edit("as a file may have it", lambda p: p.with_characters(wrong))
     assert np.array_equal(puppets.standing[0].surface, loose.vertices)
     assert puppets.editor.toasts.shown[-1].bad, "it is told"
-    puppets.choose("star", 2)
+    puppets.editor.choose("star", 2)
     puppets.remove_point()
     puppets.begin_pose("sway", 0.5)
     puppets.drag(1, puppets.places[1] + [0.0, 0.2, 0.0])
@@ -221,7 +221,7 @@ def test_removing_a_point_that_key_poses_use_says_so_and_can_be_undone() -> None
     puppets = posing("head", "left", "foot")
     puppets.begin_pose("sway", 0.5)
     before = puppet_of(puppets)
-    puppets.choose("star", 1)
+    puppets.editor.choose("star", 1)
     assert puppets.remove_point() and puppets.point is None and len(puppets.places) == 2
     assert "also from 1 key pose" in puppets.editor.toasts.shown[-1].text
     puppets.editor.undo()
@@ -233,7 +233,7 @@ def test_the_last_point_gone_leaves_the_mesh_at_rest() -> None:
     puppets.begin_pose("sway", 0.5)
     puppets.drag(0, puppets.places[0] + 0.2)
     puppets.drop()
-    puppets.choose("star", 0)
+    puppets.editor.choose("star", 0)
     puppets.remove_point()
     assert np.array_equal(puppets.standing[0].surface, star().vertices)
 
@@ -252,7 +252,7 @@ def test_with_symmetry_points_are_put_and_dragged_in_pairs() -> None:
     gone = puppets.places - puppet.rest
     assert np.allclose(gone[2] * [-1, 1, 1], gone[1]) and np.allclose(gone[1], [0.0, 0.2, 0.1])
     puppets.drop()
-    puppets.choose("star", 2)
+    puppets.editor.choose("star", 2)
     puppets.reset_point()
     assert np.allclose(puppets.places, puppet.rest), "what is at rest is so in the mirror too"
 
@@ -292,7 +292,7 @@ def test_whatever_is_done_undo_brings_every_project_back(commands: list[str], se
     for command in commands:
         count = len(puppet_of(puppets).points)
         if count:
-            puppets.choose("star", int(rng.integers(count)))
+            puppets.editor.choose("star", int(rng.integers(count)))
         match command:
             case "drag" if count:
                 puppets.drag(puppets.point or 0, rng.normal(0.5, 0.4, 3))

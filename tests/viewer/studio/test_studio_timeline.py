@@ -51,7 +51,7 @@ def test_what_is_drawn_at_a_pixel_is_found_there(offsets, data, width) -> None:
         assert bar.right <= width
         assert layout.handle_at(bar.right - 0.5, y) == layout.handle_at(bar.right + 0.5, y)
         edge = layout.handle_at(bar.right, y)
-        assert (edge.kind, edge.character, edge.layers) == ("edge", bar.character, bar.layers)
+        assert (edge.kind, edge.character, edge.layers) == ("edge", bar.character.id, bar.layers)
         if bar.right - bar.left > 20:
             assert layout.handle_at((bar.left + bar.right) / 2, y).kind == "bar"
         assert layout.handle_at(5.0, y).kind == "mute" and layout.handle_at(60.0, y).kind == "label"

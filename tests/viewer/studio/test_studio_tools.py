@@ -60,11 +60,11 @@ def moving(project: Project, shape: str = "limb", take: str = "wave") -> Project
 
 def test_a_click_chooses_and_a_shift_click_chooses_the_chain(workspace: Workspace) -> None:
     do(workspace, Click(JointPlace("limb", 1)))
-    assert (workspace.editor.selection.shape, workspace.editor.selection.joint) == ("limb", 1)
+    assert (workspace.editor.selection.character, workspace.editor.selection.handle) == ("limb", 1)
     do(workspace, Click(JointPlace("limb", 4), shift=True))
     assert workspace.editor.selection.chain == (1, 2, 3, 4)
     do(workspace, Click(Pixel(0.05, 0.2)))
-    assert workspace.editor.selection.shape is None and workspace.editor.history.names == ()
+    assert workspace.editor.selection.character is None and workspace.editor.history.names == ()
 
 
 def test_a_drag_of_empty_space_turns_the_view_and_changes_nothing(workspace: Workspace) -> None:
@@ -77,9 +77,9 @@ def test_a_drag_of_empty_space_turns_the_view_and_changes_nothing(workspace: Wor
 def test_a_shape_is_carried_as_far_as_the_pointer_goes(workspace: Workspace) -> None:
     do(workspace, Key("g"), Drag((JointPlace("arm", 1), Near(JointPlace("arm", 1), 0, -80))))
     before = workspace.editor.history.project.shapes["arm"].skeleton.positions[0]
-    at = workspace.editor.lens.project(np.stack([before, workspace.editor.posed("arm").joints[0]]))[0]
+    at = workspace.editor.lens.project(np.stack([before, workspace.editor.posed("arm").handles[0]]))[0]
     assert np.abs(at[1] - at[0] - [0.0, -80.0]).max() < 1.5, "the root goes with the pointer"
-    assert workspace.editor.history.names == ("move",)
+    assert workspace.editor.history.names == ("move arm",)
 
 
 def test_escape_drops_a_drag(workspace: Workspace) -> None:
@@ -87,7 +87,7 @@ def test_escape_drops_a_drag(workspace: Workspace) -> None:
     stage = HeadlessStage(workspace)
     play([Key("g"), Wait(0.5)], stage)
     stage.move((500.0, 300.0))
-    joint = workspace.editor.lens.project(workspace.editor.posed("arm").joints)[0][1]
+    joint = workspace.editor.lens.project(workspace.editor.posed("arm").handles)[0][1]
     stage.move((float(joint[0]), float(joint[1])))
     stage.button(0, True)
     stage.move((float(joint[0]), float(joint[1]) - 50))
@@ -103,7 +103,7 @@ def test_posing_points_the_bone_at_the_pointer(workspace: Workspace) -> None:
     assert np.abs(shape.modeling[2] - [1, 0, 0, 0]).max() > 0.05
     assert np.allclose(shape.modeling[[0, 1, 3, 4]], [1, 0, 0, 0])
     posed = workspace.editor.posed("limb")
-    assert np.allclose(np.linalg.norm(np.diff(posed.joints, axis=0), axis=1), 0.25)
+    assert np.allclose(np.linalg.norm(np.diff(posed.handles, axis=0), axis=1), 0.25)
     workspace.editor.undo()
     assert np.allclose(workspace.editor.project.shapes["limb"].modeling, [1, 0, 0, 0])
 
@@ -126,7 +126,7 @@ def test_posing_at_a_time_leaves_what_moves_it(workspace: Workspace) -> None:
 def test_nodes_are_put_in_where_the_bone_is_clicked_and_taken_out(workspace: Workspace) -> None:
     do(workspace, Key("i"), Click(OnBone("limb", 2, 0.4)))
     skeleton = workspace.editor.project.shapes["limb"].skeleton
-    assert len(skeleton) == 6 and workspace.editor.selection.joint == 2
+    assert len(skeleton) == 6 and workspace.editor.selection.handle == 2
     assert np.allclose(skeleton.positions[2], [0.0, 0.2 + 0.25 + 0.1, 0.0], atol=0.01)
     do(workspace, Key("x"), Click(JointPlace("limb", 2)))
     restored = workspace.editor.project.shapes["limb"].skeleton
@@ -150,9 +150,9 @@ def test_a_chain_is_mapped_by_clicking_and_flipped_with_y(workspace: Workspace) 
     layer = workspace.editor.project.shape("limb").layer("curl")
     assert layer.take == "curl" and layer.chain == (0, 1, 2, 3, 4, 5) and layer.loop
     workspace.editor.scrub(1.2)
-    one = workspace.editor.posed("limb").joints[-1]
+    one = workspace.editor.posed("limb").handles[-1]
     do(workspace, Key("y"))
-    other = workspace.editor.posed("limb").joints[-1]
+    other = workspace.editor.posed("limb").handles[-1]
     assert np.abs(one - other).max() > 0.05 and workspace.editor.history.names == ("map curl",)
     assert np.abs((one + other)[0]) < 0.02, "the other way in the picture"
 
@@ -175,13 +175,13 @@ def test_matches_are_offered_and_one_is_accepted(workspace: Workspace) -> None:
 def test_a_stroke_cuts_and_both_parts_stay_where_they_are(workspace: Workspace) -> None:
     workspace.editor.edit("map", moving)
     workspace.editor.scrub(0.7)
-    before = workspace.editor.posed("limb").joints
+    before = workspace.editor.posed("limb").handles
     middle = OnBone("limb", 3, 0.5)
     do(workspace, Key("c"), Drag((Near(middle, -70, 0), Near(middle, 70, 0))))
     assert set(workspace.editor.project.shapes) == {"limb", "arm", "limb 2"}, said(workspace)
-    assert np.allclose(workspace.editor.posed("limb").joints[:3], before[:3], atol=1e-9)
-    assert np.allclose(workspace.editor.posed("limb 2").joints[-2:], before[-2:], atol=1e-9)
-    assert workspace.editor.selection.shape == "limb 2"
+    assert np.allclose(workspace.editor.posed("limb").handles[:3], before[:3], atol=1e-9)
+    assert np.allclose(workspace.editor.posed("limb 2").handles[-2:], before[-2:], atol=1e-9)
+    assert workspace.editor.selection.character == "limb 2"
 
 
 def test_a_stroke_across_nothing_says_so(workspace: Workspace) -> None:
@@ -194,7 +194,7 @@ def test_a_root_dropped_on_a_node_merges_and_undo_takes_apart(workspace: Workspa
     do(workspace, Key("g"), Drag((JointPlace("arm", 0), JointPlace("limb", 2))))
     merged = workspace.editor.project
     assert list(merged.shapes) == ["limb"] and len(merged.shapes["limb"].skeleton) == 7
-    assert workspace.editor.selection.shape == "limb"
+    assert workspace.editor.selection.character == "limb"
     workspace.editor.undo()
     assert set(workspace.editor.project.shapes) == set(before.shapes)
     workspace.editor.redo()
@@ -253,7 +253,7 @@ def test_a_closed_stroke_becomes_a_part_with_bones(workspace: Workspace) -> None
     do(workspace, Key("s"), Drag(places, 1.5))
     part = workspace.editor.project.shapes["part"]
     assert len(part.skeleton) >= 2 and part.mesh is not None
-    tall = float(np.ptp(workspace.editor.lens.project(workspace.editor.posed("part").surface())[0][:, 1]))
+    tall = float(np.ptp(workspace.editor.lens.project(workspace.editor.posed("part").vertices)[0][:, 1]))
     assert tall == pytest.approx(0.5 * workspace.editor.size[1], rel=0.12)
 
 
@@ -316,7 +316,7 @@ def test_the_best_view_shows_more_of_the_bones(workspace: Workspace) -> None:
 
     def seen() -> float:
         return float(
-            np.ptp(workspace.editor.lens.project(workspace.editor.posed("limb").joints)[0], axis=0).max()
+            np.ptp(workspace.editor.lens.project(workspace.editor.posed("limb").handles)[0], axis=0).max()
         )
 
     from_above = seen()

@@ -30,6 +30,7 @@ def test_an_artist_works_in_the_window(tmp_path) -> None:
     said = json.loads(done.stdout.splitlines()[-1])
     assert said["done"] and said["spread"] > 5, said
     assert said["tool"] == "carry" and said["merged"] == ["two"] and said["undone"] == ["one", "two"], said
+    assert said["caged"] == ["post", ["post"]], "a fourth rig is in the list and on the timeline"
     assert said["chosen"] == "two" and said["renamed"] == ["mantle", "one"]
     assert said["copied"] == ["mantle", "mantle 2", "one"] and said["after ctrl z"] == ["mantle", "one"]
     assert said["source"] == ["map", "wave"] and said["playing"] and said["help"] == "help"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, UInt8
 from enliven.deformation import skin_vertices
-from enliven.document import Character, Pose, Project, Shape, Skeleton, character_of, still_shape
+from enliven.document import Character, Clip, Pose, Project, Shape, Skeleton, character_of, still_shape
 from enliven.exporters import sticks
 from enliven.formats.rig import playing
 from enliven.mapping import Retargeted
@@ -60,13 +61,29 @@ def write_motion_sheet(
     """
     times = np.linspace(0.0, made.duration, frames)
     rows = [_take(made, times), _model(made, times)]
+    write_rows(path, rows, times, title, f"{made.duration:.1f} s, {len(made.plan.chains)} chains", size)
+
+
+def write_rows(
+    path: Path, rows: Sequence[MotionRow], times: Float, title: str, said: str, size: tuple[int, int]
+) -> None:
+    """Draw rows of pictures of ``size`` pixels, one below the other, each at the same times."""
     renderer = Renderer(offscreen_context(), size)
     tiles = [
         Tile(second, picture)
-        for film in rows
-        for second, picture in zip(times, pictures_of(renderer, film), strict=True)
+        for row in rows
+        for second, picture in zip(times, pictures_of(renderer, row), strict=True)
     ]
-    write_sheet(path, tiles, frames, title, f"{made.duration:.1f} s, {len(made.plan.chains)} chains")
+    write_sheet(path, tiles, len(times), title, said)
+
+
+def performer_row(clip: Clip, facing: float, travels: bool, seconds: Sequence[float] | Float) -> MotionRow:
+    """The row of a take's own skeleton at seconds of it; ``facing`` radians is where it looks."""
+    project, shape = playing(Project(), stick_shape("performer", clip.skeleton), clip)
+    if not travels:
+        project = project.with_characters(shape.with_changes(travel=None))
+    player = Player(project, shape.id)
+    return MotionRow(character_of(shape), [player.pose(second) for second in seconds], facing + SIDE)
 
 
 def _model(made: Retargeted, times: Float) -> MotionRow:
@@ -76,12 +93,7 @@ def _model(made: Retargeted, times: Float) -> MotionRow:
 
 
 def _take(made: Retargeted, times: Float) -> MotionRow:
-    shape = stick_shape("performer", made.clip.skeleton)
-    project, shape = playing(Project(), shape, made.clip)
-    if not made.plan.travel:
-        project = project.with_characters(shape.with_changes(travel=None))
-    player = Player(project, shape.id)
-    return MotionRow(character_of(shape), [player.pose(t) for t in times], made.take_facing + SIDE)
+    return performer_row(made.clip, made.take_facing, made.plan.travel, times)
 
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:

@@ -8,15 +8,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.arap import PuppetSurface
-from enliven.document import Project, Puppet, character_of, character_of_puppet
+from enliven.document import Project, Puppet, character_of_puppet
 from enliven.examples import clock, in_world, motion_of, pose_of_state, state_of
-from enliven.formats.rig import playing
 from enliven.mapping import facing_of
-from enliven.motion.layers import Player
-from enliven_viewer.film.motion_sheet import SIDE, MotionRow, pictures_of, stick_shape
-from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.render import Renderer
-from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.film.motion_sheet import SIDE, MotionRow, performer_row, write_rows
 
 
 def write_puppet_sheet(
@@ -40,15 +35,9 @@ def write_puppet_sheet(
         ResourceError: where OpenGL is missing, or the file cannot be written.
     """
     times = np.linspace(*span, frames)
-    films = [_performer(project, puppet, times), _puppet(project, puppet, times)]
-    renderer = Renderer(offscreen_context(), size)
-    tiles = [
-        Tile(second, picture)
-        for film in films
-        for second, picture in zip(times, pictures_of(renderer, film), strict=True)
-    ]
+    rows = [_performer(project, puppet, times), _puppet(project, puppet, times)]
     said = f"{len(puppet.poses)} key poses, {len(puppet.points)} control points"
-    write_sheet(path, tiles, frames, puppet.id, f"{span[1] - span[0]:.1f} s, {said}")
+    write_rows(path, rows, times, puppet.id, f"{span[1] - span[0]:.1f} s, {said}", size)
 
 
 def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:
@@ -56,12 +45,8 @@ def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
     layer, motion = puppet.layers[number], motion_of(project, puppet, number)
     clip = project.takes[layer.take]
-    shown, shape = playing(Project(), stick_shape("performer", clip.skeleton), clip)
-    if not motion.travels:
-        shown = shown.with_characters(shape.with_changes(travel=None))
-    player = Player(shown, shape.id)
-    poses = [player.pose(clock(layer, motion, time)[0] * clip.step) for time in times]
-    return MotionRow(character_of(shape), poses, facing_of(clip.skeleton) + SIDE)
+    seconds = [clock(layer, motion, time)[0] * clip.step for time in times]
+    return performer_row(clip, facing_of(clip.skeleton), motion.travels, seconds)
 
 
 def _puppet(project: Project, puppet: Puppet, times: Float) -> MotionRow:

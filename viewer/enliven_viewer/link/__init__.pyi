@@ -1,4 +1,6 @@
 from .edge_feed import EdgeFeed as EdgeFeed
 from .edges import EdgeClient as EdgeClient
 from .feed import Feed as Feed
+from .received import ReceivedCues as ReceivedCues
+from .stage_link import StageLink as StageLink
 from .take_feed import TakeFeed as TakeFeed

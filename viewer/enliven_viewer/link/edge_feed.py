@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from enliven.wire import CUES, POSE, Done, Look, Order, messages_to_health
+from enliven.wire import BODIES, CUES, POSE, Done, Look, Order, messages_to_health
 from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.link.received import ReceivedPose
 from enliven_viewer.link.tracks import shown_topics, track_of
@@ -111,4 +111,5 @@ class EdgeFeed:
             sensor_to_pose_ms=self._edge_ms,
             pose_to_screen_ms=self._link_ms,
             health=tuple(messages_to_health(status.health)) if status is not None and connected else (),
+            signal=self._link.topics[endpoint][(POSE if self._link.characters else BODIES).name].signal,
         )

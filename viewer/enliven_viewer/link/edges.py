@@ -24,6 +24,7 @@ from enliven.wire import (
 )
 from enliven_viewer.link.one_edge import EdgeConnection
 from enliven_viewer.link.received import Health, Notice
+from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import TopicHealth
 
 _ALIVE = 1.6
@@ -110,6 +111,11 @@ class EdgeClient:
     def topics(self) -> dict[Endpoint, dict[str, TopicHealth]]:
         """The health of each topic of each edge: alive, on rate, valid."""
         return {edge.endpoint: edge.topics() for edge in self.edges}
+
+    @property
+    def stage(self) -> StageLink:
+        """The stage of the first edge."""
+        return self.edges[0].stage
 
     def take(self, topic: Topic) -> list[Any]:
         """Every value of a topic since the last call, each edge's in its order."""

@@ -20,6 +20,7 @@ from enliven.wire import (
     STREAMS,
     SUPERSEDED,
     Answer,
+    Ask,
     CharacterMessage,
     Endpoint,
     GetState,
@@ -44,6 +45,7 @@ from enliven.wire import (
 from enliven_viewer.link.clock import ClockEstimate
 from enliven_viewer.link.received import Health, Notice, ReceivedPose
 from enliven_viewer.link.requests import Requests
+from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import SILENT_AFTER, TopicHealth, TopicWatch
 from enliven_viewer.link.tracks import labelled, track_of
 
@@ -84,6 +86,7 @@ class EdgeConnection:
     Attributes:
         inbox: by topic, the values that the caller has not taken.
         latest: by topic and key, the newest value.
+        stage: puts characters on the edge's stage.
     """
 
     def __init__(
@@ -112,6 +115,7 @@ class EdgeConnection:
         self._other_version: int | None = None
         self.last_heard = self._ping_at = -math.inf
         self._told_listening = False
+        self.stage = StageLink(self)
         self._begin(None)
 
     def poll(self) -> None:
@@ -124,6 +128,7 @@ class EdgeConnection:
                 break
             self._receive(b"".join(parts), latched=False)
         self._ask()
+        self.stage.poll()
 
     @property
     def name(self) -> str:
@@ -156,8 +161,23 @@ class EdgeConnection:
         if not self._requests.send(request, "command", _COMMAND_WITHIN, replied):
             replied(Refused(f"there is no edge at {self.endpoint}"))
 
+    def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
+        """Sends a request; calls back with the answer, or None when the time is up; False without an edge."""
+        return self._requests.send(body, "stage", seconds, on_reply)
+
+    def revision(self, character: str) -> int:
+        """The revision of a character that the edge says it has, by the edge's own id; 0 for none."""
+        return self._wanted.get(character, 0)
+
+    @property
+    def complete(self) -> bool:
+        """Whether it is known what stands on the stage, and all of it is here."""
+        known = self.status is not None and self._known_revision == self.status.revision
+        return known and self._revisions == self._wanted
+
     def close(self) -> None:
         """Let the sockets go."""
+        self.stage.close()
         self._requests.close()
         self._stream.close(linger=0)
 
@@ -267,10 +287,10 @@ class EdgeConnection:
                 self._waiting.append((message, received_ns))
             return
         shown = self._label(self.name, message.character)
-        pose = message_to_pose(message, self.held[shown].codec)
+        held = self.held[shown]
+        pose = replace(message_to_pose(message, held.codec), character=shown)
         times = (message.captured_ns, message.published_ns, received_ns, self.clock.offset_ns)
-        pose = replace(pose, character=shown)
-        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times))
+        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, held.character))
 
     def _ask(self) -> None:
         """Say hello until welcomed, ask for characters that are missing, and for the time."""

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import Float32, Int32
-from enliven.document import Pose
+from enliven.document import Character, Pose
 from enliven.person import Body
 
 State = Literal["waiting", "connected", "on rate", "stale", "ended", "version mismatch", "name clash"]
@@ -27,6 +27,7 @@ class ReceivedPose:
         published_ns: the edge's wall clock when the pose was sent.
         received_ns: this machine's wall clock when the pose was taken off the socket.
         clock_offset_ns: the edge's clock less this machine's, as known then.
+        character: the revision of the character that the pose is of.
     """
 
     pose: Pose
@@ -36,6 +37,7 @@ class ReceivedPose:
     published_ns: int
     received_ns: int
     clock_offset_ns: int = 0
+    character: Character | None = None
 
     @property
     def sensor_to_pose_ms(self) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from enliven.document import Character
 from enliven.errors import EnlivenError, InputError
 from enliven.files import DAMAGE
 from enliven.recording import Recording
@@ -57,7 +58,7 @@ class TakeFeed:
         self._recording = recording
         self._messages = _merged(recording, present)
         self._revisions: dict[str, int] = {}
-        self._codecs: dict[tuple[str, int], PoseCodec] = {}
+        self._held: dict[tuple[str, int], tuple[Character, PoseCodec]] = {}
         self._searched: set[tuple[str, int]] = set()
         self._state = EdgeState(connected=True, address=str(path), phase="playing")
 
@@ -94,10 +95,10 @@ class TakeFeed:
         elif topic == POSE.name:
             pose = msgspec.msgpack.decode(data, type=PoseMessage)
             key = (pose.character, pose.revision)
-            if key not in self._codecs:
+            if key not in self._held:
                 self._look_ahead(document, *key)
-            if self._revisions[pose.character] == pose.revision:
-                document.add_pose(message_to_pose(pose, self._codecs[key]))
+            character, codec = self._held[key]
+            document.add_pose(message_to_pose(pose, codec), character)
         else:
             track = track_of(STREAMS[topic])
             message = msgspec.msgpack.decode(data, type=STREAMS[topic].type)
@@ -108,7 +109,7 @@ class TakeFeed:
         made = msgspec.msgpack.decode(data, type=CharacterMessage)
         if self._revisions.get(made.id) != made.revision:
             character = message_to_character(made)
-            self._codecs[made.id, made.revision] = PoseCodec(character)
+            self._held[made.id, made.revision] = character, PoseCodec(character)
             self._revisions[made.id] = made.revision
             document.add_character(character)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass
+from typing import Literal
 
 from enliven.wire import Topic
 
@@ -35,6 +36,13 @@ class TopicHealth:
     valid: bool = True
     hz: float = 0.0
     malformed: int = 0
+
+    @property
+    def signal(self) -> Literal["live", "slow", "damaged", "silent"]:
+        """The health in a word."""
+        if not self.alive:
+            return "silent"
+        return "damaged" if not self.valid else "live" if self.on_rate else "slow"
 
 
 class TopicWatch:

@@ -26,7 +26,7 @@ from enliven.wire import (
     message_to_owners,
     message_to_props,
 )
-from enliven_viewer.link.received import ReceivedBodies, ReceivedCues
+from enliven_viewer.link.received import ReceivedBodies, ReceivedCues, ReceivedPose
 from enliven_viewer.playback import CueFrame, Document
 
 
@@ -53,6 +53,10 @@ def _read_cues(message: CuesMessage, edge: str) -> ReceivedCues:
     return ReceivedCues(message.character, *what, message_to_owners(message), message.held)
 
 
+def _put_pose(document: Document, seen: ReceivedPose) -> None:
+    document.add_pose(seen.pose, seen.character)
+
+
 def _put_cues(document: Document, cues: ReceivedCues) -> None:
     shown = CueFrame(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
     document.set_cues(shown, cues.time_ns)
@@ -68,7 +72,7 @@ TRACKS: dict[str, TopicTrack] = {
     BODIES.name: TopicTrack(
         _read_bodies, lambda document, seen: document.add_bodies(seen.time_ns, seen.bodies)
     ),
-    POSE.name: TopicTrack(lambda pose, edge: pose, lambda document, it: document.add_pose(it.pose)),
+    POSE.name: TopicTrack(lambda pose, edge: pose, _put_pose),
     PROPS.name: TopicTrack(lambda message, edge: message_to_props(message), Document.add_props),
     MATCHES.name: TopicTrack(lambda message, edge: message_to_board(message), Document.add_board),
     CUES.name: TopicTrack(_read_cues, _put_cues),

@@ -36,6 +36,8 @@ KEYS = (
 
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
+SIGNAL = {"live": GOOD, "ended": QUIET, "no edge": BAD, "silent": BAD}
+"""The colour of the dot beside the timeline by how the frames arrive; else that of waiting."""
 
 
 @dataclass(frozen=True)
@@ -163,8 +165,9 @@ class Hud:
         top = y + (height - self._small) / 2
         canvas.text(x - 18 * s, top, time_text(state.shown_s), self._small, INK, align=1.0)
         if state.live:
-            canvas.disc(x + width + 22 * s, y + height / 2, 4 * s, GOOD)
-            canvas.text(x + width + 32 * s, top, "live", self._small, INK)
+            word = _signal_word(state.edge)
+            canvas.disc(x + width + 22 * s, y + height / 2, 4 * s, SIGNAL.get(word, WAIT))
+            canvas.text(x + width + 32 * s, top, word, self._small, INK)
         else:
             mode = "paused" if state.paused else f"{state.speed:g}x"
             canvas.text(x + width + 20 * s, top, f"{mode} · {time_text(state.length_s)}", self._small, INK)
@@ -194,6 +197,13 @@ def _headline(state: HudState) -> str:
         return state.title
     phase = f" · {state.edge.phase}" if state.edge.phase else ""
     return f"{state.edge.address}{phase}" if state.edge.connected else f"no edge at {state.edge.address}"
+
+
+def _signal_word(edge: EdgeState | None) -> str:
+    """How the frames arrive, in a word beside the timeline."""
+    if edge is None or edge.phase == "ended":
+        return "live" if edge is None else "ended"
+    return edge.signal if edge.connected else "no edge"
 
 
 def _state_lines(state: HudState) -> list[str]:

@@ -34,12 +34,13 @@ class Card:
     """One match, ready to be drawn.
 
     Attributes:
-        title: its place.
+        title: its place; of several characters that choose, the character before it.
         score: where it begins, and how alike it looks.
         meant: whether it is the one that would be taken.
         bones: (E, 2, 2) the whole skeleton, 0..WIDE to the right and 0..1 down.
         lines: (K, 2) by branch of the source, likewise.
         held: 0..1 how long of the time to hold still has passed.
+        row: the number of its character among those that choose.
     """
 
     title: str
@@ -48,18 +49,21 @@ class Card:
     bones: Float
     lines: tuple[Float, ...]
     held: float = 0.0
+    row: int = 0
 
 
 def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
-    """The cards of the first character that has matches to choose from, as the camera sees it; else none."""
-    for actor in scene.actors:
-        board = scene.boards.get(actor.character.id)
-        if board is not None and board.state == "choosing":
-            return _cards(actor, board, view)
-    return ()
+    """The cards of each character that has matches to choose from, as the camera sees it."""
+    boards = [(actor, scene.boards.get(actor.character.id)) for actor in scene.actors]
+    choosing = [(actor, board) for actor, board in boards if board is not None and board.state == "choosing"]
+    several = len(choosing) > 1
+    made = [_cards(actor, board, view, row, several) for row, (actor, board) in enumerate(choosing)]
+    return tuple(card for cards in made for card in cards)
 
 
-def _cards(actor: SceneCharacter, board: Board, view: CameraView) -> tuple[Card, ...]:
+def _cards(
+    actor: SceneCharacter, board: Board, view: CameraView, number_of_row: int, several: bool
+) -> list[Card]:
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
     every = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
     seen = view.project(np.concatenate(every)) * [1.0, -1.0]
@@ -73,28 +77,31 @@ def _cards(actor: SceneCharacter, board: Board, view: CameraView) -> tuple[Card,
     for number, row in enumerate(board.rows):
         lines = tuple(parts[at : at + len(row.lines)])
         at += len(row.lines)
-        title = f"{row.place + 1} of {board.total}"
+        title = f"{board.character[:8]} " * several + f"{row.place + 1} of {board.total}"
         meant = number == board.shown
         score = f"{row.name[:10]}  {row.score:.2f}"
-        cards.append(Card(title, score, meant, parts[0].reshape(-1, 2, 2), lines, board.held * meant))
-    return tuple(cards)
+        bones, held = parts[0].reshape(-1, 2, 2), board.held * meant
+        cards.append(Card(title, score, meant, bones, lines, held, number_of_row))
+    return cards
 
 
 def draw_cards(
     canvas: Canvas, size: tuple[int, int], scale: float, text: int, cards: tuple[Card, ...]
 ) -> None:
-    """Draws the cards in a row above the timeline, centred; those that have no room are left out.
+    """Draws a row of cards for each character above the timeline, centred; those without room are left out.
 
     Args:
         size: width and height of the picture in pixels.
         text: the size of the writing, pixels.
     """
     step = (WIDTH + GAP) * scale
-    cards = cards[: max(int((size[0] - 32 * scale) // step), 0)]
-    left = (size[0] - step * len(cards) + GAP * scale) / 2
-    top = size[1] - (HEIGHT + 66) * scale
-    for number, card in enumerate(cards):
-        _draw_card(canvas, left + number * step, top, scale, text, card)
+    beside = max(int((size[0] - 32 * scale) // step), 0)
+    for row, of_row in itertools.groupby(cards, lambda card: card.row):
+        shown = list(of_row)[:beside]
+        left = (size[0] - step * len(shown) + GAP * scale) / 2
+        top = size[1] - (HEIGHT + 66 + row * (HEIGHT + GAP)) * scale
+        for number, card in enumerate(shown if top > 0 else ()):
+            _draw_card(canvas, left + number * step, top, scale, text, card)
 
 
 def _draw_card(canvas: Canvas, x: float, y: float, s: float, text: int, card: Card) -> None:

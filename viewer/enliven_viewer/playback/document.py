@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from enliven.health import HealthState
 from enliven.matching import Board
 from enliven.person import Body
 from enliven.wire import Topic
-from enliven_viewer.playback.timeline import CueFrame, Timeline
+from enliven_viewer.playback.timeline import CueFrame, Timeline, TimelineMoment
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,8 @@ class EdgeState:
         sensor_to_pose_ms: milliseconds from the sensor's frame to its published pose, or None.
         pose_to_screen_ms: milliseconds from publishing to here, or None.
         health: problems that the edge reports, the gravest first.
+        signal: how the frames arrive of late: "live"; "slow": fewer than the edge says that it sends;
+            "damaged": some cannot be read; "silent": none.
     """
 
     connected: bool = False
@@ -38,6 +40,7 @@ class EdgeState:
     sensor_to_pose_ms: float | None = None
     pose_to_screen_ms: float | None = None
     health: tuple[HealthState, ...] = ()
+    signal: Literal["live", "slow", "damaged", "silent"] = "live"
 
 
 @dataclass
@@ -56,9 +59,13 @@ class Document:
         """Forget a character; the timeline keeps its poses."""
         self.characters.pop(character_id, None)
 
-    def add_pose(self, pose: Pose) -> None:
-        """Put a pose on the timeline."""
-        self.timeline.add_pose(pose)
+    def add_pose(self, pose: Pose, character: Character | None = None) -> None:
+        """Put a pose, of a revision of its character, on the timeline."""
+        self.timeline.add_pose(pose, character)
+
+    def characters_at(self, moment: TimelineMoment | None) -> dict[str, Character]:
+        """The characters by id, each in the revision that the poses of a moment are of."""
+        return {**self.characters, **(moment.characters if moment else {})}
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
         """Put the bodies of one moment on the timeline."""

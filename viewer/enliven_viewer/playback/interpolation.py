@@ -14,7 +14,7 @@ from enliven.arrays import Float
 from enliven.document import Pose, Props
 from enliven.matching import Board, MatchRow
 from enliven.person import Body
-from enliven.rotation import slerp
+from enliven.rotation import from_matrix, slerp, to_matrix
 
 _LEAP = 0.6
 """Metres between two moments beyond which a thing was put elsewhere, and did not fly there."""
@@ -39,34 +39,12 @@ def blend_linear(before: Float, after: Float, share: float) -> Float:
     ok = (np.linalg.det(before) > 1e-6) & (np.linalg.det(after) > 1e-6)
     if not ok.any():
         return straight
-    first, last = _nearest_rotation(before[ok]), _nearest_rotation(after[ok])
-    turn = _part_of_turn(np.swapaxes(first, 1, 2) @ last, share)
-    stretch_first = np.swapaxes(first, 1, 2) @ before[ok]
-    stretch_last = np.swapaxes(last, 1, 2) @ after[ok]
-    straight[ok] = first @ turn @ (stretch_first + (stretch_last - stretch_first) * share)
+    first, last = from_matrix(before[ok]), from_matrix(after[ok])
+    turn = to_matrix(slerp(first, last, np.full(len(first), share)))
+    stretch_first = np.swapaxes(to_matrix(first), 1, 2) @ before[ok]
+    stretch_last = np.swapaxes(to_matrix(last), 1, 2) @ after[ok]
+    straight[ok] = turn @ (stretch_first + (stretch_last - stretch_first) * share)
     return straight
-
-
-def _nearest_rotation(maps: Float) -> Float:
-    """(J, 3, 3) rotations of the polar decomposition of maps with positive determinant."""
-    left, _, right = np.linalg.svd(maps)
-    return np.asarray(left @ right)
-
-
-def _part_of_turn(turn: Float, share: float) -> Float:
-    """(J, 3, 3) ``share`` of each rotation of (J, 3, 3), about the same axis (Rodrigues' formula)."""
-    cosine = np.clip((np.trace(turn, axis1=1, axis2=2) - 1) / 2, -1, 1)
-    angle = np.arccos(cosine)
-    axis = np.stack(
-        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], -1
-    )
-    length = np.linalg.norm(axis, axis=1, keepdims=True)
-    axis = np.divide(axis, length, out=np.zeros_like(axis), where=length > 1e-9)
-    cross = np.zeros_like(turn)
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -axis[:, 2], axis[:, 1], -axis[:, 0]
-    cross -= np.swapaxes(cross, 1, 2)
-    sine, rest = np.sin(share * angle), 1 - np.cos(share * angle)
-    return np.asarray(np.eye(3) + sine[:, None, None] * cross + rest[:, None, None] * (cross @ cross))
 
 
 def _blend_body(before: Body, after: Body, share: float) -> Body:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Bool, Float32, Int32
-from enliven.document import Pose, Props
+from enliven.document import Character, Pose, Props
 from enliven.matching import Board
 from enliven.person import Body
 from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, blend_poses, blend_props
@@ -52,6 +52,7 @@ class TimelineMoment:
     """Everything at one time of the sensor's clock: poses, cues, boards by character, bodies, props.
 
     ``others`` has the messages of other topics of the wire, by topic and key, which are not blended.
+    ``characters`` has, of each pose, the revision of its character that it is of, as far as known.
     """
 
     time_ns: int
@@ -61,6 +62,7 @@ class TimelineMoment:
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
     others: dict[str, dict[str, Any]] = field(default_factory=dict)
+    characters: dict[str, Character] = field(default_factory=dict)
 
     @property
     def possessed(self) -> bool:
@@ -100,11 +102,12 @@ class Timeline:
         """Time of the last moment; 0 when there is none."""
         return self._times[-1] if self._times else 0
 
-    def add_pose(self, pose: Pose) -> None:
-        """Put one pose at its time; it replaces an earlier one of the same character and time."""
+    def add_pose(self, pose: Pose, character: Character | None = None) -> None:
+        """Put one pose of a revision of its character at its time, in place of an earlier one."""
         old = self._at(pose.time_ns)
         self.posed.add(pose.character)
-        self._put(replace(old, poses={**old.poses, pose.character: pose}))
+        of = old.characters if character is None else {**old.characters, pose.character: character}
+        self._put(replace(old, poses={**old.poses, pose.character: pose}, characters=of))
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
         """Put the bodies of one time; they replace earlier ones of the same time."""
@@ -180,17 +183,15 @@ class Timeline:
         share = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
         if after.time_ns - before.time_ns > self.settings.gap * NS:
             return before if share < 0.5 else after
-        poses = {}
-        for name in {**before.poses, **after.poses}:
-            first, last = before.poses.get(name), after.poses.get(name)
-            if first is not None and last is not None:
-                poses[name] = blend_poses(first, last, share, time_ns)
-            else:
-                poses[name] = first or last  # type: ignore[assignment]
+        near, far = (before, after) if share < 0.5 else (after, before)
+        poses, of = {**far.poses, **near.poses}, {**far.characters, **near.characters}
+        for name in before.poses.keys() & after.poses.keys():
+            if before.characters.get(name) is after.characters.get(name):
+                poses[name] = blend_poses(before.poses[name], after.poses[name], share, time_ns)
         bodies = blend_bodies(before.bodies, after.bodies, share)
         props = blend_props(before.props, after.props, share, time_ns)
         boards = blend_boards(before.boards, after.boards, share)
-        return TimelineMoment(time_ns, poses, bodies, before.cues, props, boards, before.others)
+        return TimelineMoment(time_ns, poses, bodies, before.cues, props, boards, before.others, of)
 
     def _hold(self, cues: dict[str, CueFrame]) -> None:
         """Set the cues of the newest moment and all that follow."""
@@ -213,10 +214,13 @@ class Timeline:
     def _whole(self, index: int) -> TimelineMoment:
         """A moment, with the last poses of characters that have none in it yet: theirs come after others'."""
         moment = self._moments[index]
-        before = self._moments[index - 1].poses if index else {}
-        late = {name: pose for name, pose in before.items() if name not in moment.poses}
+        before = self._moments[index - 1] if index else moment
+        late = {name: pose for name, pose in before.poses.items() if name not in moment.poses}
         late = {name: pose for name, pose in late.items() if self._fresh(pose.time_ns, moment.time_ns)}
-        return replace(moment, poses={**late, **moment.poses}) if late else moment
+        if not late:
+            return moment
+        of = {**before.characters, **moment.characters}
+        return replace(moment, poses={**late, **moment.poses}, characters=of)
 
     def _fresh(self, time_ns: int, now_ns: int) -> bool:
         """Whether a time is so near before another that what was then is shown until its successor comes."""

@@ -113,7 +113,8 @@ def scene_of(
         surfaces: what solves the surfaces of puppets; without it each is one rigid piece.
     """
     actors = []
-    for character in document.characters.values():
+    characters = document.characters_at(moment)
+    for character in characters.values():
         pose = moment.poses.get(character.id) if moment else None
         if pose is None and character.id in document.timeline.posed:
             continue
@@ -123,10 +124,10 @@ def scene_of(
         vertices = None if surfaces is None else surfaces.vertices(character, pose)
         actors.append(SceneCharacter(character, pose, cues, vertices))
     if surfaces is not None:
-        surfaces.forget_but(document.characters.values())
+        surfaces.forget_but(characters.values())
     bodies = moment.bodies if moment else ()
     present = tuple(b for b in bodies if np.isfinite(b.joints).all())
-    boards = {name: b for name, b in moment.boards.items() if name in document.characters} if moment else {}
+    boards = {name: b for name, b in moment.boards.items() if name in characters} if moment else {}
     return Scene(tuple(actors), present, style, moment.props if moment else None, boards)
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 from enliven.errors import EnlivenError
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,15 @@ class Toasts:
         """Tell of something that could not be done."""
         what = f"{error.where}: {error.what}" if error.where else error.what
         self._add(Toast(what, error.mend, True, 2 * self._seconds))
+
+    def tell(self, error: BaseException, mend: str = "") -> EnlivenError:
+        """Tell of anything that went wrong: a fault of our own too, since the window must not end by it."""
+        if not isinstance(error, EnlivenError):
+            log.error("a fault of enliven itself", exc_info=error)
+            what = f"a fault of enliven itself: {type(error).__name__}: {error}"
+            error = EnlivenError(what, mend=mend)
+        self.complain(error)
+        return error
 
     def advance(self, seconds: float) -> None:
         """Let time pass."""

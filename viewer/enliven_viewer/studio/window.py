@@ -27,7 +27,7 @@ from enliven_viewer.studio.panels.examples import draw_examples, draw_performer,
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
-from enliven_viewer.studio.tools import MapTool, picture_of
+from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.workspace import Workspace
 
 _LONGEST_STEP = 0.1
@@ -169,7 +169,7 @@ class StudioWindow:
         self._viewport = Viewport(context, (64, 64), settings.render)
         self._source = Viewport(context, (64, 64), settings.render)
         self._performer = PerformerPicture(self._source.renderer)
-        self._thumbnails = Thumbnails(context)
+        self._thumbnails = Thumbnails(context, self.workspace.puppets.stage.surfaces)
 
     def _framebuffer_size(self) -> tuple[int, int]:
         io = imgui.get_io()
@@ -194,13 +194,11 @@ class StudioWindow:
         renderer = self._viewport.renderer
         renderer.resize(size)
         self._viewport.draw(
-            editor.posed_shapes,
+            editor.standing,
             editor.lens,
             editor.selection,
             self.workspace.input.tool.overlay(),
-            possessed=editor.possessed if editor.show_meshes else (),
-            puppets=editor.puppets.standing if editor.show_meshes else (),
-            over=picture_of(self.workspace.input.tool),
+            over=self.workspace.input.tool.picture(),
             meshes=editor.show_meshes,
             bones=editor.show_bones,
         )
@@ -258,7 +256,6 @@ class StudioWindow:
         draw_dialogs(self.workspace)
         self._listen(places.viewport)
         self.workspace.store.autosave()
-        self.workspace.exporting.poll()
         if self.workspace.ended:
             self.workspace.store.close()
             self.close()

@@ -37,13 +37,25 @@ def cast_puppet(
         InputError: for a file that cannot be read, and for a puppet that cannot move yet, with what it lacks.
     """
     project, puppet = _read(spec)
+    named = puppet.with_changes(id=unused(name or puppet.id, taken or {}))
+    actor = cast_from_project(project, named, settings, f"puppet {puppet.id!r} of {spec}")
+    character_to_message(actor.character, 0)  # what no viewer can be sent is said now
+    return actor
+
+
+def cast_from_project(
+    project: Project, puppet: Puppet, settings: PuppetSettings | None = None, where: str = ""
+) -> PuppetActor:
+    """Returns the actor of a puppet with its takes in the project; ``where`` is named in errors.
+
+    Raises:
+        InputError: where it cannot move yet, with what it lacks.
+    """
     lacking = missing(project, puppet)
     if lacking:
         mend = f"{' '.join(lacking)} Do so in enliven studio, or in the session's file."
-        raise InputError("it cannot move yet", where=f"puppet {puppet.id!r} of {spec}", mend=mend)
-    actor = PuppetActor(project, puppet.with_changes(id=unused(name or puppet.id, taken or {})), settings)
-    character_to_message(actor.character, 0)  # what no viewer can be sent is said now
-    return actor
+        raise InputError("it cannot move yet", where=where or puppet.where, mend=mend)
+    return PuppetActor(project, puppet, settings)
 
 
 def _read(spec: str) -> tuple[Project, Puppet]:

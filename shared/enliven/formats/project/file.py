@@ -81,13 +81,17 @@ def project_bytes(project: Project) -> bytes:
     return out.getvalue()
 
 
-def project_of(data: bytes, where: str = "project") -> Project:
-    """Reads the project from the bytes of a file; ``where`` is named in errors."""
+def project_of(data: bytes, where: str = "project", most: int | None = None) -> Project:
+    """Reads the project from the bytes of a file; ``where`` is named in errors.
+
+    Args:
+        most: bytes that it may unpack to; None: as many as a file may.
+    """
     if not data.startswith(b"PK"):
         raise InputError("it is no enliven project", where=where, mend="Open a file ending in .enliven.")
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            _check_sizes(archive, len(data), where)
+            _check_sizes(archive, len(data), where, most)
             header = _header(archive, where)
             arrays, damaged = _arrays(archive)
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
@@ -115,12 +119,12 @@ def _entry(name: str) -> zipfile.ZipInfo:
     return info
 
 
-def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str) -> None:
+def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, most: int | None) -> None:
     """Refuses a file that states a larger size than a project packs to; nothing of it is unpacked."""
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
-    if total > _FREE_BYTES + _MOST_RATIO * packed:
-        what = f"its {packed} bytes state that they unpack to {total}, which no project does"
+    if total > (_FREE_BYTES + _MOST_RATIO * packed if most is None else most):
+        what = f"its {packed} bytes state that they unpack to {total}, which is too much"
         raise InputError(what, where=where, mend="Ask for the project again.")
     if any(entry.compress_type not in _METHODS for entry in entries):
         raise InputError("it is packed in a way that is not known here", where=where, mend="Save it again.")

@@ -63,10 +63,10 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
     if origin in (types.UnionType, typing.Union):
         if value is None and type(None) in arguments:
             return None
-        inner = [argument for argument in arguments if argument is not type(None)]
-        if len(inner) > 1:
-            return _one_of(inner, _typed(value, dict, where), arrays, where)
-        return unpacked(inner[0], value, arrays, where)
+        inner = next(argument for argument in arguments if argument is not type(None))
+        return unpacked(inner, value, arrays, where)
+    if hint is RigBase:
+        return _rig(_typed(value, dict, where), arrays, where)
     if origin is np.ndarray:
         name = value.get(ARRAY) if isinstance(value, dict) else None
         if not isinstance(name, str) or name not in arrays:
@@ -88,15 +88,14 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
     return _typed(value, hint, where)
 
 
-def _one_of(rigs: list[type[RigBase]], table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
-    """A value of the one of several rigs that its object names."""
-    kinds = {rig.kind: rig for rig in rigs}
+def _rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
+    """A character of the rig that its object names."""
     kind = table.get(KIND)
-    if kind not in kinds:
+    if kind not in RigBase.kinds:
         mend = "A later version of enliven made it: install that."
         raise InputError(f"a character of kind {kind!r} is not known here", where=where, mend=mend)
     rest = {name: value for name, value in table.items() if name != KIND}
-    return _dataclass(kinds[kind], rest, arrays, where)
+    return _dataclass(RigBase.kinds[kind], rest, arrays, where)
 
 
 def _dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:

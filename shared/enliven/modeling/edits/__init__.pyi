@@ -3,9 +3,11 @@ from .characters import (
     copy_character as copy_character,
     cut_character as cut_character,
     delete_character as delete_character,
+    drag_handle as drag_handle,
     mirror_character as mirror_character,
     move_character as move_character,
     paste_character as paste_character,
+    remove_layer as remove_layer,
     rename_character as rename_character,
     scale_character as scale_character,
     shift_character as shift_character,
@@ -14,7 +16,6 @@ from .characters import (
 from .merging import merge_characters as merge_characters
 from .rigs import (
     RIGS as RIGS,
-    RigEdits as RigEdits,
     pose_of_character as pose_of_character,
     rig_of as rig_of,
     vertices_of as vertices_of,

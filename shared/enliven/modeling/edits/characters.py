@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document import AnyRig, Project, same, unused
+from enliven.document import Playing, Project, RigBase, same, unused
 from enliven.errors import InputError
-from enliven.modeling.edits.rigs import rig_of
+from enliven.modeling.edits.rigs import handle_number, rig_of
 from enliven.modeling.mesh import CutSurface
+from enliven.modeling.rig import check_names
 from enliven.modeling.rigged import Axes
 from enliven.rotation import IDENTITY
 
@@ -58,7 +59,7 @@ def paste_character(
     Raises:
         InputError: where there is no such character, or the offset or delay is no number.
     """
-    character = _named(source, character_id)
+    character = source.character(character_id)
     shift = np.asarray(offset, np.float64)
     if shift.shape != (3,) or not np.isfinite(shift).all() or not np.isfinite(delay):
         what = f"a copy cannot be {offset} m away and {delay} s late"
@@ -84,7 +85,7 @@ def rename_character(project: Project, character_id: str, wanted: str) -> Projec
     Raises:
         InputError: where there is no such character, or another is called so.
     """
-    character = _named(project, character_id)
+    character = project.character(character_id)
     if wanted == character_id:
         return project
     if not wanted or wanted in project.characters:
@@ -114,7 +115,7 @@ def move_character(
     Raises:
         InputError: where there is no such character, or a number is not finite.
     """
-    character = _named(project, character_id)
+    character = project.character(character_id)
     way, centre = np.asarray(offset, np.float64), np.asarray(about, np.float64)
     turn = np.asarray(turn, np.float64)
     good = way.shape == centre.shape == (3,) and turn.shape == (4,)
@@ -131,7 +132,7 @@ def turn_character(project: Project, character_id: str, turn: AnyArray) -> Proje
     Raises:
         InputError: where there is no such character, or the turn is no unit quaternion.
     """
-    character = _named(project, character_id)
+    character = project.character(character_id)
     return move_character(project, character_id, _ORIGIN, turn, rig_of(character).centre(character))
 
 
@@ -141,7 +142,7 @@ def scale_character(project: Project, character_id: str, factor: float) -> Proje
     Raises:
         InputError: where there is no such character, or the factor is not above zero.
     """
-    character = _named(project, character_id)
+    character = project.character(character_id)
     if not (np.isfinite(factor) and factor > 0.0):
         mend = "Give a number above 0; mirror_character turns it over."
         raise InputError(f"it cannot be {factor} times as large", where=character.where, mend=mend)
@@ -156,7 +157,7 @@ def mirror_character(project: Project, character_id: str, normal: AnyArray | Seq
     Raises:
         InputError: where there is no such character, or no direction.
     """
-    character = _named(project, character_id)
+    character = project.character(character_id)
     axes = Axes.mirror(np.asarray(normal, np.float64))
     return project.with_characters(rig_of(character).mirrored(project, character, axes))
 
@@ -167,7 +168,7 @@ def shift_character(project: Project, character_id: str, delay: float) -> Projec
     Raises:
         InputError: where there is no such character, or the delay is no number.
     """
-    return project.with_characters(_named(project, character_id).later(delay))
+    return project.with_characters(project.character(character_id).later(delay))
 
 
 def change_layers(project: Project, character_id: str, numbers: Iterable[int], **changes: Any) -> Project:
@@ -176,13 +177,45 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
     Raises:
         InputError: where there is no such character or layer, or it cannot be played like that.
     """
-    character, wanted = _named(project, character_id), set(numbers)
-    count = len(character.playing)
-    if not wanted <= set(range(count)):
-        what = f"there is no layer {max(wanted, key=abs)}"
-        raise InputError(what, where=character.where, mend=f"It has {count}.")
-    layers = (replace(one, **changes) if k in wanted else one for k, one in enumerate(character.playing))
-    return project.with_characters(character.with_playing(*layers))
+    character, wanted = project.character(character_id), set(numbers)
+    _layers(character, wanted)
+    layers = (_changed(one, changes) if k in wanted else one for k, one in enumerate(character.playing))
+    made = character.with_playing(*layers)
+    rig_of(made).check_layers(project, made, wanted)
+    return project.with_characters(made)
+
+
+def remove_layer(project: Project, character_id: str, number: int) -> Project:
+    """A project in which a character no longer plays a layer; the take stays.
+
+    Raises:
+        InputError: where there is no such character or layer, or it has no motion without it.
+    """
+    character = project.character(character_id)
+    _layers(character, {number})
+    return project.with_characters(character.without_layer(number))
+
+
+def drag_handle(
+    project: Project,
+    character_id: str,
+    handle: int | str,
+    place: AnyArray | Sequence[float],
+    time: float,
+) -> Project:
+    """A project in which a character is posed by hand: a handle of it is at ``place`` (3,) metres at a time.
+
+    Args:
+        handle: a joint or a control point, by number or name.
+
+    Raises:
+        InputError: where there is no such character or handle, the place is not finite, or what moves the
+            character is not posed by hand.
+    """
+    character, wanted = project.character(character_id), np.asarray(place, np.float64)
+    if wanted.shape != (3,) or not np.isfinite(wanted).all():
+        raise InputError(f"{place} is no place", where=character.where, mend="Give three metres.")
+    return rig_of(character).dragged(project, character, handle_number(character, handle), wanted, time)
 
 
 def cut_character(
@@ -201,17 +234,12 @@ def cut_character(
     Raises:
         InputError: where there is no such character, or the stroke cuts nothing off.
     """
-    rig, told = rig_of(_named(project, character_id)), [] if notes is None else notes
+    rig, told = rig_of(project.character(character_id)), [] if notes is None else notes
     return rig.cut(project, character_id, stroke, time, notes=told)
 
 
-def _named(project: Project, character_id: str) -> AnyRig:
-    project.character(character_id)
-    return project.characters[character_id]
-
-
 def _with_takes_of(
-    project: Project, source: Project, character: AnyRig
+    project: Project, source: Project, character: RigBase
 ) -> tuple[Project, dict[tuple[str, str], str]]:
     """The project with what a character plays in another, and by map and id the id of each take here."""
     ids: dict[tuple[str, str], str] = {}
@@ -223,3 +251,16 @@ def _with_takes_of(
                 project = replace(project, **{held: {**here, take.id: take}})
             ids[held, name] = take.id
     return project, ids
+
+
+def _layers(character: RigBase, numbers: set[int]) -> None:
+    """Refuse numbers of layers that are not there."""
+    count = len(character.playing)
+    if not numbers <= set(range(count)):
+        what = f"there is no layer {max(numbers, key=abs)}"
+        raise InputError(what, where=character.where, mend=f"It has {count}.")
+
+
+def _changed(layer: Playing, changes: dict[str, Any]) -> Playing:
+    check_names(changes, type(layer), f"layer of {layer.take!r}")
+    return replace(layer, **changes)

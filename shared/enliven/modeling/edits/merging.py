@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import AnyRig, GraphShape, Project, unused
+from enliven.document import GraphShape, Project, RigBase, unused
 from enliven.errors import InputError
-from enliven.modeling.edits.rigs import RIGS, rig_of
+from enliven.modeling.edits.rigs import RIGS, handle_number, rig_of
 from enliven.modeling.mesh import SeamSettings
+from enliven.modeling.rig import Merge
 
 _SEAM = SeamSettings()
 _LONGEST = 20.0
@@ -42,12 +43,7 @@ def merge_characters(
     take was played once; a loop goes on for ever where it ends as it began, and else for 20 seconds.
 
     Args:
-        node: what the graft rides on: a joint of the host, by number or name, or a node of its graph; None
-            takes the nearest.
-        at: where on the host's bone that ends at ``node``, where both have bones: 1 is its end.
-        loose: where no union of the meshes can be made, put both shells into one mesh.
-        seam: how the seam is smoothed.
-        notes: takes sentences about how the meshes were united, and what was recorded.
+        node, at, loose, seam, notes: as :class:`enliven.modeling.rig.Merge` has them.
 
     Raises:
         InputError: for a character merged with itself, a node that is not there, or meshes without a union.
@@ -56,21 +52,20 @@ def merge_characters(
     if host_id == graft_id:
         mend = "Copy it first."
         raise InputError("a character cannot be merged with itself", where=host.where, mend=mend)
-    told = [] if notes is None else notes
-    rig = rig_of(project.characters[host_id])
-    if host.kind != graft.kind:
-        if isinstance(node, str):
-            node = rig.node(project.characters[host_id], node)
+    told, kind = [] if notes is None else notes, host.kind
+    if isinstance(node, str):
+        node = handle_number(host, node)
+    if kind != graft.kind:
         for name in (host_id, graft_id):
             project = recorded(project, name, time, told)
-        rig = RIGS[GraphShape.kind]
-    return rig.merged(project, host_id, graft_id, time, node, at, loose, seam, told)
+        kind = GraphShape.kind
+    return RIGS[kind].merged(project, Merge(host_id, graft_id, time, node, at, loose, seam, told))
 
 
 def recorded(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
     """A project in which a character is a graph that plays what it did; a graph stays as it is."""
-    character = project.characters[character_id]
-    if isinstance(character, GraphShape):
+    character = project.character(character_id)
+    if character.kind == GraphShape.kind:
         return project
     times, looped = _frames(project, character, time)
     stream_id = unused(character_id, project.streams)
@@ -81,13 +76,14 @@ def recorded(project: Project, character_id: str, time: float, notes: list[str])
     return project.with_streams(stream).with_characters(graph)
 
 
-def _frames(project: Project, character: AnyRig, time: float) -> tuple[Float, bool]:
+def _frames(project: Project, character: RigBase, time: float) -> tuple[Float, bool]:
     """(T,) even seconds that hold all of a character's motion, ``time`` among them; and whether they loop."""
     rig = rig_of(character)
     heard = [layer for layer in character.playing if not layer.muted]
     rounds = [layer.lasting(project.length_of(layer)) for layer in heard if layer.loop]
     if rounds and len(rounds) == len(heard) and np.ptp(rounds) < 1e-9 and rounds[0] > 0.0:
-        first, last = (rig.pose(project, character, at).positions for at in (time, time + rounds[0]))
+        player = rig.player(project, character)
+        first, last = (player(at).pose.positions for at in (time, time + rounds[0]))
         if np.abs(first - last).max() < _SAME:
             count = max(round(rounds[0] * rig.frames), 2)
             return np.asarray(time + rounds[0] / count * np.arange(count + 1, dtype=np.float64)), True

@@ -7,6 +7,7 @@ from .limb_ends import extremities as extremities
 from .mesh_cut import Cut as Cut, cut_across_bone as cut_across_bone, cut_by_stroke as cut_by_stroke
 from .mesh_union import united as united
 from .meshes import (
+    blended as blended,
     bone_maps as bone_maps,
     no_maps as no_maps,
     numbers_in as numbers_in,

@@ -12,19 +12,25 @@ from enliven.document import Shape, SkinWeights
 from enliven.meshes import submesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.skinning import renumbered
-from enliven.rotation import rotate, to_matrix
+from enliven.rotation import to_matrix
 
 
 def posed_vertices(shape: Shape, turns: Float, joints: Float) -> Float:
     """(V, 3) metres: v' = sum_j w_j (D_j (v - rest_parent) + x_parent), for D (N, 4) and x (N, 3)."""
     assert shape.mesh is not None and shape.skin is not None
     above = np.maximum(shape.skeleton.parents, 0)
-    pivots, places = shape.skeleton.positions[above], joints[above]
-    out = np.zeros_like(shape.mesh.vertices)
+    return blended(
+        shape.mesh.vertices, shape.skin, shape.skeleton.positions[above], to_matrix(turns), joints[above]
+    )
+
+
+def blended(vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, positions: Float) -> Float:
+    """(V, 3) metres: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), in double precision."""
+    out = np.zeros_like(vertices)
     for slot in range(4):
-        bone = shape.skin.indices[:, slot]
-        moved = rotate(turns[bone], shape.mesh.vertices - pivots[bone]) + places[bone]
-        out += shape.skin.weights[:, slot, None].astype(np.float64) * moved
+        node = skin.indices[:, slot]
+        moved = np.einsum("vab,vb->va", linear[node], vertices - pivots[node]) + positions[node]
+        out += skin.weights[:, slot, None].astype(np.float64) * moved
     return out
 
 

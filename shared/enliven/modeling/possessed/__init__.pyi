@@ -10,4 +10,4 @@ from .solving import (
     unsolved as unsolved,
     with_possession as with_possession,
 )
-from .surgery import cut_graph as cut_graph, merge_graphs as merge_graphs
+from .surgery import cut_graph as cut_graph

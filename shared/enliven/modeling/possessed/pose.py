@@ -7,6 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import GraphPart, GraphShape, Pose, PoseStream, Project
 from enliven.errors import InputError
+from enliven.modeling.mesh import blended
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
 
 _MIRRORED = np.array([-1.0, 1.0, 1.0])
@@ -23,7 +24,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         InputError: for a time that is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=f"graph shape {shape.id!r}", mend="Give seconds.")
+        raise InputError(f"the time is {time}", where=shape.where, mend="Give seconds.")
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     for part, start in zip(shape.parts, shape.starts, strict=False):
         maps, places = _played(project.streams[part.take], part, time)
@@ -43,13 +44,8 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
 
 
 def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:
-    """(V, 3) metres: v' = sum_k w_k (linear_k (v - rest_k) + position_k)."""
-    out = np.zeros_like(shape.mesh.vertices)
-    for slot in range(4):
-        node = shape.skin.indices[:, slot]
-        moved = np.einsum("vab,vb->va", linear[node], shape.mesh.vertices - shape.positions[node])
-        out += shape.skin.weights[:, slot, None].astype(np.float64) * (moved + positions[node])
-    return out
+    """(V, 3) metres, the vertices for nodes with linear maps (N, 3, 3) at positions (N, 3)."""
+    return blended(shape.mesh.vertices, shape.skin, shape.positions, linear, positions)
 
 
 def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:

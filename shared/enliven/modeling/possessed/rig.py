@@ -15,33 +15,31 @@ from enliven.document import (
     Ride,
     character_of_graph,
 )
-from enliven.errors import InputError
-from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
+from enliven.modeling.rig import Player, Posed, RigEdits
 from enliven.modeling.rigged import Axes, moved_mesh
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
-class GraphRig:
+class GraphRig(RigEdits):
     """A deformation graph that plays what was recorded of it."""
 
-    frames = 60.0
     drawn = staticmethod(character_of_graph)
-    pose = staticmethod(pose_of_graph)
     cut = staticmethod(cut_graph)
+    merged = staticmethod(merge_graphs)
 
     def centre(self, shape: GraphShape) -> Float:
         """Its node 0 at rest."""
         return np.asarray(shape.positions[0])
 
-    def rest(self, shape: GraphShape) -> Float:
-        """The vertices at rest."""
-        return shape.mesh.vertices
-
     def seen(self, project: Project, shape: GraphShape, time: float) -> Float:
         """The vertices at a time."""
         return graph_vertices(shape, *graph_pose(project, shape, time))
+
+    def player(self, project: Project, shape: GraphShape) -> Player:
+        """Its poses; nodes are no handles: they play what was recorded."""
+        return lambda time: Posed(pose_of_graph(project, shape, time), np.zeros((0, 3)))
 
     def moved(self, shape: GraphShape, offset: Float, turn: Float, about: Float) -> GraphShape:
         """The rest stays, and what rides is carried along."""
@@ -94,10 +92,6 @@ class GraphRig:
         positions = centre + axes.vectors(shape.positions - centre)
         return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts))
 
-    def node(self, shape: GraphShape, name: str) -> int:
-        """Nodes have no names."""
-        raise InputError(f"there is no node {name!r}", where=shape.where, mend="Nodes have numbers.")
-
     def as_graph(
         self, project: Project, shape: GraphShape, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
@@ -107,20 +101,3 @@ class GraphRig:
         stream = PoseStream(stream_id, linear, positions, float(times[1] - times[0]))
         part = GraphPart(stream_id, np.arange(len(shape.positions)), offset=float(times[0]))
         return shape.with_playing(part), stream, ""
-
-    def merged(
-        self,
-        project: Project,
-        host_id: str,
-        graft_id: str,
-        time: float,
-        node: int | str | None,
-        at: float,
-        loose: bool,
-        seam: SeamSettings,
-        notes: list[str],
-    ) -> Project:
-        """The graft rides on a node of the host."""
-        if isinstance(node, str):
-            node = self.node(project.graph(host_id), node)
-        return merge_graphs(project, host_id, graft_id, time, node=node, loose=loose, seam=seam, notes=notes)

@@ -16,16 +16,14 @@ from enliven.errors import InputError
 from enliven.modeling.mesh import (
     CutSurface,
     Piece,
-    SeamSettings,
     SkinnedSurface,
     cut_by_stroke,
     joined,
     smoothed,
 )
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
+from enliven.modeling.rig import Merge
 from enliven.rotation import conjugate, from_matrix, multiply, normalized, rotate, to_matrix
-
-_SEAM = SeamSettings()
 
 
 def cut_graph(
@@ -56,38 +54,19 @@ def cut_graph(
     return project.with_characters(near, far), (shape_id, far_id)
 
 
-def merge_graphs(
-    project: Project,
-    host_id: str,
-    graft_id: str,
-    time: float,
-    *,
-    node: int | None = None,
-    loose: bool = False,
-    seam: SeamSettings = _SEAM,
-    notes: list[str] | None = None,
-) -> Project:
-    """One possessed mesh put onto another where the two are at ``time``; they are one shape from then on.
+def merge_graphs(project: Project, merge: Merge) -> Project:
+    """One possessed mesh put onto another where the two are at a time; they are one shape from then on.
 
-    At ``time`` both stay where they are. From then on the graft rides on a node of the host, rigidly, with
-    its own motion on top. The meshes are united as they are seen at ``time``. The graft's rest is moved to
+    At that time both stay where they are. From then on the graft rides on a node of the host, rigidly, with
+    its own motion on top. The meshes are united as they are seen then. The graft's rest is moved to
     the host's such that the two lie there, at the node, as they are seen; its vertices move as before.
 
-    Args:
-        node: of the host, to ride on; None takes the one that is nearest to the graft at ``time``.
-        loose: where no union of the meshes can be made, put both shells into one mesh.
-        seam: how the seam is smoothed.
-        notes: takes sentences about how the meshes were united.
-
     Raises:
-        InputError: for a shape merged with itself, a node that is not there, or meshes without a union.
+        InputError: for a node that is not there, or meshes without a union.
     """
-    if host_id == graft_id:
-        where = f"graph shape {host_id!r}"
-        raise InputError("a shape cannot be merged with itself", where=where, mend="Copy it first.")
-    host, graft = project.graph(host_id), project.graph(graft_id)
-    ours, theirs = graph_pose(project, host, time), graph_pose(project, graft, time)
-    node, root = _meeting(host, ours[1], theirs[1], node)
+    host, graft = project.graph(merge.host), project.graph(merge.graft)
+    ours, theirs = graph_pose(project, host, merge.time), graph_pose(project, graft, merge.time)
+    node, root = _meeting(host, ours[1], theirs[1], merge.node)
     turn, place = from_matrix(ours[0][node]), ours[1][node]
     axes = multiply(conjugate(turn), from_matrix(theirs[0][root]))
     to = host.positions[node] + rotate(conjugate(turn), theirs[1][root] - place)
@@ -104,20 +83,20 @@ def merge_graphs(
         SkinnedSurface(host.mesh, host.skin, graph_vertices(host, *ours)),
         SkinnedSurface(moved.mesh, numbers, graph_vertices(graft, *theirs)),
         maps,
-        lambda mesh, skin, where: (smoothed(mesh, where, seam), skin),
-        loose=loose,
-        notes=[] if notes is None else notes,
-        where=f"graph shape {host_id!r}",
+        lambda mesh, skin, where: (smoothed(mesh, where, merge.seam), skin),
+        loose=merge.loose,
+        notes=merge.notes,
+        where=host.where,
     )
     merged = GraphShape(
-        host_id,
+        host.id,
         np.concatenate([host.positions, moved.positions]),
         edges.astype(np.int32),
         mesh,
         skin,
         (*host.parts, *parts),
     )
-    return project.without(graft_id).with_characters(merged)
+    return project.without(graft.id).with_characters(merged)
 
 
 def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
@@ -152,14 +131,14 @@ def _part_with(part: GraphPart, kept: Bool, number: Int) -> GraphPart:
     return replace(part, nodes=part.nodes[kept], ride=ride)
 
 
-def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | None) -> tuple[int, int]:
+def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | str | None) -> tuple[int, int]:
     """The host's node to ride on, and the graft's node that is nearest to it."""
     apart = np.linalg.norm(ours[:, None] - theirs[None], axis=2)
     if node is None:
         node = int(apart.min(1).argmin())
-    if not 0 <= node < len(ours):
-        where = f"graph shape {host.id!r}"
-        raise InputError(f"there is no node {node} of {len(ours)}", where=where, mend="Choose another.")
+    if isinstance(node, str) or not 0 <= node < len(ours):
+        mend = "Nodes have numbers: choose another."
+        raise InputError(f"there is no node {node} of {len(ours)}", where=host.where, mend=mend)
     return node, int(apart[node].argmin())
 
 

@@ -1,7 +1,6 @@
 from .baking import bake_puppet as bake_puppet, frame_times as frame_times, graph_of as graph_of
-from .edits import make_puppet as make_puppet
-from .layers import change_layer as change_layer, play_take as play_take, remove_layer as remove_layer
-from .merge import merge_puppets as merge_puppets
+from .dragging import drag_point as drag_point, key_pose_at as key_pose_at
+from .edits import make_puppet as make_puppet, play_take as play_take
 from .points import add_point as add_point, change_point as change_point, remove_point as remove_point
 from .poses import (
     add_key_pose as add_key_pose,

@@ -19,7 +19,7 @@ from enliven.arrays import AnyArray, Bool, Float, Int
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, SkinWeights, unused
 from enliven.errors import InputError
 from enliven.examples import frame_at, in_world, missing, motion_of
-from enliven.modeling.mesh import SeamSettings, Union, smoothed, united
+from enliven.modeling.mesh import Union, smoothed, united
 from enliven.modeling.puppet.parts import (
     nearest_paired,
     points_needed,
@@ -30,9 +30,9 @@ from enliven.modeling.puppet.parts import (
     unfolded,
     with_moment,
 )
+from enliven.modeling.rig import Merge
 from enliven.rotation import nearest_rotation
 
-_SEAM = SeamSettings()
 _NEAR = 0.08
 """Share of the puppet's size within which surface counts as around a place: about a limb's girth."""
 _FEWEST = 12
@@ -63,44 +63,25 @@ class _Rigid:
         return _Rigid(self.turn.T, -self.turn.T @ self.move)
 
 
-def merge_puppets(
-    project: Project,
-    host_id: str,
-    graft_id: str,
-    time: float,
-    *,
-    loose: bool = False,
-    seam: SeamSettings = _SEAM,
-    notes: list[str] | None = None,
-) -> Project:
-    """One puppet put onto another where the two are at ``time``; the host keeps its name and its way.
+def merge_puppets(project: Project, merge: Merge) -> Project:
+    """One puppet put onto another where the two are at a time; the host keeps its name and its way.
 
     The meshes are united at rest, the graft laid to the host's as they are seen where they meet. Layers of
     both stay, each for its own control points; the graft's no longer travel, and its hard constraints go.
 
-    Args:
-        time: seconds of the project's time.
-        loose: where no union of the meshes can be made, put both shells into one mesh.
-        seam: how the seam is smoothed.
-        notes: takes sentences about how the meshes were united.
-
     Raises:
-        InputError: for a puppet merged with itself, one that is not there, or meshes without a union.
+        InputError: for meshes without a union.
     """
-    if host_id == graft_id:
-        where = f"puppet {host_id!r}"
-        raise InputError("a puppet cannot be merged with itself", where=where, mend="Copy it first.")
-    told = [] if notes is None else notes
-    before = project.puppet(host_id)
-    host, graft = (_Side(project, project.puppet(name), time) for name in (host_id, graft_id))
+    time, told, before = merge.time, merge.notes, project.puppet(merge.host)
+    host, graft = (_Side(project, project.puppet(name), time) for name in (merge.host, merge.graft))
     keys = list(dict.fromkeys([*host.keys, *graft.keys]))
     host.show(keys)
     graft.show(keys)
     middle = _meeting(host.seen, graft.seen)
     to_host, to_graft = host.around(middle), graft.around(middle)
-    united_mesh = _united(host.puppet, graft.puppet, to_host.back.after(to_graft), seam, loose, told)
+    united_mesh = _united(host.puppet, graft.puppet, to_host.back.after(to_graft), merge)
     merged = _Merge(host, graft, united_mesh, keys, middle).made(told)
-    project = project.without(graft_id)
+    project = project.without(merge.graft)
     now = state_at(project.with_characters(merged), merged, time)
     return project.with_characters(stood_as(merged, now, before, host.state))
 
@@ -297,17 +278,15 @@ def _in_step(host: Puppet, graft: Puppet) -> bool:
     return not played[1] or played[0] == played[1]
 
 
-def _united(
-    host: Puppet, graft: Puppet, to: _Rigid, seam: SeamSettings, loose: bool, notes: list[str]
-) -> Union:
+def _united(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
     """The union of both at rest, the graft moved, its seam smoothed."""
     moved = replace(graft.mesh, vertices=to(graft.mesh.vertices))
     whole = united(host.mesh, _none(host), moved, _none(graft), offset=1, tidy=True)
-    if whole.failed and not loose:
+    if whole.failed and not merge.loose:
         mend = "Repair the mesh, or merge loosely: both shells in one mesh."
-        raise InputError(f"no union can be made: {whole.notes[0]}", where=f"puppet {host.id!r}", mend=mend)
-    notes.extend(whole.notes)
-    return replace(whole, mesh=smoothed(whole.mesh, whole.seam, seam)) if whole.seam.any() else whole
+        raise InputError(f"no union can be made: {whole.notes[0]}", where=host.where, mend=mend)
+    merge.notes.extend(whole.notes)
+    return replace(whole, mesh=smoothed(whole.mesh, whole.seam, merge.seam)) if whole.seam.any() else whole
 
 
 def _none(puppet: Puppet) -> SkinWeights:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.arrays import Bool, Float, Int, Int32
+from enliven.arrays import AnyArray, Bool, Float, Int, Int32
 from enliven.deformation.arap import PuppetSurface
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
@@ -24,7 +24,7 @@ from enliven.examples import (
 )
 from enliven.examples.baking import EdgeGraph
 from enliven.meshes import Mesh, weld
-from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
+from enliven.rotation import conjugate, from_rotation_vector, multiply, normalized, rotate
 
 
 def surface_of_puppet(puppet: Puppet) -> PuppetSurface:
@@ -47,6 +47,12 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
         if not missing(project, puppet):
             raise
     return state_of(project, puppet.with_changes(layers=()), time)
+
+
+def into_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
+    """(3,) metres in the mesh's frame of a place in the world: the inverse of ``in_world``."""
+    local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
+    return rotate(_about_y(-state.yaw), local)
 
 
 def shown(surface: PuppetSurface, places: Float) -> Float:
@@ -83,13 +89,13 @@ def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: in
     ]
     if frame in known:
         return puppet
-    pose = KeyPose(layer.take, frame * take.step, motion.places_at(frame))
+    return _with_example(project, puppet, KeyPose(layer.take, frame * take.step, motion.places_at(frame)))
+
+
+def _with_example(project: Project, puppet: Puppet, pose: KeyPose) -> Puppet:
+    """The puppet with one more key pose, unless its examples no longer differ then."""
     more = puppet.with_changes(poses=(*puppet.poses, pose))
-    try:
-        examples_of(project, more)
-    except InputError:
-        return puppet
-    return more
+    return more if _examples_differ(project, more) else puppet
 
 
 def unfolded(project: Project, puppet: Puppet) -> Puppet:
@@ -106,12 +112,7 @@ def unfolded(project: Project, puppet: Puppet) -> Puppet:
     for image in examples.sources[len(puppet.poses) :]:
         frame = int(((took.poses - image) ** 2).sum((1, 2)).argmin())
         pose = KeyPose(layer.take, frame * motion.step, motion.places_at(frame))
-        more = plain.with_changes(poses=(*plain.poses, pose))
-        try:
-            examples_of(project, more)
-        except InputError:
-            continue
-        plain = more
+        plain = _with_example(project, plain, pose)
     return plain
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.deformation.arap import PuppetSurface
 from enliven.document import ControlPoint, Project, Puppet, PuppetLayer, unused
 from enliven.errors import InputError
+from enliven.modeling.rig import check_names
 
 
 def add_point(
@@ -126,14 +127,6 @@ def surface_places(puppet: Puppet, vertex: int) -> Float:
     held, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
     surface = PuppetSurface(puppet.mesh, held, weights, puppet.surface)
     return np.stack([surface.settle(pose.places)[vertex] for pose in puppet.poses])
-
-
-def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
-    """Refuse names that are no attribute of the dataclass ``kind``."""
-    known = [field.name for field in fields(kind)]
-    for name in changes:
-        if name not in known:
-            raise InputError(f"it has no {name!r}", where=where, mend=f"Known: {', '.join(known)}.")
 
 
 def _where(puppet: Puppet) -> str:

@@ -12,7 +12,7 @@ from enliven.document import KeyPose, Plane, Project, Puppet
 from enliven.errors import InputError
 from enliven.examples import examples_of, frame_at, mirrored_places, missing, partners_of
 from enliven.modeling.mesh import plane_of_symmetry
-from enliven.modeling.puppet.points import check_names
+from enliven.modeling.rig import check_names
 
 
 def add_key_pose(project: Project, puppet_id: str, take: str, time: float, places: AnyArray) -> Project:

@@ -11,29 +11,31 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import (
     GraphShape,
     Plane,
-    Pose,
     PoseStream,
     Project,
     Puppet,
     PuppetLayer,
     character_of_puppet,
 )
-from enliven.examples import in_world, pose_of_state
-from enliven.modeling.mesh import SeamSettings
+from enliven.examples import in_world, missing, pose_of_state
 from enliven.modeling.puppet.baking import baked
+from enliven.modeling.puppet.dragging import drag_point
+from enliven.modeling.puppet.edits import checked_layer
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import state_at, surface_of_puppet
 from enliven.modeling.puppet.surgery import cut_puppet
+from enliven.modeling.rig import Player, Posed, RigEdits
 from enliven.modeling.rigged import Axes, moved_mesh
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
-class PuppetRig:
+class PuppetRig(RigEdits):
     """Control points that example poses move; each frame of a bake solves its surface."""
 
     frames = 30.0
     drawn = staticmethod(character_of_puppet)
     cut = staticmethod(cut_puppet)
+    merged = staticmethod(merge_puppets)
 
     def centre(self, puppet: Puppet) -> Float:
         """On the floor under the middle of the mesh at rest."""
@@ -41,18 +43,34 @@ class PuppetRig:
         middle = (low + high) / 2.0 * [1.0, 0.0, 1.0]
         return np.asarray(rotate(puppet.turn, middle) + puppet.place)
 
-    def rest(self, puppet: Puppet) -> Float:
-        """The vertices at rest."""
-        return puppet.mesh.vertices
-
     def seen(self, project: Project, puppet: Puppet, time: float) -> Float:
         """The vertices at a time."""
         state = state_at(project, puppet, time)
         return in_world(puppet, state, surface_of_puppet(puppet).settle(state.places))
 
-    def pose(self, project: Project, puppet: Puppet, time: float) -> Pose:
-        """The transforms at a time."""
-        return pose_of_state(puppet, state_at(project, puppet, time), round(time * 1e9))
+    def player(self, project: Project, puppet: Puppet) -> Player:
+        """Its frame and its control points; the surface between them is solved by what draws it."""
+
+        def at(time: float) -> Posed:
+            state = state_at(project, puppet, time)
+            pose = pose_of_state(puppet, state, round(time * 1e9))
+            return Posed(pose, in_world(puppet, state, state.places))
+
+        return at
+
+    def lacking(self, project: Project, puppet: Puppet) -> tuple[str, ...]:
+        """Points, pairs and key poses that are missing, and a take."""
+        plays = any(not layer.muted for layer in puppet.layers)
+        return (*missing(project, puppet), *([] if plays else [f"Choose a take for {puppet.id}."]))
+
+    def check_layers(self, project: Project, puppet: Puppet, numbers: set[int]) -> None:
+        """Constraints must not contradict one another."""
+        for number in numbers:
+            checked_layer(project, puppet, puppet.layers[number])
+
+    def dragged(self, project: Project, puppet: Puppet, handle: int, place: Float, time: float) -> Project:
+        """The pose of that moment becomes a key pose in which the control point is there."""
+        return drag_point(project, puppet.id, handle, place, time)
 
     def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
         """Its own frame stays."""
@@ -82,10 +100,6 @@ class PuppetRig:
             place=stood + axes.vectors(puppet.place - stood),
         )
 
-    def node(self, puppet: Puppet, name: str) -> int:
-        """The number of what a name stands for."""
-        return puppet.index(name)
-
     def as_graph(
         self, project: Project, puppet: Puppet, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
@@ -93,21 +107,6 @@ class PuppetRig:
         rate, ids = 1.0 / float(times[1] - times[0]), (puppet.id, stream_id)
         graph, stream, error = baked(project, puppet, float(times[0]), float(times[-1]), rate, ids)
         return graph, stream, f", {error}"
-
-    def merged(
-        self,
-        project: Project,
-        host_id: str,
-        graft_id: str,
-        time: float,
-        node: int | str | None,
-        at: float,
-        loose: bool,
-        seam: SeamSettings,
-        notes: list[str],
-    ) -> Project:
-        """Key poses of both are kept; the surface around the place where they meet carries the graft."""
-        return merge_puppets(project, host_id, graft_id, time, loose=loose, seam=seam, notes=notes)
 
 
 def _mapped(

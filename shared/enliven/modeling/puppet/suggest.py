@@ -13,8 +13,7 @@ from enliven.examples import guess_joints, partners_of, performed, reflected, su
 from enliven.mapping import SkeletonLimb, anatomy_of
 from enliven.meshes import Mesh
 from enliven.modeling.mesh import extremities, plane_of_symmetry
-from enliven.modeling.puppet.edits import make_puppet
-from enliven.modeling.puppet.layers import play_take
+from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 

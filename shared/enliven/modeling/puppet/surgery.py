@@ -15,7 +15,6 @@ from enliven.arrays import Float, Int32
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, unused
 from enliven.examples import in_world
 from enliven.modeling.mesh import CutSurface, Piece, cut_by_stroke
-from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import (
     distinguishing_points,
     nearest_paired,
@@ -31,8 +30,6 @@ from enliven.modeling.puppet.parts import (
     without_points,
 )
 from enliven.settings import setting
-
-__all__ = ["PuppetCutSettings", "cut_puppet", "merge_puppets"]
 
 
 @dataclass(frozen=True)

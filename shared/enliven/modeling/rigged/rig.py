@@ -11,27 +11,28 @@ from enliven.document import (
     GraphPart,
     GraphShape,
     Layer,
-    Pose,
     PoseStream,
     Project,
     Shape,
     character_of,
     unused,
 )
-from enliven.modeling.mesh import SeamSettings, posed_vertices
+from enliven.modeling.mesh import posed_vertices
+from enliven.modeling.rig import Merge, Player, Posed, RigEdits
 from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bones_of, rebuilt
-from enliven.modeling.rigged.merging import merge
+from enliven.modeling.rigged.merging import merge as merge_shapes
 from enliven.modeling.rigged.posed import posed, with_travel_kept
+from enliven.modeling.rigged.posing import drag_joint
 from enliven.modeling.rigged.stroke_cut import cut_stroke
-from enliven.motion.layers import Player
+from enliven.motion.layers import Player as ShapePlayer
+from enliven.motion.layers import pose_from
 from enliven.rotation import IDENTITY, multiply, normalized, rotate, to_matrix
 
 
-class ShapeRig:
+class ShapeRig(RigEdits):
     """A skeleton with skin."""
 
-    frames = 60.0
     drawn = staticmethod(character_of)
     cut = staticmethod(cut_stroke)
 
@@ -48,9 +49,19 @@ class ShapeRig:
         turns, joints = posed(project, shape, time)
         return joints if shape.mesh is None else posed_vertices(shape, turns, joints)
 
-    def pose(self, project: Project, shape: Shape, time: float) -> Pose:
-        """The transforms at a time."""
-        return Player(project, shape.id).pose(time)
+    def player(self, project: Project, shape: Shape) -> Player:
+        """The compiled evaluation of its layers; its handles are the joints."""
+        prepared = ShapePlayer(project, shape.id)
+
+        def at(time: float) -> Posed:
+            moment = prepared.at(time)
+            return Posed(pose_from(shape, moment, time), moment.joints)
+
+        return at
+
+    def dragged(self, project: Project, shape: Shape, handle: int, place: Float, time: float) -> Project:
+        """The bone of the joint points there; the root goes there."""
+        return drag_joint(project, shape.id, handle, place, time)
 
     def moved(self, shape: Shape, offset: Float, turn: Float, about: Float) -> Shape:
         """The root's modeling rotation and place change, and the basis of its travel."""
@@ -87,41 +98,27 @@ class ShapeRig:
         layers = tuple(axes.layer(layer) for layer in shape.layers)
         return with_travel_kept(project, shape, rebuilt(shape, bones, mesh=mesh, layers=layers))
 
-    def node(self, shape: Shape, name: str) -> int:
-        """The number of what a name stands for."""
-        return shape.skeleton.index(name)
-
     def as_graph(
         self, project: Project, shape: Shape, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
         """Each bone becomes a node where it begins; skin and pose stay, and at the times nothing is off."""
         drawn, mesh = character_of(shape), shape.mesh
         assert mesh is not None
-        turns, joints = Player(project, shape.id).sample(times)
+        turns, joints = ShapePlayer(project, shape.id).sample(times)
         above = np.maximum(shape.skeleton.parents, 0)
         stream = PoseStream(stream_id, to_matrix(turns), joints[:, above], float(times[1] - times[0]))
         part = GraphPart(stream_id, np.arange(len(above)), offset=float(times[0]))
         pivots = shape.skeleton.positions[above]
         return GraphShape(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
 
-    def merged(
-        self,
-        project: Project,
-        host_id: str,
-        graft_id: str,
-        time: float,
-        node: int | str | None,
-        at: float,
-        loose: bool,
-        seam: SeamSettings,
-        notes: list[str],
-    ) -> Project:
+    def merged(self, project: Project, merge: Merge) -> Project:
         """The graft's root comes to the node; by default to the joint that is nearest to it."""
+        node, host, graft = merge.node, project.shape(merge.host), project.shape(merge.graft)
         if node is None:
-            joints = posed(project, project.shape(host_id), time)[1]
-            root = posed(project, project.shape(graft_id), time)[1][0]
+            joints, root = posed(project, host, merge.time)[1], posed(project, graft, merge.time)[1][0]
             node = int(np.linalg.norm(joints - root, axis=1).argmin())
-        return merge(project, host_id, node, graft_id, time, at=at, loose=loose, seam=seam, notes=notes)[0]
+        how = {"at": merge.at, "loose": merge.loose, "seam": merge.seam, "notes": merge.notes}
+        return merge_shapes(project, host.id, node, graft.id, merge.time, **how)[0]
 
 
 def _turned_travel(shape: Shape, turn: Float) -> tuple[tuple[Layer, ...], str | None]:

@@ -11,10 +11,10 @@ from enliven.examples.baking.frames import SurfaceFrames, states_of
 from enliven.examples.baking.settings import BakeSettings
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of
-from enliven.modeling.edits import move_character
+from enliven.modeling.edits import merge_characters, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
-from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
+from enliven.modeling.possessed.surgery import cut_graph
 from enliven.modeling.puppet.baking import bake_puppet
 from enliven.rotation import rotate
 
@@ -73,6 +73,6 @@ def test_it_is_cut_and_merged_as_a_possessed_mesh(baked):
     near = np.linalg.norm(before[:, None] - after[None], axis=2).min(1)
     assert near.max() < 1e-6
     moved = move_character(cut, high, [0.0, -0.05, 0.0])
-    whole = merge_graphs(moved, low, high, 1.0)
+    whole = merge_characters(moved, low, high, 1.0)
     assert list(whole.graphs) == [low]
     assert np.isfinite(seen(whole, low, 1.9)).all()

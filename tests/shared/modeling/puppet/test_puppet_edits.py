@@ -20,11 +20,13 @@ from enliven.examples.puppet_motion import in_world, motion_of, state_of
 from enliven.formats.project.file import project_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import (
+    change_layers,
     copy_character,
     delete_character,
     mirror_character,
     move_character,
     paste_character,
+    remove_layer,
     scale_character,
     turn_character,
 )
@@ -32,13 +34,11 @@ from enliven.modeling.puppet import (
     add_key_pose,
     add_point,
     change_key_pose,
-    change_layer,
     change_point,
     make_puppet,
     mirror_key_pose,
     play_take,
     remove_key_pose,
-    remove_layer,
     remove_point,
     set_symmetry,
 )
@@ -80,7 +80,7 @@ def test_an_edit_leaves_the_project_that_it_was_made_of():
     change_point(project, "stool", "top", vertex=101, name="head")
     add_key_pose(project, "stool", "walk", 1.9, project.puppets["stool"].rest)
     mirror_key_pose(set_symmetry(project, "stool", SIDES), "stool", 0)
-    change_layer(project, "stool", 0, loop=True)
+    change_layers(project, "stool", [0], loop=True)
     scale_character(project, "stool", 2.0)
     mirror_character(project, "stool", [1, 0, 0])
     move_character(project, "stool", [1, 0, 0])
@@ -249,10 +249,10 @@ def test_constraints_that_contradict_are_all_named_and_nothing_changes():
     project = puppet_project()
     kept = motion_of(project, project.puppets["stool"], 0)
     with pytest.raises(InputError) as refused:
-        change_layer(
+        change_layers(
             project,
             "stool",
-            0,
+            [0],
             positions=(Position("top", 5, (0, 1, 0), "y"), Position("left hand", 5, (0, 0.2, 0), "y")),
             couplings=(Coupling("top", "left hand", 5),),
         )
@@ -268,7 +268,7 @@ def test_the_feet_that_a_user_puts_somewhere_are_not_levelled():
     frames = [f for f in range(1, made.frames) if made.anchors[f] != made.anchors[f - 1]]
     frame = next(f for f in frames if made.anchors[f] >= 0 and made.anchors[f - 1] >= 0)
     asked = (Position("left foot", frame, (0, 0.05, 0), "y"), Position("right foot", frame, (0, 0.0, 0), "y"))
-    project = change_layer(free, "stool", 0, positions=asked)
+    project = change_layers(free, "stool", [0], positions=asked)
     places = motion_of(project, project.puppets["stool"], 0).places[frame]
     np.testing.assert_allclose(places[:2, 1], [0.05, 0.0], atol=1e-9)
 
@@ -315,7 +315,7 @@ FIVE = np.zeros((5, 3))
             lambda p: play_take(p, "stool", "walk", positions=(Position("top", 999, (0, 0, 0)),)),
             "is at no frame of the motion. Frames are 0..90.",
         ),
-        (lambda p: change_layer(p, "stool", 3, loop=True), "there is no layer 3. It has 1."),
+        (lambda p: change_layers(p, "stool", [3], loop=True), "there is no layer 3. It has 1."),
         (lambda p: remove_layer(p, "stool", 1), "there is no layer 1"),
         (lambda p: scale_character(p, "stool", 0.0), "it cannot be 0.0 times as large"),
         (lambda p: move_character(p, "stool", [np.nan, 0, 0]), "it cannot be moved by"),

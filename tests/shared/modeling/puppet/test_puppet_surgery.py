@@ -13,10 +13,10 @@ from enliven.errors import InputError
 from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import in_world, state_of
 from enliven.formats.project.file import project_bytes, project_of
-from enliven.modeling.edits import copy_character, move_character
+from enliven.modeling.edits import copy_character, merge_characters, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.puppet.parts import shown, surface_of_puppet
-from enliven.modeling.puppet.surgery import PuppetCutSettings, cut_puppet, merge_puppets
+from enliven.modeling.puppet.surgery import PuppetCutSettings, cut_puppet
 from enliven.rotation import from_rotation_vector
 
 laws = settings(deadline=None, max_examples=6)
@@ -172,7 +172,7 @@ def pair():
 def test_at_the_time_of_a_merge_both_are_where_they_were(pair):
     project, other = pair
     notes = []
-    merged = merge_puppets(project, "bean", other, 0.7, notes=notes)
+    merged = merge_characters(project, "bean", other, 0.7, notes=notes)
     assert list(merged.puppets) == ["bean"] and any("away from the seam" in note for note in notes)
     whole = merged.puppet("bean")
     assert not missing(merged, whole) and len({p.name for p in whole.points}) == len(whole.points)
@@ -186,7 +186,7 @@ def test_at_the_time_of_a_merge_both_are_where_they_were(pair):
 
 def test_key_poses_of_both_stay_and_both_go_on(pair):
     project, other = pair
-    merged = merge_puppets(project, "bean", other, 0.7)
+    merged = merge_characters(project, "bean", other, 0.7)
     whole, host = merged.puppet("bean"), project.puppet("bean")
     times = {(pose.take, round(pose.time, 6)) for pose in whole.poses}
     for puppet in (host, project.puppet(other)):
@@ -208,7 +208,7 @@ def test_key_poses_of_both_stay_and_both_go_on(pair):
 def test_a_graft_that_plays_nothing_is_carried(pair):
     project, other = pair
     still = project.with_characters(project.puppet(other).with_changes(layers=()))
-    merged = merge_puppets(still, "bean", other, 0.7)
+    merged = merge_characters(still, "bean", other, 0.7)
     whole = merged.puppet("bean")
     (layer,) = whole.layers
     assert set(layer.points) == {point.name for point in whole.points}
@@ -224,10 +224,10 @@ def test_two_that_play_the_same_have_one_layer(pair):
     project, other = pair
     alike = project.puppet(other).with_changes(layers=(PuppetLayer("dance", travel=False),))
     notes = []
-    merged = merge_puppets(project.with_characters(alike), "bean", other, 0.7, notes=notes)
+    merged = merge_characters(project.with_characters(alike), "bean", other, 0.7, notes=notes)
     assert len(merged.puppet("bean").layers) == 1
     assert not any("another take" in note for note in notes)
-    merge_puppets(project, "bean", other, 0.7, notes=notes)
+    merge_characters(project, "bean", other, 0.7, notes=notes)
     assert any("another take" in note for note in notes)
 
 
@@ -235,7 +235,7 @@ def test_a_cut_that_is_merged_again_is_whole():
     project = made_puppets.project()
     cut, (low, high) = cut_puppet(project, "bean", PlaneCut([0, 0.5, 0], [0, 1.0, 0.0]), 0.7)
     cut = move_character(cut, high, [0.0, -0.03, 0.0])
-    whole = merge_puppets(cut, low, high, 0.7)
+    whole = merge_characters(cut, low, high, 0.7)
     before, after = seen(project, "bean", 0.7), seen(whole, low, 0.7)
     assert cKDTree(after).query(before)[0].max() < 0.05
     assert len(whole.puppet(low).points) >= 4
@@ -244,15 +244,15 @@ def test_a_cut_that_is_merged_again_is_whole():
 def test_what_cannot_be_merged_is_said(pair):
     project, other = pair
     with pytest.raises(InputError, match="with itself"):
-        merge_puppets(project, "bean", "bean", 0.7)
-    with pytest.raises(InputError, match="no puppet"):
-        merge_puppets(project, "bean", "pea", 0.7)
+        merge_characters(project, "bean", "bean", 0.7)
+    with pytest.raises(InputError, match="no character"):
+        merge_characters(project, "bean", "pea", 0.7)
     torn = project.puppet(other)
     mesh = torn.mesh.__class__(torn.mesh.vertices, torn.mesh.faces[5:], "torn")
     broken = project.with_characters(torn.with_changes(mesh=mesh))
     try:
-        merge_puppets(broken, "bean", other, 0.7)
+        merge_characters(broken, "bean", other, 0.7)
     except InputError as error:
         assert "no union" in str(error)
-    loose = merge_puppets(broken, "bean", other, 0.7, loose=True)
+    loose = merge_characters(broken, "bean", other, 0.7, loose=True)
     assert np.isfinite(seen(loose, "bean", 1.5)).all()

@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
-from enliven.document import History, Project
+from enliven.document import History, Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, Box, OrbitCamera
+from enliven_viewer.studio.background import BackgroundTask
+from enliven_viewer.studio.editor.stage import StudioStage
 from enliven_viewer.studio.examples import Solving
 from enliven_viewer.studio.puppets import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport import (
-    Lens,
-    Players,
-    PosedShape,
-    Possessed,
-    Selection,
-    length_of,
-    possessed_of,
-    valid_selection,
-)
+from enliven_viewer.studio.viewport import Lens, Selection, StandingCharacter, length_of
 
-log = logging.getLogger(__name__)
 Edit = Callable[[Project], Project]
+R = TypeVar("R", bound=RigBase)
 _ROOM = 1.25
 """Size of the picture over that of all shapes when they are framed: room to drag their ends."""
 
@@ -53,9 +45,8 @@ class Editor:
         self.show_bones, self.show_meshes = True, True
         self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
-        self._players = Players()
-        self._possessed: tuple[Project, float, tuple[Possessed, ...]] | None = None
-        self._posed_shapes: tuple[Project, float, tuple[PosedShape, ...]] | None = None
+        self.beside = BackgroundTask(self.toasts, "Something is still being made")
+        self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.shown})
 
     @property
     def project(self) -> Project:
@@ -73,30 +64,27 @@ class Editor:
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     @property
-    def posed_shapes(self) -> tuple[PosedShape, ...]:
-        """Every shape as it is shown now."""
-        known = self._posed_shapes
-        if known is None or known[0] is not self.project or known[1] != self.time:
-            made = self._players.posed_shapes(self.project, self.time)
-            self._posed_shapes = known = (self.project, self.time, made)
-        return known[2]
+    def standing(self) -> tuple[StandingCharacter, ...]:
+        """Every character as it is shown now."""
+        return self._stage.standing
 
     @property
-    def possessed(self) -> tuple[Possessed, ...]:
-        """Every possessed mesh as it is shown now."""
-        known = self._possessed
-        if known is None or known[0] is not self.project or known[1] != self.time:
-            self._possessed = known = (self.project, self.time, possessed_of(self.project, self.time))
-        return known[2]
+    def handled(self) -> tuple[StandingCharacter, ...]:
+        """The characters with handles that every tool shows and takes."""
+        return tuple(one for one in self.standing if len(one.handles) and not one.own_tool)
 
-    def posed(self, shape_id: str) -> PosedShape:
-        """One shape as it is shown now.
+    def posed(self, character_id: str) -> StandingCharacter:
+        """One character as it is shown now.
 
         Raises:
-            InputError: where there is no such shape.
+            InputError: where there is none of the id.
         """
-        self.project.shape(shape_id)
-        return next(posed for posed in self.posed_shapes if posed.shape.id == shape_id)
+        return self._stage.of(character_id)
+
+    def chosen(self, rig: type[R] = RigBase) -> R | None:  # type: ignore[assignment]
+        """The chosen character, where it has that rig; None where none is chosen, or another."""
+        found = self.project.characters.get(self.selection.character or "")
+        return found if isinstance(found, rig) else None
 
     def begin(self, project: Project) -> None:
         """Another project, with no past."""
@@ -127,16 +115,10 @@ class Editor:
         """
         try:
             return change(self.history.project)
-        except EnlivenError as error:
-            self.toasts.complain(error)
         except Exception as error:
-            if os.environ.get("ENLIVEN_DEBUG"):
+            if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
-            log.exception("an edit failed")
-            what = f"a fault of enliven itself: {type(error).__name__}: {error}"
-            self.toasts.complain(
-                EnlivenError(what, mend="Nothing was changed. Save your work, and report it.")
-            )
+            self.toasts.tell(error, "Nothing was changed. Save your work, and report it.")
         return None
 
     def undo(self) -> None:
@@ -148,28 +130,19 @@ class Editor:
         self._step("Done again", self.history.redo_name, self.history.redo)
 
     def select(self, **changes: object) -> None:
-        """Change parts of the selection; another shape forgets joint and chain."""
-        if "shape" in changes and changes["shape"] != self.selection.shape:
-            self.selection = Selection(layer=self.selection.layer)
-        if changes.get("graph") is not None:
-            self.selection = Selection()
-        if changes.get("puppet", self.selection.puppet) != self.selection.puppet:
-            self.selection = Selection()
-        self.selection = replace(self.selection, **changes)  # type: ignore[arg-type]
+        """Change parts of the selection; another character forgets handle, chain and layer."""
+        self.selection = self.selection.changed(**changes)
 
-    def choose(self, character_id: str) -> None:
-        """Choose a character of any rig."""
-        kind = self.project.characters[character_id].kind
-        if kind == "points":
-            self.puppets.choose(character_id)
-        else:
-            self.select(**{"shape" if kind == "bones" else "graph": character_id})
+    def choose(self, character: str | None, handle: int | None = None) -> None:
+        """Choose a character, and perhaps a handle of it."""
+        self.select(character=character, handle=handle, chain=(), layer=None)
 
     def advance(self, seconds: float) -> None:
         """Let time pass: the playhead, the camera, the messages."""
         self.camera.advance(seconds)
         self.toasts.advance(seconds)
         self.puppets.advance()
+        self.beside.poll()
         if self.playing and self.draft is None:
             self.time += seconds * self.speed
             if self.time > self.length:
@@ -182,15 +155,13 @@ class Editor:
         self.time = min(max(time, 0.0), self.length)
 
     def frame_all(self, *, at_once: bool = False, reset: bool = True) -> None:
-        """Bring every shape into the picture."""
+        """Bring every character into the picture."""
         aspect = self.size[0] / max(self.size[1], 1.0)
         self.camera.frame(self.box() or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
 
     def box(self) -> Box | None:
-        """The box around all shapes, meshes and puppets now; None where there are none."""
-        filled = [points for s in self.posed_shapes for points in (s.joints, s.surface())]
-        filled += [mesh.vertices for mesh in self.possessed]
-        bounds = bounds_of(filled + [puppet.vertices for puppet in self.puppets.standing])
+        """The box around all characters now; None where there are none."""
+        bounds = bounds_of([points for one in self.standing for points in (one.handles, one.vertices)])
         if bounds is None:
             return None
         return bounds[0] - 0.05, bounds[1] + 0.05
@@ -206,5 +177,5 @@ class Editor:
 
     def _mend_selection(self) -> None:
         """Remove from the selection what the project no longer has."""
-        self.selection = valid_selection(self.selection, self.project)
+        self.selection = self.selection.within(self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))

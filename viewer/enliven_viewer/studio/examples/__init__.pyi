@@ -18,5 +18,4 @@ from .edits import (
     with_setting as with_setting,
     without_constraint as without_constraint,
 )
-from .exporting import Exporting as Exporting
 from .solving import Solving as Solving

@@ -13,14 +13,8 @@ from enliven.document import Coupling, Kind, Position, Project, Puppet, Switch, 
 from enliven.errors import InputError
 from enliven.examples import guess_joints
 from enliven.meshes import fit_height
-from enliven.modeling.puppet import (
-    add_key_pose,
-    add_point,
-    change_key_pose,
-    change_layer,
-    change_point,
-    mirror_key_pose,
-)
+from enliven.modeling.edits import change_layers
+from enliven.modeling.puppet import add_key_pose, add_point, change_key_pose, change_point, mirror_key_pose
 
 _AUTOMATIC = re.compile(r"point \d+")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
@@ -138,13 +132,13 @@ def constraints_of(project: Project, puppet_id: str, layer: int) -> tuple[HardCo
 def with_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
     """A project with a hard constraint more, in the place of one of its kind for the same point and frame."""
     name, kept = _others(project, puppet_id, layer, held)
-    return change_layer(project, puppet_id, layer, **{name: (*kept, held)})
+    return change_layers(project, puppet_id, [layer], **{name: (*kept, held)})
 
 
 def without_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
     """A project without a hard constraint."""
     name, kept = _others(project, puppet_id, layer, held)
-    return change_layer(project, puppet_id, layer, **{name: kept})
+    return change_layers(project, puppet_id, [layer], **{name: kept})
 
 
 def _others(

@@ -7,7 +7,6 @@ state = state_of(project, puppet, time)                  # so this costs nothing
 
 from __future__ import annotations
 
-import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for
 from dataclasses import dataclass
@@ -17,7 +16,6 @@ from enliven.errors import EnlivenError
 from enliven.examples import missing, motion_of
 from enliven_viewer.studio.toasts import Toasts
 
-log = logging.getLogger(__name__)
 _PATIENCE = 0.012
 """Seconds that a picture waits: what is solved by then is in it at once."""
 
@@ -45,6 +43,7 @@ class _Solved:
         self.asked: _Request | None = None
         self.future: Future[None] | None = None
         self.problem: EnlivenError | None = None
+        self.told = ""
 
 
 class Solving:
@@ -55,7 +54,7 @@ class Solving:
         patience: seconds that :meth:`shown` waits for a motion.
     """
 
-    def __init__(self, toasts: Toasts | None = None, patience: float = _PATIENCE) -> None:
+    def __init__(self, toasts: Toasts, patience: float = _PATIENCE) -> None:
         self.patience = patience
         self._toasts = toasts
         self._pool: ThreadPoolExecutor | None = None
@@ -129,14 +128,10 @@ class Solving:
         return self._pool.submit(_solve, request)
 
     def _refused(self, known: _Solved, error: BaseException) -> None:
-        """Keep the error and tell it once; a programming error too, since the window must not end by it."""
-        if not isinstance(error, EnlivenError):
-            log.error("a motion could not be solved", exc_info=error)
-            error = EnlivenError(f"a fault of enliven itself: {type(error).__name__}: {error}")
-        again = known.problem is not None and str(known.problem) == str(error)
-        known.problem = error
-        if self._toasts is not None and not again:
-            self._toasts.complain(error)
+        """Keep the error and tell it once."""
+        if known.told == str(error) and known.problem is not None:
+            return
+        known.told, known.problem = str(error), self._toasts.tell(error)
 
 
 def _solve(request: _Request) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.sources import Offer
@@ -38,20 +39,14 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         if imgui.button("Matches", ImVec2(84, 0)):
             tool.rank()
         workspace.remember("find matches")
-        _tell("Rank the parts of the chosen shape that look like the take as it stands now")
+        told("Rank the parts of the chosen shape that look like the take as it stands now")
         imgui.same_line()
         if imgui.button("Whole body", ImVec2(-1, 0)):
             tool.map_whole()
         workspace.remember("whole body")
-        _tell("Map every limb of the take onto a limb of the chosen shape at once")
+        told("Map every limb of the take onto a limb of the chosen shape at once")
     if tool.offered:
         _offers(workspace, tool, viewport)
-
-
-def _tell(text: str) -> None:
-    """Show what the last widget is for, once the pointer rests on it."""
-    if imgui.is_item_hovered():
-        imgui.set_tooltip(text)
 
 
 def _takes(workspace: Workspace, tool: MapTool) -> None:
@@ -130,13 +125,12 @@ def _thumbnail(workspace: Workspace, offer: Offer, at: ImVec2, lit: bool) -> Non
     if lit:
         draw.add_rect(at, corner, packed(ACCENT), 6.0, 1.5)
     posed = workspace.editor.posed(offer.shape)
-    pixels = workspace.editor.lens.project(posed.joints)[0]
+    pixels = workspace.editor.lens.project(posed.handles)[0]
     low, high = np.nanmin(pixels, axis=0), np.nanmax(pixels, axis=0)
     scale = (_THUMB.x - 26) / max(float((high - low).max()), 1.0)
     places = (pixels - (low + high) / 2) * scale + [at.x + _THUMB.x / 2, at.y + _THUMB.y / 2 + 5]
     driven = {b for _, chain in offer.pairs for b in chain[1:]}
-    for joint in range(1, len(places)):
-        parent = posed.shape.skeleton.parents[joint]
+    for parent, joint in posed.bones:
         a, b = ImVec2(*places[parent]), ImVec2(*places[joint])
         mine = joint in driven
         draw.add_line(a, b, packed(CHAIN if mine else QUIET, 1.0 if mine else 0.55), 2.4 if mine else 1.2)

@@ -7,10 +7,11 @@ import zlib
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.live import time_text
+from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, quiet, small
-from enliven_viewer.studio.panels.timeline_puppets import draw_puppet_lanes
+from enliven_viewer.studio.panels.timeline_puppets import draw_details, tell_details
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.timeline import LABELS, LANE, RULER, Bar, TimelineLayout
+from enliven_viewer.studio.timeline import LABELS, LANE, RULER, Lane, TimelineLayout
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, INK, LANES, LINE, QUIET, RAISED, Colour
 
@@ -54,8 +55,7 @@ def _transport(workspace: Workspace) -> None:
         editor.loop = not editor.loop
     if looping:
         imgui.pop_style_color()
-    if imgui.is_item_hovered():
-        imgui.set_tooltip("Begin again at the end")
+    told("Begin again at the end")
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
     imgui.text(f"{time_text(editor.time)}  /  {time_text(editor.length)}")
@@ -64,8 +64,7 @@ def _transport(workspace: Workspace) -> None:
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
-    if imgui.is_item_hovered():
-        imgui.set_tooltip("Drag: how fast it plays here; nothing is changed by it")
+    told("Drag: how fast it plays here; nothing is changed by it")
 
 
 def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
@@ -77,12 +76,11 @@ def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
             pass
         elif imgui.is_mouse_clicked(0):
             timeline.press(x, y)
-        low = max(timeline.height - size.y, 0.0)
+        low = max(timeline.layout.height - size.y, 0.0)
         timeline.scrolled = min(max(timeline.scrolled - 24 * imgui.get_io().mouse_wheel, 0.0), low)
-        over = timeline.puppets.lanes(timeline.layout).handle_at(x, y) if y >= RULER else None
-        _cursor(over.kind if over is not None else timeline.layout.handle_at(x, y).kind)
+        _cursor(timeline.layout.handle_at(x, y).kind)
     elif imgui.is_mouse_clicked(0):
-        timeline.puppets.chosen = None
+        timeline.rows.marked = None
     if timeline.busy and imgui.is_mouse_down(0):
         timeline.drag(x)
     elif timeline.busy:
@@ -109,23 +107,24 @@ def _ruler(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
 
 
 def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    layout, bars = workspace.timeline.layout, workspace.timeline.layout.bars()
-    for bar in bars:
-        _lane(workspace, layout, bar, origin, size)
-    lanes = workspace.timeline.puppets.lanes(layout)
-    draw_puppet_lanes(workspace, lanes, origin, size, colour_of)
-    if not bars and not lanes.rows():
-        at = ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12)
-        imgui.set_cursor_screen_pos(at)
-        puppet = workspace.editor.puppets.puppet is not None
-        quiet(_NO_TAKE if puppet else _NO_MOTION)
+    layout = workspace.timeline.layout
+    lanes = layout.lanes()
+    for lane in lanes:
+        if lane.kind == "bar":
+            _lane(workspace, layout, lane, origin, size)
+        else:
+            draw_details(workspace, layout, lane, origin, size)
+    tell_details(workspace, layout, origin)
+    if not lanes:
+        imgui.set_cursor_screen_pos(ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12))
+        quiet(_NO_TAKE if workspace.editor.puppets.puppet is not None else _NO_MOTION)
 
 
-def _lane(workspace: Workspace, layout: TimelineLayout, bar: Bar, origin: ImVec2, size: ImVec2) -> None:
-    draw, layer = imgui.get_window_draw_list(), bar.layer
-    top, right = origin.y + bar.top, origin.x + size.x
-    character, number = workspace.editor.selection.layer or ("", -1)
-    chosen = character == bar.character and number in bar.layers
+def _lane(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2, size: ImVec2) -> None:
+    draw, layer = imgui.get_window_draw_list(), lane.layer
+    top, right = origin.y + lane.top, origin.x + size.x
+    selection = workspace.editor.selection
+    chosen = selection.character == lane.character.id and selection.layer in lane.layers
     draw.add_rect_filled(
         ImVec2(origin.x, top), ImVec2(right, top + LANE), packed(RAISED, 0.95 if chosen else 0.5), 4.0
     )
@@ -134,9 +133,9 @@ def _lane(workspace: Workspace, layout: TimelineLayout, bar: Bar, origin: ImVec2
     draw.add_text(ImVec2(origin.x + 5, top + 4), packed(QUIET if layer.muted else INK, 0.9), icon)
     name_right = origin.x + LABELS - 14
     draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(name_right, top + LANE), True)
-    draw.add_text(ImVec2(origin.x + 28, top + 4), packed(ACCENT if chosen else INK, faded), bar.label)
+    draw.add_text(ImVec2(origin.x + 28, top + 4), packed(ACCENT if chosen else INK, faded), lane.label)
     draw.pop_clip_rect()
-    left, end = origin.x + bar.left, origin.x + bar.right
+    left, end = origin.x + lane.left, origin.x + lane.right
     if layer.loop:
         last = origin.x + layout.x(layout.length)
         draw.add_rect_filled(

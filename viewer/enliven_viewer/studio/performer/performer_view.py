@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Skeleton, still_shape
+from enliven.document import Clip, Skeleton
 from enliven.examples import yaw_of
 from enliven.mapping import facing_of, turned_about_y
 from enliven.modeling.puppet import play_take
@@ -72,7 +72,7 @@ class PerformerView:
             return key.take
         if self._take in editor.project.takes:
             return self._take
-        number = None if puppet is None else layer_of(puppet, editor.selection.puppet_layer)
+        number = None if puppet is None else layer_of(puppet, editor.selection.layer)
         return puppet.layers[number].take if puppet is not None and number is not None else None
 
     @property
@@ -92,7 +92,7 @@ class PerformerView:
     def playhead(self, take: str) -> float:
         """The second of a take at the project's time, whatever key pose is edited."""
         editor, puppet = self.editor, self.editor.puppets.puppet
-        number = None if puppet is None else layer_of(puppet, editor.selection.puppet_layer, take)
+        number = None if puppet is None else layer_of(puppet, editor.selection.layer, take)
         if puppet is not None and number is not None:
             return puppet.layers[number].played(editor.time, editor.project.takes[take].duration)[0]
         return min(editor.time, editor.project.takes[take].duration)
@@ -105,7 +105,7 @@ class PerformerView:
             return
         number = layer_of(puppet, None, take)
         if number is not None:
-            self.editor.select(puppet_layer=number)
+            self.editor.select(layer=number)
         elif not puppet.layers:
             self.play()
 
@@ -115,7 +115,7 @@ class PerformerView:
         if puppet is not None and take is not None:
             name = puppet.id
             if self.editor.edit(f"{name} plays {take}", lambda project: play_take(project, name, take)):
-                self.editor.select(puppet_layer=len(puppet.layers))
+                self.editor.select(layer=len(puppet.layers))
 
     def follow(self) -> None:
         """Prepare a picture: turn with the stage, frame the performer, and tell the puppets the moment."""
@@ -149,7 +149,7 @@ class PerformerView:
         return known[1]
 
     def _made(self, clip: Clip, frame: int) -> PerformerFigure:
-        joints = joints_of(still_shape("performer", clip.skeleton), clip.turns[frame], clip.root[frame])
+        joints = joints_of(clip.skeleton, clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # As the mesh looks: without the performer's own yaw, and without where its rest pose looks.
         back = -float(yaw_of(clip.turns[frame, 0])) - self._front_turn(clip)
@@ -180,7 +180,7 @@ class PerformerView:
         if number is None:
             for k, point in enumerate(puppet.points):
                 if point.joint == joint:
-                    editor.puppets.choose(puppet.id, k)
+                    editor.choose(puppet.id, k)
                     return
             editor.toasts.say("No control point is chosen", "Click one on the puppet, then the joint.")
             return

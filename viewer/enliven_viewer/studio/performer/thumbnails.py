@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 
 import moderngl
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.arap import PuppetSurface
 from enliven.document import Puppet
 from enliven.meshes import Mesh
 from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.puppets import PuppetCharacters
+from enliven_viewer.studio.puppets import PuppetSurfaces, puppet_meshes
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)
@@ -38,13 +37,13 @@ class Thumbnails:
 
     Args:
         ctx: an OpenGL context that is current in this thread.
+        surfaces: solves them beside the window.
     """
 
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self._ctx = ctx
+    def __init__(self, ctx: moderngl.Context, surfaces: PuppetSurfaces) -> None:
+        self._ctx, self._surfaces = ctx, surfaces
         self._renderer: Renderer | None = None
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="thumbnails")
-        self._solver, self._characters = _Solver(), PuppetCharacters()
+        self._characters = puppet_meshes()
         self._solving: dict[_Key, tuple[Puppet, Future[Float]]] = {}
         self._done: dict[_Key, tuple[Mesh, moderngl.Texture]] = {}
         self._shown: dict[tuple[str, int], _Key] = {}
@@ -61,8 +60,9 @@ class Thumbnails:
             self._done[key] = self._done.pop(key)
             self._shown[(puppet.id, slot)] = key
             return int(known[1].glo)
-        if key not in self._solving:
-            self._solving[key] = puppet, self._pool.submit(self._solver.surface, puppet, places)
+        future = self._solving[key][1] if key in self._solving else self._surfaces.aside(puppet, places)
+        if future is not None:
+            self._solving[key] = puppet, future
         before = self._done.get(self._shown.get((puppet.id, slot), ()))
         return int(before[1].glo) if before is not None and before[0] is puppet.mesh else None
 
@@ -84,6 +84,7 @@ class Thumbnails:
         if self._renderer is None:
             self._renderer = Renderer(self._ctx, _SIZE, _SETTINGS)
         character = self._characters.of(puppet)
+        assert character is not None
         low = np.minimum(puppet.mesh.vertices.min(0), vertices.min(0))
         high = np.maximum(puppet.mesh.vertices.max(0), vertices.max(0))
         camera, aspect = OrbitCamera(0.5), _SIZE[0] / _SIZE[1]
@@ -93,24 +94,6 @@ class Thumbnails:
         actor = SceneCharacter(character, character.rest_pose(), vertices=vertices.astype(np.float32))
         self._renderer.draw(Scene((actor,), (), PLAIN, extent=(low, high)), camera.view(aspect))
         return self._ctx.texture(_SIZE, 3, self._renderer.pixels().tobytes(), alignment=1)
-
-
-class _Solver:
-    """One surface, built anew for another mesh or other control points; in a thread of its own."""
-
-    def __init__(self) -> None:
-        self._for: tuple[object, ...] = ()
-        self._surface: PuppetSurface | None = None
-
-    def surface(self, puppet: Puppet, places: Float) -> Float:
-        """(V, 3) metres in the mesh's frame."""
-        held = tuple((point.vertex, point.weight) for point in puppet.points)
-        wanted = (id(puppet.mesh), held, puppet.surface)
-        if self._surface is None or self._for != wanted:
-            vertices, weights = [vertex for vertex, _ in held], [weight for _, weight in held]
-            self._surface = PuppetSurface(puppet.mesh, vertices, weights, puppet.surface)
-            self._for = wanted
-        return np.array(self._surface.settle(places))
 
 
 def _key(puppet: Puppet, places: Float) -> _Key:

@@ -6,10 +6,10 @@ import itertools
 
 import numpy as np
 
-from enliven.arrays import Float, Float32
+from enliven.arrays import Float32
 from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
-from enliven_viewer.studio.viewport import Lens, Overlay, PosedShape, Selection
+from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StandingCharacter
 from enliven_viewer.theme import BONE, CHAINED, CHOSEN, FADED, HOVERED, ROOT
 
 _BONE = 2.3
@@ -20,38 +20,33 @@ _ROOT = 5.4
 """Pixels, radius of the root, which moves the whole shape: larger than other joints."""
 
 
-def skeleton_rows(posed: PosedShape, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
-    """(N - 1 + N, 12) of ``Tubes``: a shape's bones, then its joints."""
-    pixel = _metres_a_pixel(posed, lens)
-    mine = selection.shape == posed.shape.id
-    bones = np.tile(np.array(BONE if mine else FADED, float), (len(posed.joints), 1))
+def skeleton_rows(posed: StandingCharacter, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
+    """(N - 1 + N, 12) of ``Tubes``: a character's bones, then its handles."""
+    pixel = lens.spans(posed.handles)
+    mine = selection.character == posed.id
+    bones = np.tile(np.array(BONE if mine else FADED, float), (len(posed.handles), 1))
     joints = bones.copy()
     joints[0] = ROOT
-    if overlay.chain is not None and overlay.chain[0] == posed.shape.id:
+    if overlay.chain is not None and overlay.chain[0] == posed.id:
         _tint_chain(posed, overlay.chain[1], bones, joints)
-    if mine and selection.joint is not None:
-        bones[selection.joint] = joints[selection.joint] = CHOSEN
-    if overlay.hovered is not None and overlay.hovered[0] == posed.shape.id:
+    if mine and selection.handle is not None:
+        bones[selection.handle] = joints[selection.handle] = CHOSEN
+    if overlay.hovered is not None and overlay.hovered[0] == posed.id:
         bones[overlay.hovered[1]] = joints[overlay.hovered[1]] = HOVERED
-    starts, ends = posed.bones()
-    rows = tube_rows(starts, ends, _BONE * pixel[1:], linear_from_srgb(bones[1:]))
+    above, below = np.array(posed.bones, np.int64).reshape(-1, 2).T
+    starts, ends = posed.handles[above], posed.handles[below]
+    rows = tube_rows(starts, ends, _BONE * pixel[below], linear_from_srgb(bones[below]))
     rows[:, 7] *= 0.42
     radii = np.full(len(joints), _JOINT)
     radii[0] = _ROOT
     return np.concatenate(
-        [rows, tube_rows(posed.joints, posed.joints, radii * pixel, linear_from_srgb(joints))]
+        [rows, tube_rows(posed.handles, posed.handles, radii * pixel, linear_from_srgb(joints))]
     )
 
 
-def _tint_chain(posed: PosedShape, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
+def _tint_chain(posed: StandingCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
     """Light the bones between neighbours of a chain."""
-    parents = posed.shape.skeleton.parents
+    parents = posed.character.parents
     for a, b in itertools.pairwise(chain):
         bones[b if parents[b] == a else a] = CHAINED
     joints[list(chain)] = CHAINED
-
-
-def _metres_a_pixel(posed: PosedShape, lens: Lens) -> Float:
-    """(N,) how much a pixel spans at each joint."""
-    depth = np.maximum((posed.joints - lens.view.eye) @ lens.forward, 0.05)
-    return np.asarray(2 * depth / (lens.view.clip_from_camera[1, 1] * lens.size[1]), np.float64)

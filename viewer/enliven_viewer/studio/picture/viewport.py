@@ -7,30 +7,21 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from enliven.document import Character, Shape, character_of
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
-from enliven_viewer.studio.puppets import PuppetCharacters, PuppetOverlay, StandingPuppet
-from enliven_viewer.studio.tools import NOTHING, PuppetPicture
-from enliven_viewer.studio.viewport import (
-    Characters,
-    Lens,
-    Overlay,
-    PosedShape,
-    Possessed,
-    Selection,
-    coloured,
-)
+from enliven_viewer.studio.puppets import PuppetOverlay
+from enliven_viewer.studio.tools import NOTHING, ToolPicture
+from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StandingCharacter
 
 _SEEN_THROUGH = 0.4
 """Of the eye's distance: bones are seen clearly through whatever covers them by less."""
 
 
 class Viewport:
-    """Draws posed shapes into a picture of its own; :attr:`renderer` holds it.
+    """Draws characters into a picture of its own; :attr:`renderer` holds it.
 
     Args:
         ctx: an OpenGL context that is current in this thread.
@@ -40,45 +31,33 @@ class Viewport:
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], settings: RenderSettings) -> None:
         self.renderer = Renderer(ctx, size, settings)
         self._tubes = Tubes(ctx)
-        self._graphs = Characters()
-        self._puppets = PuppetCharacters()
         self._puppet_overlay: PuppetOverlay | None = None
-        self._characters: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def draw(
         self,
-        posed_shapes: Sequence[PosedShape],
+        stage: Sequence[StandingCharacter],
         lens: Lens,
         selection: Selection,
         overlay: Overlay,
         *,
-        possessed: Sequence[Possessed] = (),
-        puppets: Sequence[StandingPuppet] = (),
-        over: PuppetPicture = NOTHING,
+        over: ToolPicture = NOTHING,
         meshes: bool = True,
         bones: bool = True,
     ) -> None:
         """One picture, resolved."""
-        solid = (
-            [s for s in posed_shapes if s.shape.mesh is not None and len(s.shape.mesh.faces)]
-            if meshes
-            else []
-        )
-        actors = tuple(SceneCharacter(self._character(s.shape), s.pose()) for s in solid)
-        kept = {actor.character.id for actor in actors}
-        self._characters = {name: known for name, known in self._characters.items() if name in kept}
-        actors += tuple(SceneCharacter(self._graphs.of(mesh.shape), mesh.pose) for mesh in possessed)
-        actors += tuple(SceneCharacter(self._puppets.of(p.puppet), p.pose, vertices=p.drawn) for p in puppets)
-        filled = [s.joints for s in posed_shapes] + [mesh.vertices for mesh in possessed]
-        extent = bounds_of(filled + [puppet.drawn for puppet in puppets])
-        self.renderer.draw(Scene(actors, (), PLAIN, extent=extent), lens.view)
+        actors = [
+            SceneCharacter(one.drawn, one.pose, vertices=one.solved) for one in stage if meshes and one.drawn
+        ]
+        extent = bounds_of([one.extent for one in stage])
+        self.renderer.draw(Scene(tuple(actors), (), PLAIN, extent=extent), lens.view)
         self._draw_puppet(over)
-        if bones and posed_shapes:
-            rows = np.concatenate([skeleton_rows(s, lens, selection, overlay) for s in posed_shapes])
-            near = min(float(((s.joints - lens.view.eye) @ lens.forward).min()) for s in posed_shapes)
+        handled = [one for one in stage if len(one.handles) and not one.own_tool]
+        if bones and handled:
+            rows = np.concatenate([skeleton_rows(one, lens, selection, overlay) for one in handled])
+            near = min(float(((one.handles - lens.view.eye) @ lens.forward).min()) for one in handled)
             self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
 
-    def _draw_puppet(self, over: PuppetPicture) -> None:
+    def _draw_puppet(self, over: ToolPicture) -> None:
         """Draw what the puppet tool shows over the picture."""
         if over is NOTHING:
             return
@@ -91,12 +70,3 @@ class Viewport:
         for rows, bias in over.tubes:
             if len(rows):
                 self._tubes.draw(picture, rows, bias)
-
-    def _character(self, shape: Shape) -> Character:
-        """The shape's character, the same object while its surface, skin and rest are the same."""
-        parts = (shape.mesh, shape.skin, shape.skeleton)
-        known = self._characters.get(shape.id)
-        if known is None or any(a is not b for a, b in zip(known[0], parts, strict=True)):
-            known = (parts, coloured(character_of(shape)))
-            self._characters[shape.id] = known
-        return known[1]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from enliven.arrays import Float
-from enliven.document import KeyPose, Project, Puppet
+from enliven.document import KeyPose, Project, Puppet, RigBase
 from enliven.examples import State
 from enliven_viewer.studio.examples import Solving
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport import Selection
+
+R = TypeVar("R", bound=RigBase)
 
 
 class Editing(Protocol):
@@ -31,6 +33,12 @@ class Editing(Protocol):
 
     def select(self, **changes: object) -> None:
         """Change parts of the selection."""
+
+    def choose(self, character: str | None, handle: int | None = None) -> None:
+        """Choose a character, and perhaps a handle of it."""
+
+    def chosen(self, rig: type[R], /) -> R | None:
+        """The chosen character, where it has that rig."""
 
 
 class Posing(Protocol):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, KeyPose, Project, Puppet
+from enliven.document import KeyPose, Project, Puppet
 from enliven.examples import State
-from enliven.modeling.puppet import add_key_pose, change_key_pose, remove_key_pose
+from enliven.modeling.puppet import add_key_pose, change_key_pose, key_pose_at, remove_key_pose
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.playing import take_places
 from enliven_viewer.studio.puppets.selection import PuppetSelection
@@ -31,7 +31,7 @@ class KeyPoses(PuppetSelection):
     def leave_elsewhere(self) -> None:
         """Leave the key pose where it plays, another time is shown, or another puppet is chosen."""
         elsewhere = self.editor.playing or abs(self.editor.time - self._at) > 1e-9
-        if self._key is not None and (elsewhere or self.editor.selection.puppet != self._key[0]):
+        if self._key is not None and (elsewhere or self.editor.selection.character != self._key[0]):
             self.accept()
 
     @property
@@ -73,13 +73,8 @@ class KeyPoses(PuppetSelection):
 
     def pose_at(self, take: str, time: float) -> int | None:
         """The number of the chosen puppet's key pose of a frame of a take, or None."""
-        puppet, clip = self.puppet, self.editor.project.takes.get(take)
-        if puppet is None or clip is None:
-            return None
-        for number, pose in enumerate(puppet.poses):
-            if pose.take == take and _same_frame(clip, pose.time, time):
-                return number
-        return None
+        puppet, project = self.puppet, self.editor.project
+        return key_pose_at(project, puppet, take, time) if puppet and take in project.takes else None
 
     def edit_pose(self, number: int) -> bool:
         """Edit an existing key pose."""
@@ -139,7 +134,3 @@ class KeyPoses(PuppetSelection):
             return False
         self._edit(puppet.id, len(puppet.poses), None, standing)
         return True
-
-
-def _same_frame(clip: Clip, a: float, b: float) -> bool:
-    return round(a / clip.step) == round(b / clip.step)

@@ -17,16 +17,6 @@ POINT_RADIUS = 5.2
 """Pixels, radius of a control point on the mesh."""
 
 
-def point_at(standing: StandingPuppet, lens: Lens, at: Point, reach: float) -> int | None:
-    """The control point nearest to a pixel within ``reach`` pixels; of two as near, the one before."""
-    if not len(standing.points):
-        return None
-    pixels, depth = lens.project(standing.points)
-    away = np.linalg.norm(pixels - at, axis=1)
-    near = [int(k) for k in np.flatnonzero(away <= reach)]
-    return min(near, key=lambda k: (round(float(away[k]) / 3), float(depth[k])), default=None)
-
-
 def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, at: Point) -> int | None:
     """The suggested vertex with its ring under a pixel; None for none."""
     if not suggested:
@@ -39,12 +29,10 @@ def ghost_at(standing: StandingPuppet, suggested: tuple[int, ...], lens: Lens, a
 
 def point_rows(standing: StandingPuppet, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
     """(P, 12) of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: the control points as balls."""
-    points = standing.points
-    depth = np.maximum((points - lens.view.eye) @ lens.forward, 0.05)
-    pixel = 2 * depth / (lens.view.clip_from_camera[1, 1] * lens.size[1])
+    points = standing.handles
     tints = np.array([point_colour(k) for k in range(len(points))], float).reshape(-1, 3)
     radii = np.full(len(points), POINT_RADIUS)
     for number, grown in ((hovered, 1.25), (chosen, 1.35)):
         if number is not None and number < len(points):
             radii[number] = POINT_RADIUS * grown
-    return tube_rows(points, points, radii * pixel, linear_from_srgb(tints))
+    return tube_rows(points, points, radii * lens.spans(points), linear_from_srgb(tints))

@@ -16,7 +16,6 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Puppet
 from enliven.modeling.puppet import change_key_pose, remove_point
-from enliven_viewer.studio.puppets.baking import Baking
 from enliven_viewer.studio.puppets.crossing import SelfCrossing
 from enliven_viewer.studio.puppets.editing import Editing
 from enliven_viewer.studio.puppets.key_poses import KeyPoses
@@ -45,19 +44,17 @@ class PuppetEditor(KeyPoses):
         self.moment: tuple[str, float] | None = None
         self.silhouette, self.warn = True, True
         self.crossing = SelfCrossing()
-        self.baking = Baking(editor)
         self._dragged: Float | None = None
 
     def advance(self) -> None:
         """A picture went by: surfaces come to rest. Another time or another puppet leaves the key pose."""
         self.leave_elsewhere()
         self.stage.improve()
-        self.baking.poll()
-        standing = self.stage.standing_of(self.puppet.id) if self.puppet is not None else None
-        if standing is not None and self.dragging and len(standing.puppet.mesh.faces) > _MANY:
+        standing = self.shown
+        if standing is not None and self.dragging and len(standing.character.mesh.faces) > _MANY:
             return
         if self.warn and self.shaping and standing is not None:
-            self.crossing.look(standing.puppet, standing.surface)
+            self.crossing.look(standing.character, standing.surface)
         else:
             self.crossing.forget()
 
@@ -129,7 +126,7 @@ class PuppetEditor(KeyPoses):
         name, used = puppet.points[point].name, len(puppet.poses)
         if not self.editor.edit(f"remove {name}", lambda p: remove_point(p, puppet.id, name)):
             return False
-        self.editor.select(point=None)
+        self.editor.select(handle=None)
         if used:
             self.editor.toasts.say(
                 f"{name} is gone, also from {used} key pose{'s' * (used > 1)}", "Ctrl+Z brings it back."
@@ -142,9 +139,9 @@ class PuppetEditor(KeyPoses):
             return self.places
         moment = self._moment(puppet)
         there = None if moment is None else self.pose_at(*moment)
-        return self.shown(puppet) if there is None else puppet.poses[there].places
+        return self.seen(puppet) if there is None else puppet.poses[there].places
 
-    def shown(self, puppet: Puppet) -> Float:
+    def seen(self, puppet: Puppet) -> Float:
         """(P, 3) metres in the mesh's frame, where its control points are now on the stage."""
         standing = self.stage.standing_of(puppet.id)
         return puppet.rest if standing is None else standing.state.places

@@ -32,18 +32,17 @@ class PuppetSelection:
     @property
     def puppet(self) -> Puppet | None:
         """The chosen puppet."""
-        return self.editor.project.puppets.get(self.editor.selection.puppet or "")
+        return self.editor.chosen(Puppet)
 
     @property
     def point(self) -> int | None:
         """The number of the chosen control point."""
-        chosen, puppet = self.editor.selection.point, self.puppet
-        return chosen if puppet is not None and chosen is not None and chosen < len(puppet.points) else None
+        return None if self.puppet is None else self.editor.selection.handle
 
-    def choose(self, puppet: str | None, point: int | None = None) -> None:
-        """Choose a puppet, and perhaps a control point of it."""
-        self.editor.select(puppet=puppet)
-        self.editor.select(point=point, puppet_layer=None)
+    @property
+    def shown(self) -> StandingPuppet | None:
+        """The chosen puppet as it is shown now."""
+        return None if self.puppet is None else self.stage.standing_of(self.puppet.id)
 
     def add_point(self, vertex: int) -> bool:
         """Put a control point on a vertex, with symmetry on its mirror image too; one edit."""
@@ -52,7 +51,7 @@ class PuppetSelection:
             return False
         taken = [point.vertex for point in puppet.points]
         if vertex in taken:
-            self.choose(puppet.id, taken.index(vertex))
+            self.editor.choose(puppet.id, taken.index(vertex))
             self.editor.toasts.say(f"{puppet.points[taken.index(vertex)].name} is there already")
             return False
         other = partner_vertex(puppet, vertex) if self.symmetric else None
@@ -71,7 +70,7 @@ class PuppetSelection:
 
         if not self.editor.edit("put a control point" + "s" * (len(wanted) - 1), change):
             return False
-        self.choose(puppet.id, len(taken))
+        self.editor.choose(puppet.id, len(taken))
         return True
 
     def set_symmetric(self, on: bool) -> None:

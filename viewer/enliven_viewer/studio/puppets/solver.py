@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from concurrent.futures import Executor, Future
 
 import numpy as np
@@ -14,7 +13,6 @@ from enliven.errors import EnlivenError
 from enliven_viewer.studio.puppets.mesh_cache import size_of
 from enliven_viewer.studio.toasts import Toasts
 
-log = logging.getLogger(__name__)
 AT_ONCE = 4000
 """Vertices up to which a mesh is prepared without a thread: less than a tenth of a second."""
 LARGE = 30_000
@@ -117,11 +115,8 @@ class Solver:
             return self._shown
 
     def _refuse(self, error: Exception) -> None:
-        """Tell that these control points cannot be prepared; not even a fault of enliven ends the window."""
-        if not isinstance(error, EnlivenError):
-            log.error("a puppet could not be prepared", exc_info=error)
-            error = EnlivenError(f"a fault of enliven itself: {type(error).__name__}: {error}")
-        self._toasts.complain(error)
+        """Tell that these control points cannot be prepared."""
+        self._toasts.tell(error)
         self._refused = self._held
 
     def _begin(self, puppet: Puppet) -> Future[PuppetSurface]:

@@ -1,8 +1,7 @@
-"""The puppets on the studio's stage at a moment, and the one under the pointer."""
+"""The puppets on the studio's stage at a moment."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,33 +9,28 @@ from functools import cached_property
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven.document import Character, Pose, Puppet, SkinWeights
-from enliven.examples import State, pose_of_state
-from enliven.meshes import Mesh
+from enliven.document import Character, Puppet, RigBase, SkinWeights
+from enliven.examples import State, in_world, pose_of_state
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.editing import Editing, Posing
 from enliven_viewer.studio.puppets.playing import played_state
-from enliven_viewer.studio.puppets.ray import first_hit, moved
 from enliven_viewer.studio.puppets.surfaces import PuppetSurfaces
-from enliven_viewer.studio.viewport import Lens, coloured
+from enliven_viewer.studio.viewport import DrawnMeshes, StandingCharacter, moved
 
 
 @dataclass(frozen=True, eq=False)
-class StandingPuppet:
+class StandingPuppet(StandingCharacter):
     """A puppet on the stage at one moment.
 
     Attributes:
         surface: (V, 3) metres of its vertices, in the mesh's own frame.
     """
 
-    puppet: Puppet
+    character: Puppet
     state: State
     surface: Float
 
-    @cached_property
-    def pose(self) -> Pose:
-        """The pose of its character."""
-        return pose_of_state(self.puppet, self.state)
+    own_tool = True
 
     @cached_property
     def vertices(self) -> Float:
@@ -44,16 +38,11 @@ class StandingPuppet:
         return self.out(self.surface)
 
     @cached_property
-    def drawn(self) -> Float32:
+    def solved(self) -> Float32:
         """(V, 3) float32 metres in the world."""
         made = np.empty(self.surface.shape, np.float32)
         moved(self.surface, self._turn, self._root, made)
         return made
-
-    @cached_property
-    def points(self) -> Float:
-        """(P, 3) metres in the world, the control points."""
-        return self.out(self.state.places)
 
     def out(self, places: AnyArray) -> Float:
         """(N, 3) metres in the world of places (N, 3) in the mesh's frame."""
@@ -73,12 +62,12 @@ class StandingPuppet:
     def _turn(self) -> Float:
         """(3, 3) world from mesh."""
         yaw = from_rotation_vector(np.array([0.0, self.state.yaw, 0.0]))
-        return np.asarray(to_matrix(multiply(self.puppet.turn, yaw)))
+        return np.asarray(to_matrix(multiply(self.character.turn, yaw)))
 
     @cached_property
     def _root(self) -> Float:
         """(3,) metres, where the mesh's origin is."""
-        return np.asarray(rotate(self.puppet.turn, self.state.root) + self.puppet.place)
+        return np.asarray(rotate(self.character.turn, self.state.root) + self.character.place)
 
 
 class PuppetStage:
@@ -86,7 +75,7 @@ class PuppetStage:
 
     def __init__(self, editor: Editing, posing: Posing) -> None:
         self.editor, self.posing = editor, posing
-        self.surfaces = PuppetSurfaces(editor.toasts)
+        self.surfaces, self._meshes = PuppetSurfaces(editor.toasts), puppet_meshes()
         self._known: tuple[tuple[object, ...], tuple[StandingPuppet, ...]] | None = None
         self._polls = 0
         self._ghost: StandingPuppet | None = None
@@ -107,7 +96,7 @@ class PuppetStage:
             surface = self._wanted[1].result()
             if self._ghost is None or self._ghost.surface is not surface:
                 state = State(pose.places, now.state.yaw, now.state.root)
-                self._ghost = StandingPuppet(puppet, state, surface)
+                self._ghost = self._standing(puppet, state, surface)
             return self._ghost
         return None
 
@@ -129,7 +118,11 @@ class PuppetStage:
 
     def standing_of(self, puppet_id: str) -> StandingPuppet | None:
         """One of them."""
-        return next((s for s in self.standing if s.puppet.id == puppet_id), None)
+        return next((s for s in self.standing if s.id == puppet_id), None)
+
+    def shown(self, puppet: RigBase) -> StandingPuppet:
+        """A puppet of the project."""
+        return next(one for one in self.standing if one.id == puppet.id)
 
     def improve(self) -> None:
         """Bring dragged surfaces nearer to rest and take solved ones; to be called once a picture."""
@@ -146,7 +139,13 @@ class PuppetStage:
         else:
             puppet, state = played_state(editor, puppet)
         warm = editor.playing or posing.dragging
-        return StandingPuppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
+        return self._standing(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
+
+    def _standing(self, puppet: Puppet, state: State, surface: Float) -> StandingPuppet:
+        handles = in_world(puppet, state, state.places)
+        return StandingPuppet(
+            puppet, self._meshes.of(puppet), pose_of_state(puppet, state), handles, state, surface
+        )
 
 
 def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
@@ -157,44 +156,21 @@ def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
     )
 
 
-def puppet_at(
-    standing: Iterable[StandingPuppet], lens: Lens, at: tuple[float, float]
-) -> tuple[StandingPuppet, int, float] | None:
-    """The puppet that the ray of a pixel meets first, the face that it meets, and metres to it."""
-    way, eye = lens.ray(at), lens.view.eye
-    found = []
-    for one in standing:
-        face, distance = first_hit(one.vertices, one.puppet.mesh.faces, eye, way)
-        if face >= 0:
-            found.append((one, face, distance))
-    return min(found, key=lambda hit: hit[2], default=None)
+def puppet_meshes() -> DrawnMeshes:
+    """The meshes of puppets, each as one rigid piece: where its vertices are is solved."""
+    return DrawnMeshes(_rigid)
 
 
-class PuppetCharacters:
-    """The renderer's characters of puppets, the same object while the mesh stays the same."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, tuple[Mesh, Character]] = {}
-
-    def of(self, puppet: Puppet) -> Character:
-        """The character; its vertices are put where the surface was solved to be."""
-        known = self._known.get(puppet.id)
-        if known is None or known[0] is not puppet.mesh:
-            known = self._known[puppet.id] = (puppet.mesh, coloured(_character(puppet)))
-        return known[1]
-
-
-def _character(puppet: Puppet) -> Character:
-    """One rigid piece, so that a puppet without control points can be drawn too."""
-    count = len(puppet.mesh.vertices)
-    weights = np.zeros((count, 4), np.float32)
-    weights[:, 0] = 1.0
+def _rigid(puppet: RigBase) -> Character:
+    mesh = puppet.mesh
+    assert mesh is not None
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
     return Character(
-        id=f"puppet {puppet.id}",
-        vertices=puppet.mesh.vertices.astype(np.float32),
-        faces=puppet.mesh.faces,
-        skin=SkinWeights(np.zeros((count, 4), np.uint16), weights),
+        id=puppet.id,
+        vertices=mesh.vertices.astype(np.float32),
+        faces=mesh.faces,
+        skin=SkinWeights(np.zeros(weights.shape, np.uint16), weights),
         pivots=np.zeros((1, 3), np.float32),
         edges=np.zeros((0, 2), np.int32),
-        colours=puppet.mesh.colours,
+        colours=mesh.colours,
     )

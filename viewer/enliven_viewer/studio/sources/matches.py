@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.document import Clip, Project
+from enliven.arrays import Float
+from enliven.document import Clip, Project, Shape
 from enliven.matching import Matcher, source_of_skeleton
 from enliven.matching import ScreenView as MatchView
 from enliven.motion.layers import bind_chain
 from enliven_viewer.studio.sources.source_view import posed_take
-from enliven_viewer.studio.viewport import Lens, PosedShape
+from enliven_viewer.studio.viewport import Lens
 
 Chain = tuple[int, ...]
 
@@ -30,17 +31,17 @@ class Offer:
 
 
 def offers(
-    clip: Clip, time: float, target: PosedShape, lens: Lens, source_lens: Lens, most: int
+    clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, most: int
 ) -> list[Offer]:
-    """The best matches of a take's pose at a time on a shape as it stands, each seen as it is shown.
+    """The best matches of a take's pose at a time on a shape with joints (N, 3), each seen as it is shown.
 
     Raises:
         InputError: where one of the skeletons cannot be abstracted.
     """
     source = source_of_skeleton(clip.skeleton)
-    pose = posed_take(clip, time).joints
-    ranking = Matcher(target.shape.skeleton).rank(
-        source.points(pose), matching_view(lens), matching_view(source_lens), positions=target.joints
+    pose = posed_take(clip, time).handles
+    ranking = Matcher(shape.skeleton).rank(
+        source.points(pose), matching_view(lens), matching_view(source_lens), positions=joints
     )
     found: list[Offer] = []
     for match in ranking:
@@ -50,7 +51,7 @@ def offers(
             if branch is not None
         )
         if pairs and all(offer.pairs != pairs for offer in found):
-            found.append(Offer(target.shape.id, clip.id, pairs, match.score))
+            found.append(Offer(shape.id, clip.id, pairs, match.score))
         if len(found) == most:
             break
     return found

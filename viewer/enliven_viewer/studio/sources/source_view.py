@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.document import Clip, still_shape
+from enliven.motion.layers import ShapePose, pose_from
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import OrbitCamera
 from enliven_viewer.studio.editor import Editor
@@ -13,8 +14,8 @@ from enliven_viewer.studio.viewport import (
     Lens,
     Overlay,
     Point,
-    PosedShape,
     Selection,
+    StandingCharacter,
     joint_at,
     joints_of,
 )
@@ -60,7 +61,7 @@ class SourceView:
         if clip is None:
             return
         frames = range(0, len(clip.turns), max(len(clip.turns) // 12, 1))
-        bounds = bounds_of([posed_take(clip, frame * clip.step).joints for frame in frames])
+        bounds = bounds_of([posed_take(clip, frame * clip.step).handles for frame in frames])
         if bounds is not None:
             aspect = self.size[0] / max(self.size[1], 1.0)
             self.camera.frame(
@@ -70,7 +71,7 @@ class SourceView:
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
-    def posed(self) -> PosedShape | None:
+    def posed(self) -> StandingCharacter | None:
         """The take's skeleton at the project's time, begun again at its end; at its begin while it rests."""
         clip = self.clip
         if clip is None:
@@ -84,9 +85,9 @@ class SourceView:
         if hit is None or clip is None:
             self._last = at
         elif self._start is None:
-            self._start, self.chain = hit.joint, (hit.joint,)
+            self._start, self.chain = hit.handle, (hit.handle,)
         else:
-            self.chain = clip.skeleton.path(self._start, hit.joint)
+            self.chain = clip.skeleton.path(self._start, hit.handle)
             self._start = None
 
     def move(self, at: Point) -> None:
@@ -118,7 +119,7 @@ class SourceView:
 
     def overlay(self) -> Overlay:
         """The overlay of the chain and the joint under the pointer."""
-        hovered = (SOURCE, self._hovered.joint) if self._hovered else None
+        hovered = (SOURCE, self._hovered.handle) if self._hovered else None
         return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
 
     def _hit(self, at: Point) -> Hit | None:
@@ -126,8 +127,11 @@ class SourceView:
         return joint_at([posed], self.lens, at, self.editor.settings.reach) if posed else None
 
 
-def posed_take(clip: Clip, time: float) -> PosedShape:
+def posed_take(clip: Clip, time: float) -> StandingCharacter:
     """A take's own skeleton at the frame nearest to ``time``, seconds since its begin."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
+    joints = joints_of(clip.skeleton, clip.turns[frame], clip.root[frame])
     shape = still_shape(SOURCE, clip.skeleton)
-    return PosedShape(shape, clip.turns[frame], joints_of(shape, clip.turns[frame], clip.root[frame]))
+    return StandingCharacter(
+        shape, None, pose_from(shape, ShapePose(clip.turns[frame], joints), time), joints
+    )

@@ -3,7 +3,6 @@ from .layout import (
     LABELS as LABELS,
     LANE as LANE,
     RULER as RULER,
-    Bar as Bar,
+    Lane as Lane,
     TimelineLayout as TimelineLayout,
 )
-from .puppet_lanes import LaneRow as LaneRow, PuppetLanes as PuppetLanes

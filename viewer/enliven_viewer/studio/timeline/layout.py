@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
 
-from enliven.document import Playing, Project, Puppet
+from enliven.document import Playing, Project, RigBase
 
 LABELS = 190.0
 """Pixels, width of the labels: about 25 letters."""
@@ -32,38 +33,67 @@ _FEW = 12
 _STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
 """Seconds between two numbers of the ruler: round ones."""
 
-Kind = Literal["ruler", "bar", "edge", "mute", "label", "nothing"]
-
 
 @dataclass(frozen=True)
 class LaneHandle:
-    """The part of the timeline under the pointer, and the layers of a character that it belongs to."""
+    """The part of the timeline under the pointer.
 
-    kind: Kind
+    Attributes:
+        kind: "ruler", "bar", "edge", "mute", "label", "nothing"; or of a row of details.
+        character, layers: of what it is a part.
+        item: which of those in a row of details.
+        seconds: of the layer's take, at the pixel.
+    """
+
+    kind: str
     character: str = ""
     layers: tuple[int, ...] = ()
+    item: int = 0
+    seconds: float = 0.0
+
+    @property
+    def number(self) -> int:
+        """The first of the layers."""
+        return self.layers[0]
 
 
 @dataclass(frozen=True)
-class Bar:
-    """A lane: the numbers of its layers, its top, and the first and last pixel of the take played once.
+class Lane:
+    """A row: a bar, or details of a layer; and the first and last pixel of the take played once.
 
-    Layers of a character that play one take in the same way share a lane: a model that comes with its own
+    Layers of a character that play one take in the same way share a bar: a model that comes with its own
     animation has a layer for every bone.
     """
 
-    character: str
+    kind: str
+    character: RigBase
     layers: tuple[int, ...]
-    layer: Playing
     top: float
+    height: float
     left: float
     right: float
 
     @property
+    def layer(self) -> Playing:
+        """The first of its layers."""
+        return self.character.playing[self.layers[0]]
+
+    @property
     def label(self) -> str:
-        """The layer's id, or the take's and how many layers play it."""
-        name = getattr(self.layer, "id", self.layer.take)
-        return name if len(self.layers) == 1 else f"{self.layer.take}  ({len(self.layers)} bones)"
+        """The layer's id or else the character's, or the take's and how many layers play it."""
+        if len(self.layers) > 1:
+            return f"{self.layer.take}  ({len(self.layers)} bones)"
+        return str(getattr(self.layer, "id", self.character.id))
+
+
+class Details(Protocol):
+    """What a rig shows under the bars of its layers."""
+
+    def rows(self, character: RigBase, number: int) -> Sequence[tuple[str, float]]:
+        """The kinds and heights in pixels of the rows under a layer's bar."""
+
+    def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
+        """What is at a pixel of such a row, and which; "nothing" where nothing is."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +105,14 @@ class TimelineLayout:
         length: seconds that are shown.
         width: pixels of the whole area.
         scrolled: pixels by which the lanes are moved up.
+        details: what rigs show under their bars.
     """
 
     project: Project
     length: float
     width: float
     scrolled: float = 0.0
+    details: Details | None = None
 
     @property
     def track(self) -> float:
@@ -90,7 +122,8 @@ class TimelineLayout:
     @property
     def height(self) -> float:
         """Pixels that ruler and lanes take."""
-        return RULER + len(self.lanes()) * (LANE + GAP)
+        lanes = self.lanes()
+        return lanes[-1].top + lanes[-1].height + GAP + self.scrolled if lanes else RULER
 
     def x(self, time: float) -> float:
         """The pixel of a time."""
@@ -100,29 +133,44 @@ class TimelineLayout:
         """The time of a pixel, seconds; outside the track it goes on."""
         return (x - LABELS) / self.track * self.length
 
-    def lanes(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
-        """The character and the numbers of its layers that share a lane, from the top."""
+    def x_of(self, lane: Lane, second: float) -> float:
+        """The pixel of a second of a lane's take."""
+        return self.x(lane.layer.time_of(second, self.project.length_of(lane.layer)))
+
+    def second(self, lane: Lane, x: float) -> float:
+        """The second of a lane's take at a pixel, within the take."""
+        once = replace(lane.layer, loop=False)
+        return once.played(self.time(x), self.project.length_of(once))[0]
+
+    def lanes(self) -> tuple[Lane, ...]:
+        """All rows, from the top: of each layer a bar, and under it what its rig shows."""
+        top, found = RULER - self.scrolled, list[Lane]()
+        for name, numbers in self._shared():
+            character = self.project.characters[name]
+            layer = character.playing[numbers[0]]
+            span = self.x(layer.offset), self.x(layer.end(self.project.length_of(layer)))
+            rows = self.details.rows(character, numbers[0]) if self.details is not None else ()
+            for kind, height in (("bar", LANE), *rows):
+                found.append(Lane(kind, character, numbers, top, height, *span))
+                top += height + 1.0
+            top += GAP - 1.0
+        return tuple(found)
+
+    def bars(self) -> tuple[Lane, ...]:
+        """The lanes that are bars, from the top."""
+        return tuple(lane for lane in self.lanes() if lane.kind == "bar")
+
+    def _shared(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
+        """The character and the numbers of its layers that share a bar, from the top."""
         groups: dict[tuple[object, ...], list[int]] = {}
         for key, character in self.project.characters.items():
-            if isinstance(character, Puppet):
-                continue  # its lanes have rows of their own
             playing = character.playing
             for number, layer in enumerate(playing):
                 few = sum(other.take == layer.take for other in playing) <= _FEW
-                alone = number if few and character.kind == "bones" else -1
+                alone = number if few and layer.source == "takes" else -1
                 how = (layer.take, layer.offset, layer.speed, layer.loop, layer.muted)
                 groups.setdefault((key, *how, alone), []).append(number)
         return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
-
-    def bars(self) -> tuple[Bar, ...]:
-        """The lanes, from the top."""
-        bars = []
-        for row, (character, numbers) in enumerate(self.lanes()):
-            layer = self.project.characters[character].playing[numbers[0]]
-            top = RULER + row * (LANE + GAP) - self.scrolled
-            left, right = self.x(layer.offset), self.x(layer.end(self.project.length_of(layer)))
-            bars.append(Bar(character, numbers, layer, top, left, right))
-        return tuple(bars)
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:
         """Times to mark on the ruler, and whether each is numbered; numbers stand 60 pixels apart or more."""
@@ -136,15 +184,21 @@ class TimelineLayout:
         """The handle under a pixel."""
         if y < RULER:
             return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
-        for bar in self.bars():
-            if not bar.top <= y < bar.top + LANE:
-                continue
-            if x < MUTE:
-                return LaneHandle("mute", bar.character, bar.layers)
-            if x < LABELS - END:
-                return LaneHandle("label", bar.character, bar.layers)
-            if abs(x - bar.right) <= EDGE:
-                return LaneHandle("edge", bar.character, bar.layers)
-            if bar.left <= x <= bar.right or (bar.layer.loop and x >= bar.left):
-                return LaneHandle("bar", bar.character, bar.layers)
+        for lane in self.lanes():
+            if lane.top <= y < lane.top + lane.height:
+                kind, item = self._at(lane, x)
+                if kind != "nothing":
+                    second = 0.0 if lane.kind == "bar" else self.second(lane, x)
+                    return LaneHandle(kind, lane.character.id, lane.layers, item, second)
         return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
+
+    def _at(self, lane: Lane, x: float) -> tuple[str, int]:
+        """What is at a pixel of a lane."""
+        if lane.kind != "bar" and self.details is not None:
+            return self.details.at(self, lane, x)
+        if x < LABELS - END:
+            return ("mute" if x < MUTE else "label"), 0
+        if abs(x - lane.right) <= EDGE:
+            return "edge", 0
+        on = lane.left <= x <= lane.right or (lane.layer.loop and x >= lane.left)
+        return ("bar" if on else "nothing"), 0

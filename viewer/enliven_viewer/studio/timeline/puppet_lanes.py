@@ -1,16 +1,16 @@
-"""The timeline's lanes of puppets: a bar a layer; under those of the chosen puppet its key poses, its
-contacts and flights, and what is held hard. Everything that is drawn at a pixel is found there.
+"""What puppets show under their bars: key poses, contacts and flights, and what is held hard.
+
+Everything that is drawn at a pixel is found there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
-from enliven.document import Project, Puppet, PuppetLayer, Switch
+from enliven.document import Puppet, PuppetLayer, RigBase, Switch
 from enliven_viewer.studio.examples import HardConstraint, TakeCoverage, constraints_of
-from enliven_viewer.studio.timeline.layout import EDGE, END, GAP, LABELS, LANE, MUTE, TimelineLayout
+from enliven_viewer.studio.timeline.layout import END, LABELS, Lane, TimelineLayout
 
 POSES = 30.0
 """Pixels, height of the row of key poses: the line of coverage and the diamonds over it."""
@@ -18,176 +18,93 @@ BAND = 15.0
 """Pixels, heights of the rows of contacts and of hard constraints."""
 _NEAR = 7.0
 """Pixels around a mark within which the pointer takes it."""
-_LABEL_END = LABELS - END
-
-Kind = Literal["bar", "edge", "mute", "label", "pose", "suggested", "switch", "band", "found", "held"]
-ROWS = ("bar", "poses", "band", "held")
 
 
 @dataclass(frozen=True)
-class PuppetLaneHandle:
-    """The part of a puppet's lanes under the pointer.
+class PuppetDetails:
+    """The rows under the bars of the chosen puppet: "poses", "band" and "held".
 
     Attributes:
-        layer: its number.
-        item: which key pose, suggestion, switch or constraint.
-        seconds: of the take, at the pixel.
+        chosen: the puppet that has them, or None.
+        coverage: of a take by its examples.
+        switches: of a layer of it, as edited or as found.
     """
 
-    kind: Kind
-    puppet: str
-    layer: int
-    item: int = 0
-    seconds: float = 0.0
-
-
-@dataclass(frozen=True)
-class LaneRow:
-    """One row: "bar", "poses", "band" or "held", of a layer of a puppet, and its place."""
-
-    kind: str
-    puppet: str
-    layer: int
-    top: float
-    height: float
-
-
-@dataclass(frozen=True)
-class PuppetLanes:
-    """The lanes of a project's puppets, below those of its shapes.
-
-    Attributes:
-        layout: where times are, and where the lanes of shapes end.
-        chosen: the id of the puppet that has rows of key poses, or None.
-        coverage: of a take by the chosen puppet's examples.
-        switches: of a layer of the chosen puppet, as edited or as found.
-    """
-
-    layout: TimelineLayout
-    chosen: str | None
+    chosen: Puppet | None
     coverage: Callable[[str], TakeCoverage | None]
     switches: Callable[[int], Sequence[Switch]]
 
-    @property
-    def project(self) -> Project:
-        """The project of the layout."""
-        return self.layout.project
+    def rows(self, character: RigBase, number: int) -> Sequence[tuple[str, float]]:
+        """The kinds and heights in pixels of the rows under a layer's bar."""
+        puppet = self.chosen
+        if puppet is None or character is not puppet:
+            return ()
+        layer = puppet.layers[number]
+        rows = [("poses", POSES)]
+        if layer.travel and any(point.foot for point in puppet.points):
+            rows.append(("band", BAND))
+        if layer.positions or layer.velocities or layer.couplings:
+            rows.append(("held", BAND))
+        return rows
 
-    def layer(self, row: LaneRow | PuppetLaneHandle) -> PuppetLayer:
-        """The layer of a row or a handle."""
-        return self.project.puppets[row.puppet].layers[row.layer]
-
-    def rows(self) -> tuple[LaneRow, ...]:
-        """All rows, from the top."""
-        top, found = self.layout.height - self.layout.scrolled, list[LaneRow]()
-        for puppet in self.project.puppets.values():
-            for number, layer in enumerate(puppet.layers):
-                for kind, height in self._kinds(puppet, layer):
-                    found.append(LaneRow(kind, puppet.id, number, top, height))
-                    top += height + (GAP if kind == "bar" else 1.0)
-                top += GAP
-        return tuple(found)
-
-    @property
-    def height(self) -> float:
-        """Pixels from the top of the first row to the end of the last."""
-        rows = self.rows()
-        return rows[-1].top + rows[-1].height - rows[0].top + GAP if rows else 0.0
-
-    def x(self, row: LaneRow | PuppetLaneHandle, seconds: float) -> float:
-        """The pixel of a second of a layer's take."""
-        layer = self.layer(row)
-        return self.layout.x(layer.time_of(seconds, self.project.takes[layer.take].duration))
-
-    def seconds(self, row: LaneRow | PuppetLaneHandle, x: float) -> float:
-        """The second of a layer's take at a pixel, within the take."""
-        layer = self.layer(row)
-        once = replace(layer, loop=False)
-        return once.played(self.layout.time(x), self.project.takes[layer.take].duration)[0]
-
-    def span(self, row: LaneRow | PuppetLaneHandle) -> tuple[float, float]:
-        """First and last pixel of a layer's take, played once."""
-        layer = self.layer(row)
-        return self.layout.x(layer.offset), self.layout.x(layer.end(self.project.takes[layer.take].duration))
-
-    def poses(self, row: LaneRow) -> tuple[tuple[int, float], ...]:
+    def poses(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[int, float], ...]:
         """Number and pixel of the key poses that are of the layer's take."""
-        layer, puppet = self.layer(row), self.project.puppets[row.puppet]
+        poses = self.chosen.poses if self.chosen is not None else ()
         return tuple(
-            (number, self.x(row, pose.time))
-            for number, pose in enumerate(puppet.poses)
-            if pose.take == layer.take
+            (number, layout.x_of(lane, pose.time))
+            for number, pose in enumerate(poses)
+            if pose.take == lane.layer.take
         )
 
-    def suggested(self, row: LaneRow) -> tuple[tuple[float, float], ...]:
+    def suggested(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
         """Second and pixel of the key poses that are missing."""
-        coverage = self.coverage(self.layer(row).take)
-        return tuple((t, self.x(row, t)) for t in coverage.times) if coverage is not None else ()
+        coverage = self.coverage(lane.layer.take)
+        return tuple((t, layout.x_of(lane, t)) for t in coverage.times) if coverage is not None else ()
 
-    def bands(self, row: LaneRow) -> tuple[tuple[Switch, float, float], ...]:
+    def bands(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[Switch, float, float], ...]:
         """Each switch with the pixels from which and up to which it holds."""
-        take = self.project.takes[self.layer(row).take]
-        switches = self.switches(row.layer)
-        if not switches:
-            return ()
-        ends = [*(one.frame for one in switches[1:]), len(take.turns) - 1]
+        take, switches = layout.project.takes[lane.layer.take], self.switches(lane.layers[0])
+        ends = [*(one.frame for one in switches[1:]), len(take.turns) - 1][: len(switches)]
         return tuple(
-            (one, self.x(row, one.frame * take.step), self.x(row, end * take.step))
+            (one, layout.x_of(lane, one.frame * take.step), layout.x_of(lane, end * take.step))
             for one, end in zip(switches, ends, strict=True)
         )
 
-    def held(self, row: LaneRow) -> tuple[tuple[int, HardConstraint, float], ...]:
+    def held(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[int, HardConstraint, float], ...]:
         """Number, constraint and pixel of each hard constraint."""
-        step = self.project.takes[self.layer(row).take].step
-        held = constraints_of(self.project, row.puppet, row.layer)
-        return tuple((k, one, self.x(row, one.frame * step)) for k, one in enumerate(held))
+        step = layout.project.takes[lane.layer.take].step
+        held = constraints_of(layout.project, lane.character.id, lane.layers[0])
+        return tuple((k, one, layout.x_of(lane, one.frame * step)) for k, one in enumerate(held))
 
-    def handle_at(self, x: float, y: float) -> PuppetLaneHandle | None:
-        """The handle under a pixel; None where no lane of a puppet is."""
-        for row in self.rows():
-            if row.top <= y < row.top + row.height:
-                kind, item = self._at(row, x)
-                at = (row.puppet, row.layer, item, self.seconds(row, x))
-                return PuppetLaneHandle(kind, *at) if kind is not None else None
-        return None
+    def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
+        """What is at a pixel of a row, and which."""
+        if x < LABELS - END:
+            return ("found" if lane.kind == "band" else "label"), 0
+        if lane.kind == "poses":
+            pose = _nearest(((number, at) for number, at in self.poses(layout, lane)), x, _NEAR)
+            tick = _nearest(((k, at) for k, (_, at) in enumerate(self.suggested(layout, lane))), x, _NEAR)
+            return (
+                ("pose", pose)
+                if pose is not None
+                else ("nothing" if tick is None else "suggested", tick or 0)
+            )
+        if lane.kind == "band":
+            starts = ((k, left) for k, (_, left, _) in enumerate(self.bands(layout, lane)) if k)
+            switch = _nearest(starts, x, _NEAR - 2)
+            if switch is not None:
+                return "switch", switch
+            left, right = sorted((lane.left, lane.right))
+            return ("band" if left <= x <= right else "nothing"), 0
+        mark = _nearest(((k, at) for k, _, at in self.held(layout, lane)), x, _NEAR)
+        return ("nothing" if mark is None else "held"), mark or 0
 
-    def _at(self, row: LaneRow, x: float) -> tuple[Kind | None, int]:
-        if x < _LABEL_END:
-            if row.kind == "bar":
-                return ("mute" if x < MUTE else "label"), 0
-            return ("found" if row.kind == "band" else "label"), 0
-        if row.kind == "bar":
-            return self._on_bar(row, x), 0
-        if row.kind == "poses":
-            near = [(abs(at - x), number) for number, at in self.poses(row) if abs(at - x) <= _NEAR]
-            if near:
-                return "pose", min(near)[1]
-            ticks = [
-                (abs(at - x), k) for k, (_, at) in enumerate(self.suggested(row)) if abs(at - x) <= _NEAR
-            ]
-            return ("suggested", min(ticks)[1]) if ticks else (None, 0)
-        if row.kind == "band":
-            starts = [(abs(left - x), k) for k, (_, left, _) in enumerate(self.bands(row)) if k]
-            if starts and min(starts)[0] <= _NEAR - 2:
-                return "switch", min(starts)[1]
-            left, right = sorted(self.span(row))
-            return ("band", 0) if left <= x <= right else (None, 0)
-        marks = [(abs(at - x), k) for k, _, at in self.held(row) if abs(at - x) <= _NEAR]
-        return ("held", min(marks)[1]) if marks else (None, 0)
+    def layer(self, number: int) -> PuppetLayer:
+        """A layer of the chosen puppet."""
+        assert self.chosen is not None
+        return self.chosen.layers[number]
 
-    def _on_bar(self, row: LaneRow, x: float) -> Kind | None:
-        left, right = self.span(row)
-        if abs(x - right) <= EDGE:
-            return "edge"
-        return "bar" if left <= x <= right or (self.layer(row).loop and x >= left) else None
 
-    def _kinds(self, puppet: Puppet, layer: PuppetLayer) -> tuple[tuple[str, float], ...]:
-        """The rows of a layer and their heights."""
-        rows = [("bar", LANE)]
-        if puppet.id == self.chosen:
-            rows.append(("poses", POSES))
-            if layer.travel and any(point.foot for point in puppet.points):
-                rows.append(("band", BAND))
-            if layer.positions or layer.velocities or layer.couplings:
-                rows.append(("held", BAND))
-        return tuple(rows)
+def _nearest(marks: Iterable[tuple[int, float]], x: float, reach: float) -> int | None:
+    """Which of numbered pixels is nearest to one, within reach."""
+    near = [(abs(at - x), number) for number, at in marks if abs(at - x) <= reach]
+    return min(near)[1] if near else None

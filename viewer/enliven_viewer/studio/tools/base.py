@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
+from enliven.arrays import Float32, Int32
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Hit, Overlay, Point, bone_at, joint_at, surface_at
 
@@ -19,6 +21,24 @@ class Pointer:
     at: Point
     shift: bool = False
     ctrl: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPicture:
+    """What a tool draws into the picture, over the meshes.
+
+    Attributes:
+        crossing: vertices (V, 3) metres in the world and the faces (K, 3) of them that warn, or None.
+        ghost: vertices (V, 3), faces and size, metres, of what is outlined, or None.
+        tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes` and their bias, metres.
+    """
+
+    crossing: tuple[Float32, Int32] | None = None
+    ghost: tuple[Float32, Int32, float] | None = None
+    tubes: tuple[tuple[Float32, float], ...] = ()
+
+
+NOTHING = ToolPicture()
 
 
 class Tool:
@@ -75,24 +95,71 @@ class Tool:
 
     def overlay(self) -> Overlay:
         """The marks that the tool draws over the viewport."""
-        hovered = (self.hovered.shape, self.hovered.joint) if self.hovered else None
+        hovered = (self.hovered.character, self.hovered.handle) if self.hovered else None
         return Overlay(chain=self._chosen_chain(), hovered=hovered)
 
+    def picture(self) -> ToolPicture:
+        """What the tool draws into the picture."""
+        return NOTHING
+
     def handle_at(self, pointer: Pointer) -> Hit | None:
-        """The joint under the pointer, or else the bone; of two as near, the chosen shape's."""
-        reach, lens, posed_shapes = self.editor.settings.reach, self.editor.lens, self.editor.posed_shapes
-        chosen = [s for s in posed_shapes if s.shape.id == self.editor.selection.shape]
+        """The handle under the pointer, or else the bone; of two as near, the chosen character's."""
+        reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.handled
+        chosen = [one for one in stage if one.id == self.editor.selection.character]
         for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
-            hit, mine = pick(posed_shapes, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
+            hit, mine = pick(stage, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
             if hit is not None:
                 return mine if mine is not None and mine.pixels <= hit.pixels + _AS_NEAR else hit
         return None
 
-    def shape_at(self, pointer: Pointer) -> Hit | None:
-        """The joint, the bone or the surface under the pointer."""
-        hit = self.handle_at(pointer)
-        return hit or surface_at(self.editor.posed_shapes, self.editor.lens, pointer.at)
+    def character_at(self, pointer: Pointer, without: str = "") -> Hit | None:
+        """The handle, the bone or the surface of any character under the pointer, but for one's surface."""
+        hit = None if without else self.handle_at(pointer)
+        stage = [one for one in self.editor.standing if one.id != without]
+        return hit or surface_at(stage, self.editor.lens, pointer.at)
+
+    def on_bone(self, hit: Hit | None) -> Point | None:
+        """The pixel of a place on a bone, while the bone is there."""
+        if hit is None or hit.character not in self.editor.project.characters:
+            return None
+        posed = self.editor.posed(hit.character)
+        if hit.handle >= len(posed.handles):
+            return None
+        pixels = self.editor.lens.pixels_of(posed.on_bone(hit.handle, hit.along)[None])
+        return pixels[0] if pixels else None
 
     def _chosen_chain(self) -> tuple[str, tuple[int, ...]] | None:
         chosen = self.editor.selection
-        return (chosen.shape, chosen.chain) if chosen.shape and chosen.chain else None
+        return (chosen.character, chosen.chain) if chosen.character and chosen.chain else None
+
+
+class StrokeTool(Tool):
+    """A tool that draws a stroke, and takes it when the button goes up."""
+
+    apart: ClassVar[float] = 4.0
+    """Pixels between two points of a stroke: finer than a hand draws."""
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self._stroke: list[Point] = []
+
+    def taken(self) -> list[Point]:
+        """The points of the stroke, which begins anew."""
+        stroke, self._stroke = self._stroke, []
+        return stroke
+
+    def hover(self, pointer: Pointer) -> None:
+        """Nothing is picked while drawing."""
+
+    def press(self, pointer: Pointer) -> bool:
+        self.editor.playing = False
+        self._stroke = [pointer.at]
+        return True
+
+    def drag(self, pointer: Pointer) -> None:
+        if self._stroke and math.dist(pointer.at, self._stroke[-1]) >= self.apart:
+            self._stroke.append(pointer.at)
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._stroke = []

@@ -9,22 +9,18 @@ from enliven.errors import EnlivenError
 from enliven.modeling.edits import cut_character
 from enliven.modeling.mesh import StrokeCut
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.tools.base import Pointer, StrokeTool
 from enliven_viewer.studio.viewport import Disc, Hit, Line, Overlay, Point, crossings
 from enliven_viewer.theme import CUT
 
-_APART = 3.0
-"""Pixels between two points of a stroke."""
 
-
-class CutTool(Tool):
+class CutTool(StrokeTool):
     """A stroke; every bone that it crosses is cut there, at the playhead's time."""
 
     name, label, key, icon = "cut", "Cut", "c", "\uf0c4"
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
-        self._stroke: list[Point] = []
         self._crossed: list[Hit] = []
 
     @property
@@ -37,29 +33,24 @@ class CutTool(Tool):
         return "Draw a stroke across a limb. Both parts keep their pose now, and their motion."
 
     def press(self, pointer: Pointer) -> bool:
-        self.editor.playing = False
-        self._stroke, self._crossed, self.hovered = [pointer.at], [], None
-        return True
+        self._crossed, self.hovered = [], None
+        return super().press(pointer)
 
     def drag(self, pointer: Pointer) -> None:
-        if not self._stroke:
+        count, editor = len(self._stroke), self.editor
+        super().drag(pointer)
+        if len(self._stroke) == count:
             return
-        last = self._stroke[-1]
-        if np.hypot(pointer.at[0] - last[0], pointer.at[1] - last[1]) >= _APART:
-            self._stroke.append(pointer.at)
-            editor = self.editor
-            found = crossings(editor.posed_shapes, editor.lens, np.array(self._stroke))
-            # Where the chosen shape is crossed, what lies behind or before it is not meant.
-            mine = [hit for hit in found if hit.shape == editor.selection.shape]
-            self._crossed = mine or found
+        found = crossings(editor.handled, editor.lens, np.array(self._stroke))
+        # Where the chosen shape is crossed, what lies behind or before it is not meant.
+        self._crossed = [hit for hit in found if hit.character == editor.selection.character] or found
 
     def release(self, pointer: Pointer) -> None:
         """Cuts what the stroke crosses, at the time that is shown."""
-        stroke, crossed = self._stroke, self._crossed
-        self._stroke, self._crossed = [], []
+        stroke, crossed, self._crossed = self.taken(), self._crossed, []
         if not stroke:
             return
-        names = list(dict.fromkeys(hit.shape for hit in crossed)) or self._others(stroke)
+        names = list(dict.fromkeys(hit.character for hit in crossed)) or self._others(stroke)
         if not names:
             self.editor.toasts.say("The stroke crosses no bone", "Draw it across a limb, from side to side.")
             return
@@ -84,11 +75,11 @@ class CutTool(Tool):
 
     def _others(self, stroke: list[Point]) -> list[str]:
         """The characters without bones that a stroke may pass through: the chosen one, or all."""
-        project, chosen = self.editor.project, self.editor.selection
         if len(stroke) < 2:
             return []
-        wanted = chosen.graph or chosen.puppet
-        return [name for name in (*project.graphs, *project.puppets) if wanted in (None, name)]
+        boneless = [one.id for one in self.editor.standing if not one.bones]
+        chosen = self.editor.selection.character
+        return [chosen] if chosen in boneless else boneless
 
     def _surface(self, stroke: list[Point]) -> StrokeCut:
         """The stroke swept along the view; pixels, y up."""
@@ -100,16 +91,11 @@ class CutTool(Tool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._stroke, self._crossed = [], []
+        self._crossed = []
 
     def overlay(self) -> Overlay:
         if len(self._stroke) < 2:
             return Overlay()
         marks: list[Line | Disc] = [Line(tuple(self._stroke), CUT, 2.5)]
-        for hit in self._crossed:
-            posed = self.editor.posed(hit.shape)
-            start = posed.joints[posed.shape.skeleton.parents[hit.joint]]
-            place = start + hit.along * (posed.joints[hit.joint] - start)
-            pixel = self.editor.lens.project(place[None])[0][0]
-            marks.append(Disc((float(pixel[0]), float(pixel[1])), 5.0, CUT))
+        marks += [Disc(at, 5.0, CUT) for at in map(self.on_bone, self._crossed) if at is not None]
         return Overlay(tuple(marks))

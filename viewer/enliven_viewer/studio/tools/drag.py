@@ -1,83 +1,77 @@
-"""Dragging a whole character by its surface: moved, turned in place, or merged with another by Shift."""
+"""Dragging a whole character: moved, turned in place, or merged with another."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project
-from enliven.modeling.edits import merge_characters, move_character, turn_character
+from enliven.modeling.edits import merge_characters, move_character, rig_of
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.puppets import puppet_at
 from enliven_viewer.studio.tools.base import Pointer
-from enliven_viewer.studio.viewport import possessed_at, surface_at
+from enliven_viewer.studio.viewport import Hit
 
 _TURN = 0.01
 """Radians a pixel."""
+_NEAR = 24.0
+"""Pixels around what a character turns about, within which the pointer is dragged aside to turn it."""
 _UPRIGHT = np.array([0.0, 1.0, 0.0])
 
 
-def mesh_at(editor: Editor, pointer: Pointer, without: str = "") -> tuple[str, float] | None:
-    """The possessed mesh or puppet under the pointer, but for one, and metres to it."""
-    lens, at, found = editor.lens, pointer.at, list[tuple[str, float]]()
-    graph = possessed_at([one for one in editor.possessed if one.shape.id != without], lens, at)
-    if graph is not None:
-        found.append(graph)
-    puppet = puppet_at([one for one in editor.puppets.standing if one.puppet.id != without], lens, at)
-    if puppet is not None:
-        found.append((puppet[0].puppet.id, puppet[2]))
-    return min(found, key=lambda hit: hit[1]) if found else None
-
-
-def character_at(editor: Editor, pointer: Pointer, without: str = "") -> str | None:
-    """The character of any rig with its surface under the pointer, but for one."""
-    mesh = mesh_at(editor, pointer, without)
-    shapes = [posed for posed in editor.posed_shapes if posed.shape.id != without]
-    hit = surface_at(shapes, editor.lens, pointer.at)
-    if hit is not None and (mesh is None or hit.depth < mesh[1]):
-        return hit.shape
-    return None if mesh is None else mesh[0]
-
-
 class CharacterDrag:
-    """A possessed mesh or a puppet that is dragged by a place on its surface."""
+    """A character that is dragged by a handle or by a place on its surface.
 
-    def __init__(self, editor: Editor, character: str, at: Float, start: Pointer) -> None:
-        self.editor, self.character, self._at, self._start = editor, character, at, start
+    Attributes:
+        character: its id.
+        rooted: whether its first handle is shown, and goes with the pointer.
+        handles: (H, 3) metres in the world, where its handles were at the start.
+    """
 
-    @classmethod
-    def of(cls, editor: Editor, pointer: Pointer) -> CharacterDrag | None:
-        """The drag of the possessed mesh or puppet under the pointer; None where none is."""
-        hit = mesh_at(editor, pointer)
-        if hit is None:
-            return None
-        editor.choose(hit[0])
+    def __init__(self, editor: Editor, hit: Hit, start: Pointer) -> None:
+        posed = editor.posed(hit.character)
+        self.editor, self.character, self._start = editor, hit.character, start
+        self.handles = posed.handles
+        self.rooted = len(posed.handles) > 0 and not posed.own_tool
+        # The root travels in the plane of the picture, whatever it was grabbed by.
+        self._at = (
+            posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
+        )
+        self._about = self._at if self.rooted else rig_of(posed.character).centre(posed.character)
+        editor.select(character=hit.character, handle=max(hit.handle, 0) if self.rooted else None, chain=())
         editor.playing = False
-        return cls(editor, hit[0], editor.lens.view.eye + hit[1] * editor.lens.ray(pointer.at), pointer)
 
     def moved(self, project: Project, pointer: Pointer) -> Project:
         """The project with the character as far as the pointer went."""
         lens = self.editor.lens
-        return move_character(project, self.character, lens.on_plane(pointer.at, self._at) - self._at)
+        way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
+        return move_character(project, self.character, way)
 
     def turned(self, project: Project, pointer: Pointer) -> Project:
-        """The project with it turned about the upright, by as much as the pointer went across."""
-        angle = _TURN * (pointer.at[0] - self._start.at[0])
-        return turn_character(project, self.character, from_rotation_vector(_UPRIGHT * angle))
+        """The project with it turned by as much as the pointer went around its root, in the picture's plane.
 
-    def drop(self, pointer: Pointer) -> None:
-        """Let go: there, or with Shift as one with the character that is under the pointer."""
-        editor, time, name = self.editor, self.editor.time, self.character
-        host = character_at(editor, pointer, without=name) if pointer.shift else None
-        if host is None:
-            editor.edit(f"move {name}", lambda project: self.moved(project, pointer))
-            return
-        notes = list[str]()
+        With Shift, or without a root that is shown, about the upright by as much as the pointer went across.
+        """
+        turn = from_rotation_vector(self._turn(pointer))
+        return move_character(project, self.character, np.zeros(3), turn, self._about)
 
-        def change(project: Project) -> Project:
-            return merge_characters(self.moved(project, pointer), host, name, time, notes=notes)
+    def merged(self, project: Project, host: Hit, notes: list[str]) -> Project:
+        """The project with it put onto another; a handle of that, or a place on a bone, carries it."""
+        at = host.along if host.handle > 0 and host.along < 1.0 else 1.0
+        node = host.handle if host.handle >= 0 else None
+        return merge_characters(
+            project, host.character, self.character, self.editor.time, node=node, at=at, notes=notes
+        )
 
-        if editor.edit(f"merge {name}", change):
-            editor.choose(host)
-            editor.toasts.say(f"{name} is now part of {host}", *notes[:1])
+    def _turn(self, pointer: Pointer) -> Float:
+        lens, start = self.editor.lens, self._start
+        across = _TURN * (pointer.at[0] - start.at[0])
+        if pointer.shift or not self.rooted:
+            return _UPRIGHT * across
+        centre = lens.project(self._about[None])[0][0]
+        before, after = (np.array(p.at) - centre for p in (start, pointer))
+        if np.linalg.norm(before) < _NEAR:
+            return lens.forward * across
+        return lens.forward * (math.atan2(after[1], after[0]) - math.atan2(before[1], before[0]))

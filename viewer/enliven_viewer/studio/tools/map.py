@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.document import Project
+from enliven.document import Project, Shape
 from enliven.errors import EnlivenError, InputError
 from enliven.mapping import apply_plan, automatic
 from enliven.motion.layers import bind_chain, goes_down
@@ -58,21 +58,21 @@ class MapTool(Tool):
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
-        if hit is None:
+        if hit is None or not self.editor.posed(hit.character).bones:
             return False
-        self.editor.select(shape=hit.shape)
-        if self._start is None or self._start[0] != hit.shape:
-            self._start = (hit.shape, hit.joint)
-            self.editor.select(joint=hit.joint, chain=(hit.joint,))
+        self.editor.select(character=hit.character)
+        if self._start is None or self._start[0] != hit.character:
+            self._start = (hit.character, hit.handle)
+            self.editor.select(handle=hit.handle, chain=(hit.handle,))
             return True
-        skeleton = self.editor.project.shapes[hit.shape].skeleton
-        chain = skeleton.path(self._start[1], hit.joint)
+        skeleton = self.editor.project.shape(hit.character).skeleton
+        chain = skeleton.path(self._start[1], hit.handle)
         self._start = None
         if len(chain) > 1 and not goes_down(skeleton, chain) and goes_down(skeleton, chain[::-1]):
             chain = chain[::-1]
-        self.editor.select(joint=None, chain=chain)
+        self.editor.select(handle=None, chain=chain)
         if self.source.take is not None and self.source.chain:
-            self._bind(MappedChain(hit.shape, chain, self.source.take, self.source.chain, False))
+            self._bind(MappedChain(hit.character, chain, self.source.take, self.source.chain, False))
         return True
 
     def type(self, key: str) -> bool:
@@ -96,37 +96,36 @@ class MapTool(Tool):
 
     def rank(self) -> None:
         """Offer the matches of the take's pose now with the chosen shape, as both are seen."""
-        clip, shape = self.source.clip, self.editor.selection.shape
+        clip, shape = self.source.clip, self.editor.chosen(Shape)
         self.offered = []
         if clip is None or shape is None:
             return
         editor = self.editor
         try:
             time = editor.time % max(clip.duration, clip.step)
-            posed = editor.posed(shape)
+            posed = editor.posed(shape.id)
             most = editor.settings.matches
-            self.offered = offers(clip, time, posed, editor.lens, self.source.lens, most)
+            self.offered = offers(clip, time, shape, posed.handles, editor.lens, self.source.lens, most)
         except EnlivenError as error:
             editor.toasts.complain(error)
 
     def map_whole(self) -> None:
         """Map every limb of the take onto a limb of the chosen shape that suits it, at once."""
-        editor, clip, shape = self.editor, self.source.clip, self.editor.selection.shape
+        editor, clip, shape = self.editor, self.source.clip, self.editor.chosen(Shape)
         if clip is None or shape is None:
             editor.toasts.say("Nothing to map", "Choose a take, and click the shape that is to move.")
             return
 
         def change(project: Project) -> Project:
-            target = project.shape(shape)
-            plan = automatic(clip, target)
+            plan = automatic(clip, shape)
             if not plan.chains:
                 mend = "Map it chain by chain, or pose the take and find matches."
                 raise InputError("no limb of the take suits one of the shape", where=clip.id, mend=mend)
-            return apply_plan(project, target, clip, plan)[0]
+            return apply_plan(project, shape, clip, plan)[0]
 
         if editor.edit(f"map all of {clip.id}", change):
             self._last = None
-            editor.toasts.say(f"{clip.id} moves all of {shape}", "Space plays it, Ctrl+Z takes it back.")
+            editor.toasts.say(f"{clip.id} moves all of {shape.id}", "Space plays it, Ctrl+Z takes it back.")
 
     def accept(self, offer: Offer) -> None:
         """Map every chain of an offer."""

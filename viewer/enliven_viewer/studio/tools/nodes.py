@@ -21,7 +21,7 @@ class InsertTool(Tool):
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
-        return bone_at(editor.posed_shapes, editor.lens, pointer.at, editor.settings.reach)
+        return bone_at(editor.handled, editor.lens, pointer.at, editor.settings.reach)
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
@@ -30,29 +30,19 @@ class InsertTool(Tool):
         names: list[str] = []
 
         def change(project: Project) -> Project:
-            project, name = insert_node(project, hit.shape, hit.joint, hit.along)
+            project, name = insert_node(project, hit.character, hit.handle, hit.along)
             names.append(name)
             return project
 
         if self.editor.edit("add node", change):
-            skeleton = self.editor.project.shapes[hit.shape].skeleton
-            self.editor.select(shape=hit.shape)
-            self.editor.select(joint=skeleton.index(names[-1]), chain=())
+            made = self.editor.project.characters[hit.character].handles.index(names[-1])
+            self.editor.select(character=hit.character, handle=made, chain=())
             self.hovered = None
         return True
 
     def overlay(self) -> Overlay:
-        plain, hit = super().overlay(), self.hovered
-        if hit is None or hit.shape not in self.editor.project.shapes:
-            return plain
-        posed = self.editor.posed(hit.shape)
-        if hit.joint >= len(posed.joints):
-            return plain
-        start, end = posed.joints[posed.shape.skeleton.parents[hit.joint]], posed.joints[hit.joint]
-        pixel = self.editor.lens.project((start + hit.along * (end - start))[None])[0][0]
-        return Overlay(
-            (Disc((float(pixel[0]), float(pixel[1])), 7.0, STROKE, 2.5),), plain.chain, plain.hovered
-        )
+        plain, at = super().overlay(), self.on_bone(self.hovered)
+        return plain if at is None else Overlay((Disc(at, 7.0, STROKE, 2.5),), plain.chain, plain.hovered)
 
 
 class RemoveTool(Tool):
@@ -66,29 +56,24 @@ class RemoveTool(Tool):
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
-        return joint_at(editor.posed_shapes, editor.lens, pointer.at, editor.settings.reach)
+        return joint_at(
+            [one for one in editor.handled if one.bones], editor.lens, pointer.at, editor.settings.reach
+        )
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
         if hit is None:
             return False
-        remove_joint(self.editor, hit.shape, hit.joint)
+        remove_joint(self.editor, hit.character, hit.handle)
         self.hovered = None
         return True
 
     def overlay(self) -> Overlay:
-        plain, hit = super().overlay(), self.hovered
-        if hit is None or hit.shape not in self.editor.project.shapes:
-            return plain
-        joints = self.editor.posed(hit.shape).joints
-        if hit.joint >= len(joints):
-            return plain
-        pixel = self.editor.lens.project(joints[hit.joint][None])[0][0]
-        return Overlay((Disc((float(pixel[0]), float(pixel[1])), 10.0, CUT, 2.5),), plain.chain, None)
+        plain, at = super().overlay(), self.on_bone(self.hovered)
+        return plain if at is None else Overlay((Disc(at, 10.0, CUT, 2.5),), plain.chain, None)
 
 
 def remove_joint(editor: Editor, shape: str, joint: int) -> None:
     """Take a joint out of a shape."""
     if editor.edit("remove node", lambda project: remove_node(project, shape, joint)):
-        editor.select(shape=shape)
-        editor.select(joint=None, chain=())
+        editor.select(character=shape, handle=None, chain=())

@@ -11,14 +11,10 @@ from enliven_viewer.studio.puppets import (
     PointSuggestions,
     StandingPuppet,
     ghost_at,
-    point_at,
-    puppet_at,
-    vertex_hit,
 )
-from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.puppet_drag import PointDrag
-from enliven_viewer.studio.tools.puppet_marks import marks_of
-from enliven_viewer.studio.viewport import Overlay, Point, possessed_at
+from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
+from enliven_viewer.studio.tools.puppet_marks import PointDrag, marks_of, picture_of
+from enliven_viewer.studio.viewport import Overlay, Point, joint_at, surface_at, vertex_hit
 
 _STILL = 4.0
 """Pixels that a click may move."""
@@ -76,7 +72,7 @@ class PuppetTool(Tool):
         return self._drag
 
     def hover(self, pointer: Pointer) -> None:
-        standing = self._standing()
+        standing = self.puppets.shown
         self.hovered_part, self.hovered_point, self.hovered_vertex = "", None, None
         if standing is None:
             return
@@ -86,19 +82,20 @@ class PuppetTool(Tool):
             self.hovered_part = manipulator.at(pointer.at)
         if self.hovered_part:
             return
-        self.hovered_point = point_at(standing, lens, pointer.at, self.editor.settings.reach)
-        if self.hovered_point is None and len(standing.puppet.mesh.faces) <= _MANY:
+        hit = joint_at([standing], lens, pointer.at, self.editor.settings.reach)
+        self.hovered_point = None if hit is None else hit.handle
+        if hit is None and len(standing.character.mesh.faces) <= _MANY:
             self.hovered_vertex = self._vertex_at(standing, pointer)
 
     def press(self, pointer: Pointer) -> bool:
         self.hover(pointer)
-        puppets, standing = self.puppets, self._standing()
+        puppets, standing = self.puppets, self.puppets.shown
         self._last, self._turning = pointer.at, False
         if standing is not None and self.hovered_part and puppets.point is not None:
             self._drag = PointDrag(self.editor, standing, puppets.point, self.hovered_part, pointer.at)
         elif standing is not None and self.hovered_point is not None:
             self._fresh = None
-            puppets.choose(standing.puppet.id, self.hovered_point)
+            self.editor.choose(standing.id, self.hovered_point)
             self._drag = PointDrag(self.editor, standing, self.hovered_point, "view", pointer.at)
         else:
             self._click = pointer
@@ -149,66 +146,58 @@ class PuppetTool(Tool):
         self.puppets.accept()
 
     def overlay(self) -> Overlay:
-        standing = self._standing()
+        standing = self.puppets.shown
         if standing is None:
             return Overlay()
         return Overlay(marks_of(self, standing, self.editor.lens))
+
+    def picture(self) -> ToolPicture:
+        standing = self.puppets.shown
+        return NOTHING if standing is None else picture_of(self, standing, self.editor.lens)
 
     def manipulator(self) -> Manipulator | None:
         """The manipulator at the chosen control point; None while the puppet plays, or just after a click.
 
         There it would be in the way of the next click on the mesh.
         """
-        standing, point = self._standing(), self.puppets.point
+        standing, point = self.puppets.shown, self.puppets.point
         if point == self._fresh and not self.puppets.posing:
             return None
-        if self.editor.playing or standing is None or point is None or point >= len(standing.points):
+        if self.editor.playing or standing is None or point is None or point >= len(standing.handles):
             return None
-        return Manipulator(standing.points[point], self.editor.lens)
-
-    def _standing(self) -> StandingPuppet | None:
-        chosen = self.editor.selection.puppet
-        return self.puppets.stage.standing_of(chosen) if chosen else None
+        return Manipulator(standing.handles[point], self.editor.lens)
 
     def _vertex_at(self, standing: StandingPuppet, pointer: Pointer) -> int | None:
         """The vertex of the chosen puppet under the pointer; a suggested one that is near."""
         lens = self.editor.lens
-        ghost = ghost_at(standing, self.suggested.of(standing.puppet), lens, pointer.at)
+        ghost = ghost_at(standing, self.suggested.of(standing.character), lens, pointer.at)
         if ghost is not None:
             return ghost
-        hit = puppet_at(self.puppets.standing, lens, pointer.at)
-        if hit is None or hit[0] is not standing:
+        hit = surface_at(self.puppets.standing, lens, pointer.at)
+        if hit is None or hit.character != standing.id:
             return None
-        place = lens.view.eye + hit[2] * lens.ray(pointer.at)
-        return vertex_hit(standing.vertices, standing.puppet.mesh.faces[hit[1]], place)
+        place = lens.view.eye + hit.depth * lens.ray(pointer.at)
+        return vertex_hit(standing.vertices, standing.character.mesh.faces[hit.face], place)
 
     def _far(self, pointer: Pointer, start: Pointer) -> bool:
         return float(np.hypot(*np.subtract(pointer.at, start.at))) > _STILL
 
     def _clicked(self, pointer: Pointer) -> None:
         """Take a click: it adds a control point, chooses another puppet, or clears the choice of point."""
-        standing = self._standing()
+        standing = self.puppets.shown
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:
             self._fresh = self.puppets.point if self.puppets.add_point(vertex) else None
             return
-        hit = puppet_at(self.puppets.standing, self.editor.lens, pointer.at)
+        hit = surface_at(self.puppets.standing, self.editor.lens, pointer.at)
         if hit is not None:
             self.puppets.accept()
-            self.puppets.choose(hit[0].puppet.id)
         elif self.puppets.point is not None:
-            self.editor.select(point=None)
+            self.editor.select(handle=None)
         elif standing is None:
-            self._choose_shape(pointer)
-
-    def _choose_shape(self, pointer: Pointer) -> None:
-        """Choose the shape or the possessed mesh under the pointer: a puppet can be made of it."""
-        shape = self.shape_at(pointer)
-        graph = possessed_at(self.editor.possessed, self.editor.lens, pointer.at)
-        if shape is not None:
-            self.editor.select(shape=shape.shape)
-        elif graph is not None:
-            self.editor.select(graph=graph[0])
+            hit = self.character_at(pointer)  # a puppet can be made of it
+        if hit is not None:
+            self.editor.choose(hit.character)
 
     def _step_back(self) -> bool:
         """Escape drops one thing: first the drag, then the chosen control point, then the key pose."""
@@ -218,7 +207,7 @@ class PuppetTool(Tool):
             puppets.let_go()
             return True
         if puppets.point is not None:
-            self.editor.select(point=None)
+            self.editor.select(handle=None)
             return True
         if puppets.posing:
             puppets.accept()
@@ -226,7 +215,7 @@ class PuppetTool(Tool):
         return False
 
     def _nudge(self, key: str, pixels: float) -> bool:
-        manipulator, standing = self.manipulator(), self._standing()
+        manipulator, standing = self.manipulator(), self.puppets.shown
         if manipulator is None or standing is None:
             return False
         lens = self.editor.lens

@@ -1,4 +1,4 @@
-"""What the puppet tool draws over the picture."""
+"""What the puppet tool draws, and dragging a control point from pressing the button to letting it go."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets import (
     GHOST_RADIUS,
     POINT_RADIUS,
@@ -14,18 +15,56 @@ from enliven_viewer.studio.puppets import (
     PointSuggestions,
     PuppetEditor,
     StandingPuppet,
+    middle_of,
     normals_of,
     partner_vertex,
+    point_rows,
+    size_of,
 )
-from enliven_viewer.studio.tools.puppet_drag import PointDrag
+from enliven_viewer.studio.tools.base import Pointer, ToolPicture
 from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
 _WHITE: Colour = (1.0, 1.0, 1.0, 0.9)
 """Names and rings around what is chosen: readable on every mesh."""
-
+_SEEN_THROUGH = 0.08
+"""Of the eye's distance: control points are seen clearly through whatever covers them by less."""
+_ALWAYS = 0.8
+"""Likewise: the manipulator is covered by nothing."""
 
 Mark = Line | Disc | Fill | Label
+
+
+class PointDrag:
+    """Drags one control point.
+
+    Attributes:
+        point: its number.
+        part: of the manipulator that was taken: "x", "xy", "view", ...
+        moved: whether it went anywhere.
+    """
+
+    def __init__(self, editor: Editor, standing: StandingPuppet, point: int, part: str, at: Point) -> None:
+        self.editor, self.point, self.part = editor, point, part
+        self._standing, self._start = standing, at
+        self._from: Float = np.array(standing.handles[point])
+        # As it was when the button went down: the arrows go along with the point, the way is from here.
+        self._manipulator = Manipulator(self._from, editor.lens)
+        self.moved = False
+
+    def drag(self, pointer: Pointer) -> None:
+        """The pointer moved: the surface follows."""
+        way = self._manipulator.dragged(self.part, self._start, pointer.at, snap=pointer.shift)
+        if way is None or (not self.moved and not way.any()):
+            return
+        self.moved = True
+        self.editor.puppets.drag(self.point, self._standing.into(self._from + way))
+
+    def drop(self) -> None:
+        """The button went up: the pose is kept."""
+        if self.moved:
+            puppet = self._standing.character
+            self.editor.puppets.drop(f"pose {puppet.points[self.point].name}")
 
 
 class Pointing(Protocol):
@@ -61,15 +100,15 @@ def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark
 
 def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """Rings at the ends of limbs; only before key poses are made, then they are in the way."""
-    if standing.puppet.poses or tool.puppets.posing:
+    if standing.character.poses or tool.puppets.posing:
         return []
     found: list[Mark] = []
-    for vertex in tool.suggested.of(standing.puppet):
+    for vertex in tool.suggested.of(standing.character):
         place = standing.vertices[vertex]
         # At the far side it is fainter.
-        seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.puppet.mesh)[vertex] > 0.0
+        seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex] > 0.0
         white, dark = ((1.0, 1.0, 1.0, 0.8), 0.35) if seen else ((1.0, 1.0, 1.0, 0.3), 0.12)
-        for pixel in _pixels(lens, place[None]):
+        for pixel in lens.pixels_of(place[None]):
             found.append(Disc(pixel, GHOST_RADIUS, (0.0, 0.0, 0.0, dark), 3.5))
             found.append(Disc(pixel, GHOST_RADIUS, white, 1.5))
             found.append(Disc(pixel, 1.6, white))
@@ -82,10 +121,10 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
         return []
     wanted = [tool.hovered_vertex]
     if tool.puppets.symmetric:
-        other = partner_vertex(standing.puppet, tool.hovered_vertex)
+        other = partner_vertex(standing.character, tool.hovered_vertex)
         wanted += [other] if other is not None and other != tool.hovered_vertex else []
     found: list[Mark] = []
-    for pixel in _pixels(lens, standing.vertices[wanted]):
+    for pixel in lens.pixels_of(standing.vertices[wanted]):
         found.append(Disc(pixel, 6.5, ACCENT, 2.0))
         found.append(Disc(pixel, 2.0, ACCENT))
     return found
@@ -94,11 +133,11 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
 def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """The names of the chosen control point and of the one under the pointer; a ring around the chosen."""
     found: list[Mark] = []
-    chosen, points = tool.puppets.point, standing.puppet.points
+    chosen, points = tool.puppets.point, standing.character.points
     for number in dict.fromkeys([chosen, tool.hovered_point]):
         if number is None or number >= len(points):
             continue
-        for pixel in _pixels(lens, standing.points[[number]]):
+        for pixel in lens.pixels_of(standing.handles[[number]]):
             if number == chosen:
                 found.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, _WHITE, 1.5))
             point = points[number]
@@ -109,8 +148,19 @@ def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     return found
 
 
-def _pixels(lens: Lens, points: Float) -> list[Point]:
-    """The pixels of places (N, 3) that are before the eye."""
-    if not len(points):
-        return []
-    return [(float(x), float(y)) for x, y in lens.project(points)[0] if np.isfinite(x) and np.isfinite(y)]
+def picture_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> ToolPicture:
+    """Control points, arrows, the outline of another key pose, and faces that cross."""
+    puppets, mesh = tool.puppets, standing.character.mesh
+    warned, ghost = puppets.crossing.faces, puppets.stage.ghost
+    near = float(np.linalg.norm(standing.out(middle_of(mesh)[None])[0] - lens.view.eye))
+    tubes = [(point_rows(standing, lens, puppets.point, tool.hovered_point), _SEEN_THROUGH * max(near, 0.05))]
+    manipulator = tool.manipulator()
+    if manipulator is not None:
+        part = tool.held.part if tool.held is not None else ""
+        away = float(np.linalg.norm(manipulator.place - lens.view.eye))
+        tubes.append((manipulator.rows(part or tool.hovered_part, part), _ALWAYS * away))
+    return ToolPicture(
+        (standing.solved, mesh.faces[warned]) if puppets.warn and len(warned) else None,
+        (ghost.solved, mesh.faces, size_of(mesh)) if ghost is not None else None,
+        tuple(tubes),
+    )

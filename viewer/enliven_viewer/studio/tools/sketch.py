@@ -7,27 +7,20 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, unused
 from enliven.modeling.sketching import SketchPlane, shape_from_stroke
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.tools.base import Pointer, StrokeTool
 from enliven_viewer.studio.viewport import Disc, Line, Overlay, Point
 from enliven_viewer.theme import GOOD, STROKE
 
-_APART = 4.0
-"""Pixels between two points of a stroke."""
 _CLOSED = 22.0
 """Pixels from its begin within which a stroke shows that it is closed."""
 _FEWEST = 8
 """Points of a stroke at least: fewer are a slip of the pointer, and outline nothing."""
 
 
-class SketchTool(Tool):
+class SketchTool(StrokeTool):
     """A stroke around a part, in the plane of the picture that goes through what the camera looks at."""
 
     name, label, key, icon = "sketch", "Sketch part", "s", "\uf040"
-
-    def __init__(self, editor: Editor) -> None:
-        super().__init__(editor)
-        self._stroke: list[Point] = []
 
     @property
     def hint(self) -> str:
@@ -37,25 +30,13 @@ class SketchTool(Tool):
             return "Draw around the part, back to where you began."
         return "Draw the outline of a part: a limb, a body, a tentacle. It becomes a shape with bones."
 
-    def hover(self, pointer: Pointer) -> None:
-        """Nothing is picked while sketching."""
-
-    def press(self, pointer: Pointer) -> bool:
-        self.editor.playing = False
-        self._stroke = [pointer.at]
-        return True
-
-    def drag(self, pointer: Pointer) -> None:
-        if self._stroke:
-            last = self._stroke[-1]
-            if np.hypot(pointer.at[0] - last[0], pointer.at[1] - last[1]) >= _APART:
-                self._stroke.append(pointer.at)
-
     def release(self, pointer: Pointer) -> None:
-        stroke, self._stroke = self._stroke, []
+        """A closed stroke becomes a part."""
+        stroke = self.taken()
+        if not stroke:
+            return
         if len(stroke) < _FEWEST:
-            if stroke:
-                self.editor.toasts.say("The stroke is too short", "Draw all around the part.")
+            self.editor.toasts.say("The stroke is too short", "Draw all around the part.")
             return
         plane, points = self._in_plane(stroke)
         made: list[str] = []
@@ -66,14 +47,10 @@ class SketchTool(Tool):
             return project.with_characters(shape_from_stroke(points, plane, id=name))
 
         if self.editor.edit("sketch part", change):
-            self.editor.select(shape=made[-1])
-            bones = len(self.editor.project.shapes[made[-1]].skeleton) - 1
+            self.editor.choose(made[-1])
+            bones = len(self.editor.project.characters[made[-1]].handles) - 1
             said = f"A part with {bones} bone{'s' * (bones != 1)}"
             self.editor.toasts.say(said, "G moves it, M gives it motion, and you can rename it at the right.")
-
-    def cancel(self) -> None:
-        super().cancel()
-        self._stroke = []
 
     def overlay(self) -> Overlay:
         if len(self._stroke) < 2:

@@ -1,23 +1,46 @@
-"""The colours of meshes that bring none."""
+"""The meshes of characters as the renderer takes them, in colours of their own."""
 
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from enliven.document import Character
+from enliven.document import Character, RigBase
+from enliven.modeling.edits import rig_of
 from enliven_viewer.theme import DEFAULT_COLOURS
 
 
-def default_colour(shape_id: str) -> tuple[int, int, int]:
+def default_colour(character_id: str) -> tuple[int, int, int]:
     """The sRGB of a mesh without colours of its own, always the same for a name."""
-    return DEFAULT_COLOURS[zlib.crc32(shape_id.encode()) % len(DEFAULT_COLOURS)]
+    return DEFAULT_COLOURS[zlib.crc32(character_id.encode()) % len(DEFAULT_COLOURS)]
 
 
-def coloured(character: Character) -> Character:
-    """The character, in its default colour where the mesh brings none."""
+class DrawnMeshes:
+    """The meshes of characters for the renderer, the same object while the surface at rest stays the same.
+
+    Args:
+        draw: makes one; by default as the character's rig does.
+    """
+
+    def __init__(self, draw: Callable[[RigBase], Character] | None = None) -> None:
+        self._draw = draw or (lambda character: rig_of(character).drawn(character))
+        self._known: dict[str, tuple[tuple[object, ...], Character]] = {}
+
+    def of(self, character: RigBase) -> Character | None:
+        """The mesh, in its default colour where it brings none; None where it has no surface."""
+        if character.mesh is None or not len(character.mesh.faces):
+            return None
+        parts = tuple(getattr(character, name) for name in character.drawn_by)
+        known = self._known.get(character.id)
+        if known is None or any(a is not b for a, b in zip(known[0], parts, strict=True)):
+            known = self._known[character.id] = (parts, _coloured(self._draw(character)))
+        return known[1]
+
+
+def _coloured(character: Character) -> Character:
     if character.colours is not None:
         return character
     colour = np.array(default_colour(character.id), np.uint8)

@@ -52,8 +52,8 @@ class Overlay:
 
     Attributes:
         marks: lines, discs, areas and words, the first undermost.
-        chain: (shape, joints) bones that are lit, or None.
-        hovered: (shape, joint) under the pointer, or None.
+        chain: the character and the joints of bones that are lit, or None.
+        hovered: the character and the handle under the pointer, or None.
     """
 
     marks: tuple[Line | Disc | Fill | Label, ...] = ()

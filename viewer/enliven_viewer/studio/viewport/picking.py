@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float, Int32
+from enliven.arrays import Float
 from enliven_viewer.render import CameraView
-from enliven_viewer.studio.viewport.pose_at_time import PosedShape
-
-_NEAREST = 1e-3
-"""Metres before the eye: what is nearer, or behind it, cannot be picked."""
+from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.viewport.ray import NEAREST, first_hit
+from enliven_viewer.studio.viewport.standing import StandingCharacter
 
 
 @dataclass(frozen=True)
@@ -29,11 +28,11 @@ class Lens:
     def project(self, points: Float) -> tuple[Float, Float]:
         """(N, 2) pixels and (N,) metres before the eye of (N, 3) points; not finite where behind it."""
         clip = np.c_[points, np.ones(len(points))] @ self.view.clip_from_world.T
-        depth = np.where(clip[:, 3] > _NEAREST, clip[:, 3], np.nan)
+        depth = np.where(clip[:, 3] > NEAREST, clip[:, 3], np.nan)
         ndc = clip[:, :2] / depth[:, None]
         return np.asarray((ndc * [1.0, -1.0] + 1.0) / 2.0 * self.size), clip[:, 3]
 
-    def ray(self, at: tuple[float, float]) -> Float:
+    def ray(self, at: Point) -> Float:
         """(3,) unit direction from the eye through a pixel."""
         ndc = np.array([2 * at[0] / self.size[0] - 1, 1 - 2 * at[1] / self.size[1]])
         projection = self.view.clip_from_camera
@@ -41,10 +40,21 @@ class Lens:
         way = self.view.camera_from_world[:3, :3].T @ seen
         return np.asarray(way / np.linalg.norm(way))
 
-    def on_plane(self, at: tuple[float, float], through: Float) -> Float:
+    def on_plane(self, at: Point, through: Float) -> Float:
         """(3,) where the ray of a pixel meets the plane through a point, parallel to the picture."""
         forward, way = -self.view.camera_from_world[2, :3], self.ray(at)
         return np.asarray(self.view.eye + way * ((through - self.view.eye) @ forward) / (way @ forward))
+
+    def pixels_of(self, points: Float) -> list[Point]:
+        """The pixels of places (N, 3) that are before the eye."""
+        if not len(points):
+            return []
+        return [(float(x), float(y)) for x, y in self.project(points)[0] if np.isfinite(x) and np.isfinite(y)]
+
+    def spans(self, points: Float) -> Float:
+        """(N,) metres that a pixel spans at each of some places (N, 3)."""
+        depth = np.maximum((points - self.view.eye) @ self.forward, 0.05)
+        return np.asarray(2 * depth / (self.view.clip_from_camera[1, 1] * self.size[1]), np.float64)
 
     @property
     def forward(self) -> Float:
@@ -62,79 +72,70 @@ class Hit:
     """Something under the pointer.
 
     Attributes:
-        shape: the id of a shape.
-        joint: the joint, or the bone that ends there.
-        along: where on the bone, 0 at its parent and 1 at its joint.
+        character: its id.
+        handle: the joint or control point, or that at the end of a bone; -1 on the surface.
+        along: where on the bone, 0 at its begin and 1 at the handle.
         pixels: how far the pointer is from it.
         depth: metres before the eye.
+        face: of the mesh, on the surface; else -1.
     """
 
-    shape: str
-    joint: int
-    along: float
-    pixels: float
-    depth: float
+    character: str
+    handle: int = -1
+    along: float = 1.0
+    pixels: float = 0.0
+    depth: float = 0.0
+    face: int = -1
 
 
-def joint_at(
-    posed_shapes: Iterable[PosedShape], lens: Lens, at: tuple[float, float], reach: float
-) -> Hit | None:
-    """The joint nearest to a pixel within ``reach`` pixels; of two as near, the one before the other."""
+def joint_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
+    """The handle nearest to a pixel within ``reach`` pixels; of two as near, the one before the other."""
     found = []
-    for posed in posed_shapes:
-        pixels, depth = lens.project(posed.joints)
+    for one in stage:
+        pixels, depth = lens.project(one.handles)
         away = np.linalg.norm(pixels - at, axis=1)
-        for joint in np.flatnonzero(away <= reach):
-            found.append(Hit(posed.shape.id, int(joint), 1.0, float(away[joint]), float(depth[joint])))
+        for handle in np.flatnonzero(away <= reach):
+            found.append(Hit(one.id, int(handle), 1.0, float(away[handle]), float(depth[handle])))
     return min(found, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def bone_at(
-    posed_shapes: Iterable[PosedShape], lens: Lens, at: tuple[float, float], reach: float
-) -> Hit | None:
+def bone_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
     """The bone nearest to a pixel within ``reach`` pixels, and the place on it."""
     found = []
-    for posed in posed_shapes:
-        pixels, depth = lens.project(posed.joints)
-        for joint in range(1, len(posed.joints)):
-            parent = int(posed.shape.skeleton.parents[joint])
-            share, away = _nearest_on(pixels[parent], pixels[joint], np.array(at))
+    for one in stage:
+        pixels, depth = lens.project(one.handles)
+        for parent, handle in one.bones:
+            share, away = _nearest_on(pixels[parent], pixels[handle], np.array(at))
             if away <= reach:
-                along = _in_space(share, depth[parent], depth[joint])
-                deep = float(depth[parent] + along * (depth[joint] - depth[parent]))
-                found.append(Hit(posed.shape.id, joint, along, away, deep))
+                along = _in_space(share, depth[parent], depth[handle])
+                deep = float(depth[parent] + along * (depth[handle] - depth[parent]))
+                found.append(Hit(one.id, handle, along, away, deep))
     return min(found, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def surface_at(posed_shapes: Iterable[PosedShape], lens: Lens, at: tuple[float, float]) -> Hit | None:
-    """The mesh that the ray of a pixel meets first; ``joint`` is the bone that its place follows most."""
-    way, eye = lens.ray(at), lens.view.eye
-    best: Hit | None = None
-    for posed in posed_shapes:
-        mesh, skin = posed.shape.mesh, posed.shape.skin
-        if mesh is None or skin is None:
-            continue
-        face, distance = first_face(posed.surface(), mesh.faces, eye, way)
-        if face >= 0 and (best is None or distance < best.depth):
-            vertex = mesh.faces[face, 0]
-            bone = int(skin.indices[vertex, int(skin.weights[vertex].argmax())])
-            best = Hit(posed.shape.id, bone, 0.5, 0.0, distance)
-    return best
+def surface_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point) -> Hit | None:
+    """The surface that the ray of a pixel meets first, and the face that it meets."""
+    way, eye, found = lens.ray(at), lens.view.eye, list[Hit]()
+    for one in stage:
+        if one.character.mesh is not None:
+            face, distance = first_hit(one.vertices, one.character.mesh.faces, eye, way)
+            if face >= 0:
+                found.append(Hit(one.id, depth=distance, face=face))
+    return min(found, key=lambda hit: hit.depth, default=None)
 
 
-def crossings(posed_shapes: Iterable[PosedShape], lens: Lens, stroke: Float) -> list[Hit]:
+def crossings(stage: Iterable[StandingCharacter], lens: Lens, stroke: Float) -> list[Hit]:
     """The bones that a stroke (P, 2) of pixels crosses, in its order, each once and where."""
     found: list[Hit] = []
-    for posed in posed_shapes:
-        pixels, depth = lens.project(posed.joints)
-        for joint in range(1, len(posed.joints)):
-            parent = int(posed.shape.skeleton.parents[joint])
+    for one in stage:
+        pixels, depth = lens.project(one.handles)
+        for parent, handle in one.bones:
             for first, last in itertools.pairwise(stroke):
-                share = _crossing(pixels[parent], pixels[joint], first, last)
+                share = _crossing(pixels[parent], pixels[handle], first, last)
                 if share is not None:
-                    along = _in_space(share, depth[parent], depth[joint])
-                    deep = float(depth[parent] + along * (depth[joint] - depth[parent]))
-                    found.append(Hit(posed.shape.id, joint, along, 0.0, deep))
+                    along = _in_space(share, depth[parent], depth[handle])
+                    deep = float(depth[parent] + along * (depth[handle] - depth[parent]))
+                    found.append(Hit(one.id, handle, along, 0.0, deep))
                     break
     return found
 
@@ -164,23 +165,3 @@ def _crossing(a: Float, b: Float, c: Float, d: Float) -> float | None:
     share = (way[0] * second[1] - way[1] * second[0]) / determinant
     other = (way[0] * first[1] - way[1] * first[0]) / determinant
     return float(share) if 0.0 <= share <= 1.0 and 0.0 <= other <= 1.0 else None
-
-
-def first_face(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:
-    """The nearest face on a ray and how far it is (Moeller and Trumbore 1997); -1 for none."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    side, other = b - a, c - a
-    across = np.cross(way, other)
-    determinant = np.einsum("fi,fi->f", side, across)
-    safe = np.where(np.abs(determinant) > 1e-18, determinant, np.nan)
-    arm = eye - a
-    u = np.einsum("fi,fi->f", arm, across) / safe
-    turned = np.cross(arm, side)
-    v = turned @ way / safe
-    distance = np.einsum("fi,fi->f", other, turned) / safe
-    with np.errstate(invalid="ignore"):
-        met = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > _NEAREST)
-    if not met.any():
-        return -1, np.inf
-    face = int(np.where(met, distance, np.inf).argmin())
-    return face, float(distance[face])

@@ -1,33 +1,15 @@
-"""The shapes of a project at a moment, and the length of the project."""
+"""The length of a project."""
 
 from __future__ import annotations
 
 import math
 
-from enliven.document import Project, Shape
-from enliven.motion.layers import Player
-from enliven_viewer.studio.viewport.pose_at_time import PosedShape
+from enliven.document import Project
 
 _MOST = 4.0
 """Times its length that a project may play longer to end where all loops begin again together."""
 _ALMOST = 0.02
 """Share of a round by which loops may miss one another there: too little to be seen as a jump."""
-
-
-class Players:
-    """The players of a project's shapes; a player is kept while its shape stays the same."""
-
-    def __init__(self) -> None:
-        self._players: dict[str, tuple[Shape, Player]] = {}
-
-    def posed_shapes(self, project: Project, time: float) -> tuple[PosedShape, ...]:
-        """Every shape of the project at a time, seconds."""
-        self._players = {name: self._player(project, shape) for name, shape in project.shapes.items()}
-        return tuple(_posed(player, time) for _, player in self._players.values())
-
-    def _player(self, project: Project, shape: Shape) -> tuple[Shape, Player]:
-        known = self._players.get(shape.id)
-        return known if known is not None and known[0] is shape else (shape, Player(project, shape.id))
 
 
 def length_of(project: Project, shortest: float) -> float:
@@ -47,8 +29,3 @@ def length_of(project: Project, shortest: float) -> float:
         if all(abs(length / seconds - round(length / seconds)) < _ALMOST for seconds in rounds):
             return length
     return least
-
-
-def _posed(player: Player, time: float) -> PosedShape:
-    at = player.at(time)
-    return PosedShape(player.shape, at.turns, at.joints)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Project
+from enliven.document import Project, Shape
 from enliven.matching import best_view, equal_limbs
 from enliven.modeling.edits import (
     copy_character,
@@ -57,12 +57,10 @@ class Commands:
 
     def delete(self) -> None:
         """Remove the chosen joint, or else the chosen character."""
-        chosen, name = self.editor.selection, self._chosen()
-        if name is None:
-            return
-        if chosen.shape is not None and chosen.joint:
-            remove_joint(self.editor, chosen.shape, chosen.joint)
-        else:
+        name, joint = self._chosen(), self.editor.selection.handle
+        if name is not None and joint and self.editor.chosen(Shape) is not None:
+            remove_joint(self.editor, name, joint)
+        elif name is not None:
             self.editor.edit(f"delete {name}", lambda project: delete_character(project, name))
 
     def copy(self) -> None:
@@ -131,57 +129,49 @@ class Commands:
 
     def copy_motion(self) -> None:
         """Remember the motion of the chosen chain."""
-        chosen = self.editor.selection
-        if chosen.shape is None or len(chosen.chain) < 2:
-            self._want_chain()
-            return
-        self._motion = (chosen.shape, self._outwards(chosen.shape, chosen.chain))
-        self.editor.toasts.say("Copied the chain's motion", "Choose another chain and press Ctrl+Shift+V.")
+        chain = self._chosen_chain()
+        if chain is not None:
+            self._motion = chain
+            self.editor.toasts.say(
+                "Copied the chain's motion", "Choose another chain and press Ctrl+Shift+V."
+            )
 
     def paste_motion(self) -> None:
         """Add the remembered motion to the chosen chain, on top of its own."""
-        chosen = self.editor.selection
         if self._motion is None:
             self.editor.toasts.say("No motion was copied", "Choose a chain and press Ctrl+Shift+C first.")
-        elif chosen.shape is None or len(chosen.chain) < 2:
-            self._want_chain()
-        else:
-            source, chain = self._motion
-            shape, target, lens = chosen.shape, self._outwards(chosen.shape, chosen.chain), self.editor.lens
+            return
+        target, (source, chain), lens = self._chosen_chain(), self._motion, self.editor.lens
+        if target is not None:
+            view, up = lens.forward, lens.up
             self.editor.edit(
-                "paste motion",
-                lambda project: copy_motion(
-                    project, source, chain, shape, target, view=lens.forward, up=lens.up
-                ),
+                "paste motion", lambda p: copy_motion(p, source, chain, *target, view=view, up=up)
             )
 
     def spread(self) -> None:
         """Give the motion of the chosen limb to the limbs that are equal to it."""
-        chosen = self.editor.selection
-        joint = chosen.joint if chosen.joint is not None else (chosen.chain[-1] if chosen.chain else None)
-        if chosen.shape is None or joint is None:
+        chosen, shape = self.editor.selection, self.editor.chosen(Shape)
+        joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
+        if shape is None or joint is None:
             self.editor.toasts.say("No limb is chosen", "Click a node of the limb that moves.")
             return
-        shape = chosen.shape
-        groups = equal_limbs(self.editor.project.shapes[shape].skeleton)
+        groups = equal_limbs(shape.skeleton)
         group = next((group for group in groups if group.limb_of(joint) >= 0), None)
         if group is None:
             self.editor.toasts.say("No limb is equal to this one", "Copy its motion chain by chain instead.")
-            return
-        if self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape, group, joint)):
+        elif self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape.id, group, joint)):
             self.editor.toasts.say(f"{len(group.limbs)} limbs move alike", "Shift their bars for a delay.")
 
     def pin(self) -> None:
         """Keep the chosen foot where it stands while it touches the floor, or let it go."""
-        chosen = self.editor.selection
-        if chosen.shape is None or chosen.joint is None:
+        shape, joint = self.editor.chosen(Shape), self.editor.selection.handle
+        if shape is None or joint is None:
             self.editor.toasts.say("No foot is chosen", "Click the node of an ankle first.")
             return
-        shape, joint = chosen.shape, chosen.joint
-        name = self.editor.project.shapes[shape].skeleton.names[joint]
-        if any(pin.joint == name for pin in self.editor.project.shapes[shape].pins):
-            self.editor.edit(f"let {name} go", lambda project: unpin(project, shape, [joint]))
-        elif self.editor.edit(f"pin {name}", lambda project: pin_feet(project, shape, [joint])):
+        name = shape.handles[joint]
+        if any(pin.joint == name for pin in shape.pins):
+            self.editor.edit(f"let {name} go", lambda project: unpin(project, shape.id, [joint]))
+        elif self.editor.edit(f"pin {name}", lambda project: pin_feet(project, shape.id, [joint])):
             self.editor.toasts.say(f"{name} stays where it stands", "P lets it go again.")
 
     def best_view(self) -> None:
@@ -189,8 +179,10 @@ class Commands:
         shape = self._chosen_shape()
         if shape is None:
             return
-        starts, ends = self.editor.posed(shape).bones()
-        way = best_view(ends - starts, matching_view(self.editor.lens)).direction
+        posed = self.editor.posed(shape.id)
+        starts, ends = np.array(posed.bones).T
+        bones = posed.handles[ends] - posed.handles[starts]
+        way = best_view(bones, matching_view(self.editor.lens)).direction
         # From behind as much is seen, and never from below the floor.
         way = -way if way[1] > 0 else way
         azimuth, elevation = np.arctan2(-way[0], -way[2]), np.arcsin(np.clip(-way[1], -1.0, 1.0))
@@ -198,19 +190,16 @@ class Commands:
 
     def clear_motion(self) -> None:
         """Take all motion off the chosen chain, or off the whole chosen shape."""
-        chosen = self.editor.selection
-        if chosen.shape is None:
-            self._chosen_shape()
+        shape, chosen = self._chosen_shape(), self.editor.selection.chain
+        if shape is None:
             return
-        shape = chosen.shape
-        chains: Sequence[Sequence[int]] = [self._outwards(shape, chosen.chain)]
-        if len(chosen.chain) < 2:
-            parents = self.editor.project.shapes[shape].skeleton.parents
-            chains = [(0,), *((int(parents[j]), j) for j in range(1, len(parents)))]
+        chains: Sequence[Sequence[int]] = [_outwards(shape, chosen)]
+        if len(chosen) < 2:
+            chains = [(0,), *((int(parent), j) for j, parent in enumerate(shape.parents) if j)]
 
         def change(project: Project) -> Project:
             for chain in chains:
-                project = clear_chain(project, shape, chain)
+                project = clear_chain(project, shape.id, chain)
             return project
 
         self.editor.edit("clear motion", change)
@@ -226,19 +215,26 @@ class Commands:
             self.editor.toasts.say("Nothing is chosen", "Click a shape first.")
         return name
 
-    def _chosen_shape(self) -> str | None:
-        if self.editor.selection.shape is None:
-            self.editor.toasts.say("No shape is chosen", "Click one first.")
-        return self.editor.selection.shape
+    def _chosen_shape(self) -> Shape | None:
+        shape = self.editor.chosen(Shape)
+        if shape is None:
+            self.editor.toasts.say("No shape with bones is chosen", "Click one first.")
+        return shape
 
-    def _want_chain(self) -> None:
-        self.editor.toasts.say("No chain is chosen", "Click the joint where it begins, Shift-click its end.")
-
-    def _outwards(self, shape: str, chain: tuple[int, ...]) -> tuple[int, ...]:
-        """The chain in the order from the root to the end."""
-        parents = self.editor.project.shapes[shape].skeleton.parents
-        return chain[::-1] if len(chain) > 1 and parents[chain[0]] == chain[1] else chain
+    def _chosen_chain(self) -> tuple[str, tuple[int, ...]] | None:
+        """The chosen shape and chain, which is told to be missing where it is."""
+        shape, chain = self.editor.chosen(Shape), self.editor.selection.chain
+        if shape is not None and len(chain) > 1:
+            return shape.id, _outwards(shape, chain)
+        said = "Click the joint where it begins, Shift-click its end."
+        self.editor.toasts.say("No chain is chosen", said)
+        return None
 
     def _aside(self, source: Project, name: str) -> Float:
         """(3,) metres, an offset to the right of the view by about the character's width."""
         return aside(self.editor, source.characters[name])
+
+
+def _outwards(shape: Shape, chain: tuple[int, ...]) -> tuple[int, ...]:
+    """The chain in the order from the root to the end."""
+    return chain[::-1] if len(chain) > 1 and shape.parents[chain[0]] == chain[1] else chain

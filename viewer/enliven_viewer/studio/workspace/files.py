@@ -7,18 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.document import Project, Puppet, unused
+from enliven.document import Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
-from enliven.examples import missing
 from enliven.exporters import exporter_of, performance_of
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, fit_height, load_mesh
-from enliven.modeling.edits import paste_character
+from enliven.modeling.edits import move_character, paste_character, rig_of
 from enliven.modeling.puppet import make_puppet
-from enliven.takes import read_take
+from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.viewport import with_performance
 
 MODELS = (".glb", ".gltf")
 MESHES = (".obj", ".ply", ".stl", ".off")
@@ -58,8 +56,23 @@ def add_file(editor: Editor, path: Path) -> None:
         raise InputError(what, where=str(path), mend=f"Known: {known}.")
 
 
-def export(project: Project, path: Path) -> str:
-    """Write every shape that has a surface, every possessed mesh and every puppet that moves into one GLB.
+def exportable(project: Project) -> list[RigBase]:
+    """The characters that have a surface and lack nothing to move.
+
+    Raises:
+        InputError: where there is none, with what the first one lacks.
+    """
+    solid = [one for one in project.characters.values() if one.mesh is not None]
+    lacking = [rig_of(one).lacking(project, one) for one in solid]
+    found = [one for one, lacks in zip(solid, lacking, strict=True) if not lacks]
+    if not found:
+        mend = " ".join(lacking[0]) if lacking else "Sketch one, or open a model."
+        raise InputError("nothing has a surface that moves", where="export", mend=mend)
+    return found
+
+
+def export(project: Project, path: Path, chosen: list[RigBase] | None = None) -> str:
+    """Write characters into one file; by default all that are exportable.
 
     Returns:
         What was written, with how far baked puppets are from what is seen, as a sentence.
@@ -68,28 +81,11 @@ def export(project: Project, path: Path) -> str:
         InputError: where there is none.
         ResourceError: where the file cannot be written.
     """
-    solid = [shape for shape in project.shapes.values() if shape.mesh is not None]
-    acting = [puppet for puppet in project.puppets.values() if moves(project, puppet)]
-    if not solid and not project.graphs and not acting:
-        mend = "Sketch one, or open a model."
-        if project.puppets:
-            name = next(iter(project.puppets))
-            mend = " ".join(missing(project, project.puppets[name])) or f"Choose a take for {name}."
-        raise InputError("nothing has a surface that moves", where="export", mend=mend)
     exporter = exporter_of(path)
-    chosen = [*solid, *project.graphs.values(), *acting]
-    made = [performance_of(project, character) for character in chosen]
+    made = [performance_of(project, character) for character in chosen or exportable(project)]
     exporter.write(path, made, path.stem)
     said = f"Wrote {len(made)} shape{'s' * (len(made) != 1)} to {path.name}"
-    for one in made:
-        if one.error is not None:
-            said += f". {one.name} is {one.error}"
-    return said
-
-
-def moves(project: Project, puppet: Puppet) -> bool:
-    """Whether a puppet plays something."""
-    return any(not layer.muted for layer in puppet.layers) and not missing(project, puppet)
+    return said + "".join(f". {one.name} is {one.error}" for one in made if one.error is not None)
 
 
 def save_session(project: Project, puppet_id: str, path: Path) -> None:
@@ -144,10 +140,10 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
         if box is None:
             return project
         aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _BESIDE
-        return project.with_characters(project.puppets[name].with_changes(place=[aside, 0.0, 0.0]))
+        return move_character(project, name, [aside, 0.0, 0.0])
 
     if editor.edit(f"open {path.name}", add):
-        editor.puppets.choose(made[-1])
+        editor.choose(made[-1])
         _tell(editor, path, notes, "It is a puppet: put control points on it with K.")
         editor.frame_all()
 
@@ -165,7 +161,7 @@ def _add_session(editor: Editor, path: Path) -> None:
         return project
 
     if editor.edit(f"open {path.name}", add):
-        editor.puppets.choose(made[-1])
+        editor.choose(made[-1])
         _tell(editor, path, session.notes, "")
         editor.frame_all()
 
@@ -198,6 +194,35 @@ def _add_performance(editor: Editor, path: Path) -> None:
             mend = f"Choose a take in the performer's view for {editor.puppets.puppet.id}."
         editor.toasts.say(f"{path.name} brought {', '.join(added)}", mend)
         editor.frame_all()
+
+
+def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:
+    """The project with the possessed meshes of a recorded take, and its performers as takes to map.
+
+    Returns:
+        The project, and the ids of all that was added.
+
+    Raises:
+        InputError: where the file is no recording, or nothing in it moves.
+    """
+    added, refused = list[str](), list[InputError]()
+    try:
+        source = read_possessed(path)
+        for name in source.characters:
+            project, made = paste_character(project, source, name)
+            added.append(made)
+    except InputError as error:
+        refused.append(error)
+    try:
+        for clip in clips_of_recording(path):
+            named = replace(clip, id=unused(path.stem, project.takes))
+            project = project.with_takes(named)
+            added.append(named.id)
+    except InputError as error:
+        refused.append(error)
+    if not added:
+        raise refused[0]
+    return project, tuple(added)
 
 
 def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import AnyRig, Project, unused
+from enliven.document import Project, Puppet, RigBase, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.edits import move_character, rig_of, vertices_of
-from enliven.modeling.puppet import make_puppet
+from enliven.modeling.puppet import bake_puppet, make_puppet
 from enliven_viewer.studio.editor import Editor
 
 _ASIDE = 0.3
@@ -67,22 +67,50 @@ class PuppetCommands:
 
     def bake(self) -> bool:
         """Make a possessed mesh of the puppet, which does what it does and can be merged with others."""
-        puppet = self.editor.puppets.puppet
+        puppet, editor = self.editor.puppets.puppet, self.editor
         if puppet is None:
-            self.editor.toasts.say("No puppet is chosen", "Click one first.")
+            editor.toasts.say("No puppet is chosen", "Click one first.")
             return False
-        self.editor.puppets.baking.begin(puppet)
+        project = editor.project
+        editor.beside.begin(
+            f"Baking {puppet.id}", lambda: bake_puppet(project, puppet.id), self._put_baked(puppet)
+        )
         return True
 
+    def _put_baked(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
+        """What puts a baked puppet into the project, unless it was changed meanwhile."""
+
+        def put(baked: tuple[Project, str, object]) -> None:
+            made, name, error = baked
+            shape = made.characters[name]
+
+            def change(project: Project) -> Project:
+                if project.characters.get(puppet.id) is not puppet:
+                    what = "it was changed while it was baked"
+                    raise InputError(what, where=puppet.where, mend="Bake it again.")
+                streams = [made.streams[stream] for stream in shape.needed()["streams"]]
+                return project.without(puppet.id).with_streams(*streams).with_characters(shape)
+
+            if self.editor.edit(f"bake {puppet.id}", change):
+                self.editor.choose(name)
+                self.editor.toasts.say(f"{name} is a possessed mesh now", f"It is {error}. Ctrl+Z goes back.")
+
+        return put
+
     def _chosen_mesh(self) -> tuple[str, Mesh] | None:
-        editor, name = self.editor, self.editor.selection.shape or self.editor.selection.graph
-        mesh = None if name is None else editor.project.characters[name].mesh
-        if name is None or mesh is None or not len(mesh.faces):
+        editor, chosen = self.editor, self.editor.chosen()
+        if (
+            chosen is None
+            or chosen is editor.puppets.puppet
+            or chosen.mesh is None
+            or not len(chosen.mesh.faces)
+        ):
             return None
-        return name, replace(mesh, vertices=vertices_of(editor.project, name, editor.time))
+        seen = vertices_of(editor.project, chosen.id, editor.time)
+        return chosen.id, replace(chosen.mesh, vertices=seen)
 
 
-def aside(editor: Editor, character: AnyRig) -> Float:
+def aside(editor: Editor, character: RigBase) -> Float:
     """(3,) metres, an offset to the right of the view by about the character's width."""
     right = editor.lens.view.camera_from_world[0, :3]
     way = np.asarray(right * (float(np.ptp(rig_of(character).rest(character) @ right)) + _ASIDE))

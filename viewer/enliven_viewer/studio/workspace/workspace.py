@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from enliven.document import Project
+from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import Exporting
+from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.timeline import TimelineInput
@@ -22,15 +22,16 @@ from enliven_viewer.studio.workspace.files import (
     TAKES,
     add_file,
     export,
-    moves,
+    exportable,
     save_session,
 )
-from enliven_viewer.studio.workspace.go_to import begin_pose, edit_pose
 from enliven_viewer.studio.workspace.input import ViewportInput
 from enliven_viewer.studio.workspace.project_store import PROJECT, ProjectStore
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in the window's pixels."""
+_ROOM = 1.35
+"""How much air is left around a puppet that is brought into the picture."""
 
 
 class Workspace:
@@ -49,13 +50,11 @@ class Workspace:
         self.editor = editor
         self.input = ViewportInput(editor, Commands(editor, self.ask))
         self.timeline = TimelineInput(editor)
-        self.timeline.puppets.edit_pose = lambda number: edit_pose(self, number)
-        self.timeline.puppets.begin_pose = lambda take, seconds: begin_pose(self, take, seconds)
-        self.input.first = self.timeline.type
+        self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
+        self.input.first = self.timeline.rows.type
         self.puppets = editor.puppets
-        self.performer, self.coverages = PerformerView(editor), self.timeline.puppets.coverages
+        self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
         self.store = ProjectStore(editor, folder)
-        self.exporting = Exporting(editor.toasts)
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
@@ -112,7 +111,7 @@ class Workspace:
         elif dialogue == "export":
             self._export(path)
         elif dialogue == "session":
-            save_session(self.editor.project, self.editor.selection.puppet or "", path)
+            save_session(self.editor.project, self.editor.selection.character or "", path)
             self.editor.toasts.say(f"Saved {path.name}", "`enliven examples fit` plays it without a window.")
         else:
             try:
@@ -137,6 +136,45 @@ class Workspace:
     def cancel(self) -> None:
         """Close the dialogue; nothing goes on."""
         self.asking, self._after, self._wanted = "", "", None
+
+    def edit_pose(self, number: int) -> None:
+        """Edit a key pose at its moment: playhead, tool and second view go there together."""
+        puppet = self.puppets.puppet
+        if puppet is not None and 0 <= number < len(puppet.poses):
+            self._go_to(puppet, puppet.poses[number].take, puppet.poses[number].time)
+            self.puppets.edit_pose(number)
+            self._bring_into_view()
+
+    def begin_pose(self, take: str, seconds: float) -> None:
+        """Make a key pose for a second of a take, and edit it."""
+        clip, puppet = self.editor.project.takes[take], self.puppets.puppet
+        frame = min(max(round(seconds / clip.step), 0), len(clip.turns) - 1)
+        if puppet is not None:
+            self._go_to(puppet, take, frame * clip.step)
+            self.puppets.begin_pose(take, frame * clip.step)
+            self._bring_into_view()
+
+    def _go_to(self, puppet: Puppet, take: str, seconds: float) -> None:
+        """The playhead to a second of a take, where the puppet plays it; the second view shows that take."""
+        if self.input.tool.name != "puppet":
+            self.input.take("puppet")
+        self.puppets.accept()
+        number = layer_of(puppet, self.editor.selection.layer, take)
+        if number is not None:
+            self.editor.select(layer=number)
+            length = self.editor.project.takes[take].duration
+            self.editor.scrub(puppet.layers[number].time_of(seconds, length))
+        self.performer.show(take)
+
+    def _bring_into_view(self) -> None:
+        """Move the camera to the puppet where it is not wholly in the picture: it may have walked away."""
+        editor, standing = self.editor, self.puppets.shown
+        if standing is None:
+            return
+        pixels = editor.lens.project(standing.vertices[:: max(len(standing.vertices) // 2000, 1)])[0]
+        if not ((pixels >= 0) & (pixels <= editor.size)).all():
+            box = standing.vertices.min(0), standing.vertices.max(0)
+            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
 
     def attempt(self, command: Callable[[], object]) -> bool:
         """Call a function; show its EnlivenError as a message and return False where it raises one."""
@@ -167,12 +205,15 @@ class Workspace:
         self.widgets[name] = (low.x, low.y, high.x, high.y)
 
     def _export(self, path: Path) -> None:
-        """Write the GLB: at once, or beside the window where a puppet is to be baked."""
-        project = self.editor.project
-        if any(moves(project, puppet) for puppet in project.puppets.values()):
-            self.exporting.begin(path.name, lambda: export(project, path))
-        else:
-            self.editor.toasts.say(export(project, path))
+        """Write the GLB beside the window, since surfaces may have to be solved for it."""
+        project, toasts = self.editor.project, self.editor.toasts
+        chosen = exportable(project)
+
+        def tell(said: str) -> None:
+            first, _, rest = said.partition(". ")
+            toasts.say(first, rest)
+
+        self.editor.beside.begin(f"Writing {path.name}", lambda: export(project, path, chosen), tell)
 
     def _browse(self, dialogue: str) -> None:
         folder = self.store.path.parent if self.store.path else Path.cwd()
@@ -182,9 +223,9 @@ class Workspace:
             "export": (".glb",),
             "session": SESSIONS,
         }[dialogue]
-        puppet, unnamed = self.editor.selection.puppet, self.store.path is None
-        about_it = dialogue == "session" or (dialogue == "export" and unnamed and puppet is not None)
-        stem = puppet if about_it else self.store.name
+        puppet, unnamed = self.editor.puppets.puppet, self.store.path is None
+        about_it = dialogue == "session" or (dialogue == "export" and unnamed)
+        stem = puppet.id if puppet is not None and about_it else self.store.name
         name = "" if dialogue == "open" else f"{stem}{endings[0]}"
         own = self.store.path if dialogue == "save as" else None
         self.browser = FileBrowser(folder, endings, name, dialogue != "open", own)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
-from enliven.examples import missing
-from enliven.modeling.edits import rename_character
-from enliven_viewer.studio.panels.examples.motion import draw_held, draw_layer
+from enliven.modeling.edits import rig_of
+from enliven_viewer.studio.examples import layer_of
+from enliven_viewer.studio.panels.examples.motion import draw_held
 from enliven_viewer.studio.panels.examples.points import draw_points
 from enliven_viewer.studio.panels.examples.settings import draw_settings
+from enliven_viewer.studio.panels.fields import character_name, told
+from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.style import packed, panel, small, tinted
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
@@ -30,8 +32,9 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
         draw_status(workspace, puppet)
         draw_points(workspace, puppet)
         puppet = workspace.editor.puppets.puppet
-        if puppet is not None and puppet.layers:
-            draw_layer(workspace, puppet)
+        number = None if puppet is None else layer_of(puppet, workspace.editor.selection.layer)
+        if puppet is not None and number is not None:
+            draw_layer(workspace, puppet, number)
             draw_held(workspace, puppet)
         if puppet is not None:
             draw_settings(workspace, puppet)
@@ -41,33 +44,21 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
     """Draw the button back to the side panel, and the puppet's name."""
     if imgui.button(_BACK, ImVec2(30, 0)):
         workspace.editor.puppets.accept()
-        workspace.editor.puppets.choose(None)
+        workspace.editor.choose(None)
     workspace.remember("all shapes")
-    if imgui.is_item_hovered():
-        imgui.set_tooltip("Back to everything that is on the stage")
+    told("Back to everything that is on the stage")
     imgui.same_line()
-    imgui.set_next_item_width(-1)
-    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-    typed, wanted = imgui.input_text("##puppet name", puppet.id, flags)
-    workspace.remember("name")
-    wanted = wanted.strip()
-    if typed and wanted and wanted != puppet.id:
-        point, layer = workspace.editor.selection.point, workspace.editor.selection.puppet_layer
-        if workspace.editor.edit("rename", lambda project: rename_character(project, puppet.id, wanted)):
-            workspace.editor.select(puppet=wanted)
-            workspace.editor.select(point=point, puppet_layer=layer)
+    character_name(workspace, puppet)
 
 
 def draw_status(workspace: Workspace, puppet: Puppet) -> None:
     """Show what the puppet lacks to move, or the error that keeps it from moving, or that it moves."""
     project, solving = workspace.editor.project, workspace.editor.solving
-    lacking, problem = missing(project, puppet), solving.problem(puppet.id)
+    lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
         _box(workspace, ACCENT, "Before it moves", _gathered(lacking))
     elif problem is not None:
         _box(workspace, BAD, "It cannot move like this", (problem.what, problem.mend))
-    elif not puppet.layers:
-        _box(workspace, ACCENT, "Before it moves", ("Choose a take for it, in the performer's view.",))
     else:
         count = len(puppet.poses)
         doubled = " and their mirror images" if puppet.symmetry is not None else ""

@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import layer_of
+from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
 from enliven_viewer.studio.places import Area
@@ -51,8 +52,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
         if imgui.button("Play it", ImVec2(78, 0)):
             view.play()
         workspace.remember("play take")
-        if imgui.is_item_hovered():
-            imgui.set_tooltip("The puppet plays this take too, as a layer of its own")
+        told("The puppet plays this take too, as a layer of its own")
     imgui.same_line()
     if view.linked:
         imgui.push_style_color(imgui.Col_.text, packed(ACCENT))
@@ -62,8 +62,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
     if linked:
         imgui.pop_style_color()
     workspace.remember("linked")
-    if imgui.is_item_hovered():
-        imgui.set_tooltip("Both views turn together")
+    told("Both views turn together")
 
 
 def _picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | None) -> None:

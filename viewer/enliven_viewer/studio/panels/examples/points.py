@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import ControlPoint, Project, Puppet
@@ -10,6 +12,7 @@ from enliven.modeling.mesh import extremities
 from enliven.modeling.puppet import change_point, set_symmetry
 from enliven_viewer.studio.examples import turned_a_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding
+from enliven_viewer.studio.panels.fields import Change, name_field, slider, switch, told
 from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
 from enliven_viewer.studio.puppets import plane_for
 from enliven_viewer.studio.workspace import Workspace
@@ -48,8 +51,7 @@ def _standing(workspace: Workspace, puppet: Puppet) -> None:
         if imgui.button(label, half):
             _stand(workspace, puppet.id, label, axis)
         workspace.remember(label.lower())
-        if imgui.is_item_hovered():
-            imgui.set_tooltip(said)
+        told(said)
         if axis == "x":
             imgui.same_line()
 
@@ -64,7 +66,7 @@ def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint)
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     puppets = workspace.editor.puppets
     if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW - 4)):
-        puppets.choose(puppet.id, None if puppets.point == number else number)
+        workspace.editor.choose(puppet.id, None if puppets.point == number else number)
     workspace.remember(f"point {point.name}")
     hovered, chosen = imgui.is_item_hovered(), puppets.point == number
     draw = imgui.get_window_draw_list()
@@ -92,42 +94,22 @@ def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     def change(what: str, **changes: object) -> bool:
         return editor.edit(what, lambda project: change_point(project, puppet.id, name, **changes))
 
+    def edit(field: str, of: Callable[[float], object]) -> Change:
+        return lambda project, value: change_point(project, puppet.id, name, **{field: of(value)})
+
     imgui.indent(22)
-    imgui.set_next_item_width(-1)
-    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-    typed, wanted = imgui.input_text("##point name", name, flags)
-    workspace.remember("point name")
-    if typed and wanted.strip() and wanted.strip() != name:
-        change("rename a control point", name=wanted.strip())
-        imgui.unindent(22)
-        return
+    name_field(workspace, "point name", name, lambda to: change("rename a control point", name=to))
     _joint(workspace, puppet, point)
-    toggled, foot = imgui.checkbox("foot", point.foot)
-    workspace.remember("foot")
-    if imgui.is_item_hovered():
-        imgui.set_tooltip("The puppet can stand on it, and walks by it")
-    if toggled:
-        change("foot", foot=foot)
+    switch(workspace, "foot", point.foot, edit("foot", bool), "The puppet can stand on it, and walks by it")
     imgui.same_line()
-    toggled, soft = imgui.checkbox("soft", point.weight is not None)
-    if imgui.is_item_hovered():
-        imgui.set_tooltip("The surface is pulled towards it, and need not reach it")
-    if toggled:
-        change("soft" if soft else "hard", weight=1.0 if soft else None)
+    tip = "The surface is pulled towards it, and need not reach it"
+    switch(workspace, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
     imgui.same_line()
     if imgui.button("Remove"):
         editor.puppets.remove_point()
     workspace.remember("remove point")
     if point.weight is not None:
-        imgui.set_next_item_width(-1)
-        log = imgui.SliderFlags_.logarithmic
-        changed, weight = imgui.slider_float("##weight", point.weight, 0.01, 100.0, "pulls by %.2f", log)
-        if changed:
-            editor.sketch(lambda project: change_point(project, puppet.id, name, weight=weight))
-        if imgui.is_item_deactivated_after_edit():
-            now = editor.project.puppets[puppet.id]
-            last = now.points[now.index(name)].weight
-            change("how hard it pulls", weight=last)
+        slider(workspace, "weight", point.weight, 0.01, 100.0, "pulls by %.2f", edit("weight", float))
     draw_holding(workspace, puppet)
     imgui.unindent(22)
 
@@ -157,8 +139,7 @@ def _buttons(workspace: Workspace, puppet: Puppet) -> None:
     if imgui.button("Suggest points", half):
         suggest(workspace, puppet)
     workspace.remember("suggest points")
-    if imgui.is_item_hovered():
-        imgui.set_tooltip("Control points at the ends of the limbs")
+    told("Control points at the ends of the limbs")
     imgui.same_line()
     take = workspace.performer.take
     open_ones = [point.name for point in puppet.points if not point.joint]
@@ -185,8 +166,7 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
     editor = workspace.editor
     toggled, on = imgui.checkbox("symmetric", puppet.symmetry is not None)
     workspace.remember("symmetric")
-    if imgui.is_item_hovered():
-        imgui.set_tooltip("Every example counts for its mirror image too: pose one side, and both are shown")
+    told("Every example counts for its mirror image too: pose one side, and both are shown")
     if toggled:
         set_mirrored(workspace, puppet, on)
         return
@@ -198,8 +178,7 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
         imgui.text_unformatted(_AXES[normal.index(max(normal))])
     toggled, on = imgui.checkbox("edit both sides at once", editor.puppets.symmetric)
     workspace.remember("both sides")
-    if imgui.is_item_hovered():
-        imgui.set_tooltip("Control points are put and dragged together with their mirror image")
+    told("Control points are put and dragged together with their mirror image")
     if toggled:
         editor.puppets.set_symmetric(on)
 

@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven_viewer.studio.examples import with_default_settings, with_setting
+from enliven_viewer.studio.panels.fields import Change, slider, switch, told
 from enliven_viewer.studio.panels.style import tinted
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import PRESSED, RAISED
@@ -33,43 +34,21 @@ def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
     if not opened:
         return
     for group, name, label, low, high, said in _NUMBERS:
-        _number(workspace, puppet, group, name, label, low, high, said)
+        held, change = getattr(puppet, group), _changing(puppet.id, group, name)
+        value = getattr(held, name)
+        if isinstance(value, bool):
+            switch(workspace, label, value, change, _doc(held, name))
+        else:
+            slider(workspace, f"setting {label}", value, low, high, said, change)
+            told(_doc(held, name))
     if imgui.button("Reset"):
         workspace.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
     workspace.remember("reset settings")
 
 
-def _number(
-    workspace: Workspace,
-    puppet: Puppet,
-    group: str,
-    name: str,
-    label: str,
-    low: float,
-    high: float,
-    said: str,
-) -> None:
-    """Draw a slider of a setting: a draft while it is dragged, one edit when it is let go."""
-    editor, value = workspace.editor, getattr(getattr(puppet, group), name)
-    changed, wanted = False, value
-    if isinstance(value, bool):
-        changed, wanted = imgui.checkbox(label, value)
-    elif isinstance(value, int):
-        imgui.set_next_item_width(-1)
-        changed, wanted = imgui.slider_int(f"##{name}", value, int(low), int(high), said)
-    else:
-        imgui.set_next_item_width(-1)
-        changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said)
-    workspace.remember(f"setting {name}")
-    if imgui.is_item_hovered():
-        imgui.set_tooltip(_doc(getattr(puppet, group), name))
-    if changed and isinstance(value, bool):
-        editor.edit(f"change {label}", lambda p: with_setting(p, puppet.id, group, name, wanted))
-    elif changed:
-        editor.sketch(lambda p: with_setting(p, puppet.id, group, name, wanted))
-    if imgui.is_item_deactivated_after_edit() and not isinstance(value, bool):
-        last = getattr(getattr(editor.project.puppets[puppet.id], group), name)
-        editor.edit(f"change {label}", lambda p: with_setting(p, puppet.id, group, name, last))
+def _changing(puppet: str, group: str, name: str) -> Change:
+    """The edit that gives a setting a value."""
+    return lambda project, value: with_setting(project, puppet, group, name, value)
 
 
 def _doc(settings: object, name: str) -> str:

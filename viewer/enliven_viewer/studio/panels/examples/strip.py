@@ -9,10 +9,11 @@ from enliven.modeling.puppet import remove_key_pose
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
+from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.workspace import Workspace, begin_pose, edit_pose
+from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED
 
 TILE = ImVec2(88, 80)
@@ -86,7 +87,7 @@ def _said(coverage: TakeCoverage, count: int) -> str:
 def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """Draw the buttons for the edited key pose."""
     labels = ("Done", "Cancel", "Duplicate", "Mirror", "Here", "Remove")
-    told = {
+    meant = {
         "Done": "Keep it, and let the puppet play (Enter)",
         "Cancel": "Put it back as it was",
         "Duplicate": "The same pose for a moment half a second on",
@@ -103,8 +104,7 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
         if label == "Done":
             imgui.pop_style_color()
         workspace.remember(f"pose {label}")
-        if imgui.is_item_hovered():
-            imgui.set_tooltip(told[label])
+        told(meant[label])
         if pressed:
             run_pose_command(workspace, puppet, number, label)
 
@@ -117,7 +117,7 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
     elif label == "Cancel":
         editor.puppets.cancel()
     elif label == "Edit":
-        edit_pose(workspace, number)
+        workspace.edit_pose(number)
     elif label == "Remove":
         editor.puppets.accept()
         editor.edit("remove a key pose", lambda project: remove_key_pose(project, name, number))
@@ -128,7 +128,7 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
         make = duplicated if label == "Duplicate" else mirrored_copy
         moment = _free_moment(workspace, puppet, number)
         if editor.edit(f"{label.lower()} a key pose", lambda p: make(p, name, number, key.take, moment)):
-            edit_pose(workspace, len(puppet.poses))
+            workspace.edit_pose(len(puppet.poses))
 
 
 def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
@@ -162,7 +162,7 @@ def _plus(workspace: Workspace, puppet: Puppet) -> None:
     imgui.end_group()
     imgui.end_disabled()
     if pressed and moment is not None:
-        begin_pose(workspace, *moment)
+        workspace.begin_pose(*moment)
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip("A key pose for what the performer does now")
 
@@ -173,7 +173,7 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
     if imgui.invisible_button(f"##pose {number}", TILE):
-        edit_pose(workspace, number)
+        workspace.edit_pose(number)
     workspace.remember(f"key pose {place}")
     hovered = imgui.is_item_hovered()
     if imgui.begin_popup_context_item(f"##of pose {number}"):
@@ -223,7 +223,7 @@ def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None)
         origin = imgui.get_cursor_screen_pos()
         imgui.begin_group()
         if imgui.invisible_button(f"##ghost {place}", TILE):
-            begin_pose(workspace, coverage.take, seconds)
+            workspace.begin_pose(coverage.take, seconds)
         workspace.remember(f"suggested {place + 1}")
         hovered = imgui.is_item_hovered()
         draw = imgui.get_window_draw_list()

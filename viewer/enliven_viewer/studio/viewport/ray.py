@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Int, Int32
 from enliven.kernels import njit
 
-_NEAREST = 1e-3
+NEAREST = 1e-3
 """Metres before the eye: what is nearer, or behind it, cannot be picked."""
 
 
@@ -59,6 +59,6 @@ def _first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[i
         if v < 0.0 or u + v > 1.0:
             continue
         distance = (ox * qx + oy * qy + oz * qz) / determinant
-        if _NEAREST < distance < nearest:
+        if NEAREST < distance < nearest:
             best, nearest = f, distance
     return best, nearest

@@ -1,0 +1,210 @@
+"""Characters that clients put on a running stage: what stands there stays until a good one comes."""
+
+import hashlib
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from patience import PATIENCE
+from sample_meshes.chair import make_chair
+
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.document.project import Project
+from enliven.errors import InputError
+from enliven.formats.project import character_bytes, project_of_mesh
+from enliven.samples import cactus_project
+from enliven.wire import MAX_PART_BYTES, MAX_SENT_BYTES, Awaited, CharacterPart, Done, PutCharacter
+from enliven_edge import arrivals as module
+from enliven_edge.arrivals import Arrivals
+from enliven_edge.settings import EdgeSettings
+from enliven_edge.stage.stage import Stage
+
+from .matching.rigs_for_stage import star
+from .stage.test_stage import FRAME, farthest, person
+
+MESH = make_chair(0.05)
+CHAIR = character_bytes(project_of_mesh(MESH, "chair"), "chair")
+SETTINGS = EdgeSettings(nodes=32)
+
+
+def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
+    return PutCharacter(name, revision, hashlib.sha256(data).digest(), len(data), fit)
+
+
+def send(arrivals: Arrivals, data: bytes, order: PutCharacter, step=MAX_PART_BYTES) -> int:
+    """Does what a client does until the character stands there; returns how many parts were sent."""
+    parts, deadline = 0, time.monotonic() + PATIENCE
+    while (answer := arrivals.put(order)) != Done():
+        assert isinstance(answer, Awaited) and time.monotonic() < deadline
+        at = answer.received
+        while at < len(data):
+            part = CharacterPart(order.id, order.digest, at, data[at : at + step])
+            at, parts = arrivals.take(part).received, parts + 1
+        arrivals.poll()
+        time.sleep(0.001)
+    return parts
+
+
+def possessed(x=0.0) -> Stage:
+    graph = DeformationGraph.build(MESH, nodes=32, seed=0)
+    stage = Stage([EmbeddedActor(character_from(MESH, graph, "chair"), graph, ActorSettings(fade=0.1))])
+    stage.perform([person(x=x)], 0)
+    stage.possess("chair")
+    return stage
+
+
+@pytest.mark.parametrize(
+    ("project", "name", "kind"),
+    [
+        (project_of_mesh(MESH, "chair"), "chair", "graph"),
+        (Project().with_characters(star()), "star", "bones"),
+        (cactus_project(), "cactus", "points"),
+    ],
+    ids=("possessed", "rigged", "puppet"),
+)
+def test_a_character_of_any_rig_is_put_and_performs_and_equal_data_is_sent_once(project, name, kind):
+    stage = Stage()
+    arrivals, data = Arrivals(stage, SETTINGS), character_bytes(project, name)
+    assert send(arrivals, data, order_of(data, "guest"), 1000) == -(-len(data) // 1000)
+    assert stage.characters["guest"].kind == kind and arrivals.revisions == {"guest": 1}
+    assert [pose.character for pose in stage.perform([person()], FRAME)] == ["guest"]
+    assert send(arrivals, data, order_of(data, "guest", 2)) == 0
+    stage.remove("guest")
+    arrivals.poll()
+    assert arrivals.revisions == {} and send(arrivals, data, order_of(data, "guest", 3)) > 0
+
+
+def test_who_holds_a_character_goes_on_in_its_next_revision():
+    """The chair is edited while its performer stands elsewhere with a knee up: nothing jumps, it stays up."""
+    stage = possessed()
+    arrivals = Arrivals(stage, SETTINGS)
+    for i in range(1, 25):
+        before = stage.perform([person(x=0.02 * i, lift=0.03 * i)], i * FRAME)[0]
+    taller = replace(MESH, vertices=MESH.vertices * [1.0, 1.02, 1.0])
+    data = character_bytes(project_of_mesh(taller, "chair"), "chair")
+    shape = lambda pose: np.sort(pose.positions, axis=0)[[2, -3]]  # noqa: E731
+    send(arrivals, data, order_of(data))
+    assert (
+        stage.holders == {1}
+        and stage.actors["chair"].character.vertices[:, 1].max() > 1.01 * MESH.vertices[:, 1].max()
+    )
+    after = [stage.perform([person(x=0.48, lift=0.72)], i * FRAME)[0] for i in range(25, 60)]
+    assert np.abs(shape(after[0]) - shape(before)).max() < 0.05, "it is where it was"
+    assert farthest(after[0], after[-1]) < 0.03, "it has arrived with its first frame"
+    stage.release("chair")
+    send(arrivals, CHAIR, order_of(CHAIR, revision=2))
+    assert not stage.holders
+
+
+@settings(max_examples=12)
+@given(st.data())
+def test_no_sequence_of_messages_harms_what_stands_there(data):
+    stage = possessed()
+    arrivals, stood = Arrivals(stage, SETTINGS), stage.actors["chair"]
+    names, digests = (
+        st.sampled_from(["chair", "b", "c", "d", "e", "f"]),
+        st.sampled_from([bytes(32), b"\1" * 32]),
+    )
+    sizes = st.sampled_from([1, 5, MAX_SENT_BYTES // 2, MAX_SENT_BYTES])
+    puts = st.builds(PutCharacter, names, st.integers(1, 3), digests, sizes, st.booleans())
+    parts = st.builds(CharacterPart, names, digests, st.integers(0, 6), st.binary(max_size=6))
+    for message in data.draw(st.lists(puts | parts, max_size=25)):
+        try:
+            (arrivals.put if isinstance(message, PutCharacter) else arrivals.take)(message)
+        except InputError as error:
+            assert error.mend
+        assert sum(each.order.size for each in arrivals._waiting.values()) <= MAX_SENT_BYTES
+        assert len(arrivals._waiting) <= 4
+    deadline = time.monotonic() + PATIENCE
+    while arrivals._complete or arrivals._under_way:
+        arrivals.poll()
+        assert time.monotonic() < deadline
+    assert list(stage.actors) == ["chair"] and stage.actors["chair"] is stood and stage.holders == {1}
+
+
+@settings(max_examples=15)
+@given(st.integers(0, len(CHAIR) - 1), st.integers(1, 255), st.booleans())
+def test_data_that_is_cut_or_changed_is_refused_in_a_sentence(at, by, cut):
+    data = CHAIR[:at] + (b"" if cut else bytes([CHAIR[at] ^ by]) + CHAIR[at + 1 :])
+    stage = Stage()
+    arrivals = Arrivals(stage, SETTINGS)
+    try:
+        send(arrivals, data or b"x", order_of(data or b"x"))
+    except InputError as error:
+        assert error.what and not stage.actors
+        with pytest.raises(InputError):
+            arrivals.put(order_of(data or b"x"))
+    else:
+        made = stage.characters["chair"].vertices
+        np.testing.assert_allclose(made, MESH.vertices, atol=1e-6)  # a byte that no reader looks at
+
+
+def wild_star():
+    made = star()
+    return made.with_changes(mesh=replace(made.mesh, vertices=made.mesh.vertices * [1, 1, np.nan]))
+
+
+@pytest.mark.parametrize(
+    ("project", "name", "why"),
+    [
+        (
+            project_of_mesh(replace(MESH, vertices=MESH.vertices * 1e5), "chair"),
+            "chair",
+            "Scale it to metres",
+        ),
+        (Project().with_characters(wild_star()), "star", "finite"),
+        (project_of_mesh(replace(MESH, faces=MESH.faces[:0]), "chair"), "chair", "no mesh"),
+        (project_of_mesh(replace(MESH, vertices=MESH.vertices * 0), "chair"), "chair", "area"),
+        (Project().with_characters(star().with_changes(mesh=None, skin=None)), "star", "no mesh"),
+        (
+            Project().with_characters(cactus_project().puppet("cactus").with_changes(poses=())),
+            "cactus",
+            "move yet",
+        ),
+    ],
+)
+def test_a_character_that_cannot_be_moved_is_refused_with_the_reason(project, name, why):
+    data = character_bytes(project, name)
+    with pytest.raises(InputError, match=why):
+        send(Arrivals(Stage(), SETTINGS), data, order_of(data, name))
+
+
+def test_two_characters_and_more_nodes_than_a_frame_moves_are_refused(monkeypatch):
+    from enliven.formats.project.file import project_bytes
+
+    two = project_of_mesh(MESH, "a").with_characters(star())
+    data = project_bytes(two)
+    with pytest.raises(InputError, match="2 characters were sent as one"):
+        send(Arrivals(Stage(), SETTINGS), data, order_of(data))
+    data = project_bytes(Project())
+    with pytest.raises(InputError, match="0 characters"):
+        send(Arrivals(Stage(), SETTINGS), data, order_of(data))
+    monkeypatch.setattr("enliven_edge.sent_characters._MOST_NODES", 31)
+    with pytest.raises(InputError, match="32 nodes"):
+        send(Arrivals(Stage(), SETTINGS), CHAIR, order_of(CHAIR))
+
+
+def test_an_older_revision_is_refused_and_one_that_stops_coming_makes_room(monkeypatch):
+    stage = Stage()
+    arrivals = Arrivals(stage, SETTINGS)
+    send(arrivals, CHAIR, order_of(CHAIR, revision=4))
+    other = CHAIR + b"x"
+    with pytest.raises(InputError, match="Send revision 5"):
+        arrivals.put(order_of(other, revision=4))
+    assert arrivals.put(order_of(other, revision=5)) == Awaited(0)
+    assert arrivals.put(order_of(CHAIR + b"y", revision=6)) == Awaited(0), "a later one takes its place"
+    with pytest.raises(InputError, match="not waited for"):
+        arrivals.take(CharacterPart("chair", order_of(other).digest, 0, b"x"))
+    with pytest.raises(InputError, match="more than the"):
+        late = order_of(CHAIR + b"y")
+        arrivals.take(CharacterPart("chair", late.digest, 0, bytes(late.size + 1)))
+    for name in "abcd":
+        assert arrivals.put(order_of(CHAIR, name)) == Awaited(0)
+    with pytest.raises(InputError, match="too many"):
+        arrivals.put(order_of(CHAIR, "e"))
+    monkeypatch.setattr(module, "_GIVEN_UP", -1.0)
+    assert arrivals.put(order_of(CHAIR, "e")) == Awaited(0)

@@ -1,0 +1,165 @@
+"""A fourth rig for tests: a tetrahedron around a mesh, whose corners carry it by barycentric weights.
+
+Importing this adds it: a type of character, the part of each edit that it does its own way, and its line in
+the table of rigs. Nothing else of enliven knows of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Character, GraphPart, GraphShape, Pose, PoseStream, Project, SkinWeights, unused
+from enliven.document.rig import RigBase
+from enliven.document.time_map import Playing
+from enliven.meshes import Mesh
+from enliven.modeling.edits import RIGS
+from enliven.modeling.mesh import CutSurface, cut_by_stroke
+from enliven.modeling.rig import Merge, Player, Posed, RigEdits
+from enliven.modeling.rigged import Axes
+from enliven.rotation import rotate
+
+CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+"""(4, 3) a regular tetrahedron; a ball of radius 0.57 fits in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Swing(Playing):
+    """A stream of four places, by which the corners of a cage are moved."""
+
+    take: str
+    muted: bool = False
+    source = "streams"
+
+    def __post_init__(self) -> None:
+        self.check_time(f"swing {self.take!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class Cage(RigBase):
+    """A mesh in a tetrahedron: a vertex is at w @ (corners + what is played) @ linear.T + place.
+
+    Attributes:
+        corners: (4, 3) metres at rest.
+        bent: (4, 3) metres that they were dragged by.
+        linear, place: (3, 3) and (3,) metres, where the whole is in the world.
+    """
+
+    id: str
+    mesh: Mesh
+    corners: Float
+    bent: Float
+    linear: Float
+    place: Float
+    layers: tuple[Swing, ...] = ()
+
+    kind = "cage"
+    word = "caged mesh"
+    drawn_by = ("mesh", "corners")
+    handles = ("right", "front", "left", "back")
+
+
+def cage_of(mesh: Mesh, name: str, layers: tuple[Swing, ...] = ()) -> Cage:
+    """A mesh in a tetrahedron around its box."""
+    low, high = mesh.bounds
+    corners = (low + high) / 2 + CORNERS * 1.1 * float(np.linalg.norm(high - low))
+    return Cage(name, mesh, corners, np.zeros((4, 3)), np.eye(3), np.zeros(3), layers)
+
+
+def weights(points: Float, corners: Float) -> Float:
+    """(N, 4) the barycentric weights of places (N, 3)."""
+    whole = np.vstack([corners.T, np.ones(4)])
+    return np.linalg.solve(whole, np.vstack([points.T, np.ones(len(points))])).T
+
+
+class CageRig(RigEdits):
+    """The part of each edit that cages do their own way."""
+
+    def corners_at(self, project: Project, cage: Cage, time: float) -> Float:
+        """(4, 3) metres in the world."""
+        corners = cage.corners + cage.bent
+        for layer in cage.layers:
+            stream = project.streams[layer.take]
+            frame = (0.0 if layer.muted else layer.played(time, stream.duration)[0]) / stream.step
+            first = min(int(frame), len(stream.positions) - 2)
+            ways = stream.positions[first : first + 2]
+            corners = corners + ways[0] + (frame - first) * (ways[1] - ways[0])
+        return corners @ cage.linear.T + cage.place
+
+    def centre(self, cage: Cage) -> Float:
+        return cage.linear @ cage.corners.mean(0) + cage.place
+
+    def seen(self, project: Project, cage: Cage, time: float) -> Float:
+        return weights(cage.mesh.vertices, cage.corners) @ self.corners_at(project, cage, time)
+
+    def drawn(self, cage: Cage) -> Character:
+        shares = weights(cage.mesh.vertices, cage.corners).astype(np.float32)
+        skin = SkinWeights(np.tile(np.arange(4, dtype=np.uint16), (len(shares), 1)), shares)
+        edges = np.array([(a, b) for a in range(4) for b in range(a)], np.int32)
+        vertices, corners = cage.mesh.vertices.astype(np.float32), cage.corners.astype(np.float32)
+        return Character(cage.id, vertices, cage.mesh.faces, skin, corners, edges)
+
+    def player(self, project: Project, cage: Cage) -> Player:
+        def at(time: float) -> Posed:
+            corners = self.corners_at(project, cage, time)
+            linear = np.tile(cage.linear.astype(np.float32), (4, 1, 1))
+            return Posed(Pose(cage.id, round(time * 1e9), linear, corners.astype(np.float32)), corners)
+
+        return at
+
+    def dragged(self, project: Project, cage: Cage, handle: int, place: Float, time: float) -> Project:
+        bent = np.array(cage.bent)
+        bent[handle] += np.linalg.solve(cage.linear, place - self.corners_at(project, cage, time)[handle])
+        return project.with_characters(cage.with_changes(bent=bent))
+
+    def moved(self, cage: Cage, offset: Float, turn: Float, about: Float) -> Cage:
+        return _mapped(cage, rotate(turn, np.eye(3)).T, about, about + offset)
+
+    def scaled(self, cage: Cage, factor: float) -> Cage:
+        return _mapped(cage, factor * np.eye(3), self.centre(cage), self.centre(cage))
+
+    def mirrored(self, project: Project, cage: Cage, axes: Axes) -> Cage:
+        inside_out = replace(cage.mesh, faces=np.ascontiguousarray(cage.mesh.faces[:, ::-1]))
+        made = _mapped(cage, axes.vectors(np.eye(3)).T, self.centre(cage), self.centre(cage))
+        return made.with_changes(mesh=inside_out)
+
+    def as_graph(
+        self, project: Project, cage: Cage, times: Float, stream_id: str
+    ) -> tuple[GraphShape, PoseStream, str]:
+        drawn, player = self.drawn(cage), self.player(project, cage)
+        poses = [player(float(time)) for time in times]
+        linear = np.array([posed.pose.linear for posed in poses], np.float64)
+        moved = np.array([posed.handles for posed in poses])
+        part = GraphPart(stream_id, np.arange(4), offset=float(times[0]))
+        stream = PoseStream(stream_id, linear, moved, float(times[1] - times[0]))
+        return GraphShape(cage.id, cage.corners, drawn.edges, cage.mesh, drawn.skin, (part,)), stream, ""
+
+    def cut(
+        self, project: Project, name: str, stroke: CutSurface, time: float, *, notes: list[str]
+    ) -> tuple[Project, tuple[str, ...]]:
+        cage = project.character(name, Cage)
+        cut = cut_by_stroke(cage.mesh, self.drawn(cage).skin, stroke, self.seen(project, cage, time))
+        far = unused(name, project.characters)
+        notes.extend(cut.notes)
+        parts = ((name, cut.near), (far, cut.far))
+        made = [cage.with_changes(id=one, mesh=piece.mesh) for one, piece in parts]
+        return project.with_characters(*made), (name, far)
+
+    def merged(self, project: Project, merge: Merge) -> Project:
+        """The graft's mesh is put into the host's cage as the two stand, and goes with that."""
+        host, graft = project.character(merge.host, Cage), project.character(merge.graft, Cage)
+        there = weights(self.seen(project, graft, merge.time), self.corners_at(project, host, merge.time))
+        vertices = np.concatenate([host.mesh.vertices, there @ host.corners])
+        faces = np.concatenate([host.mesh.faces, graft.mesh.faces + len(host.mesh.vertices)])
+        mesh = Mesh(vertices, faces.astype(np.int32), host.mesh.name)
+        return project.without(graft.id).with_characters(host.with_changes(mesh=mesh))
+
+
+def _mapped(cage: Cage, linear: Float, about: Float, to: Float) -> Cage:
+    """The cage where x is linear (x - about) + to."""
+    return cage.with_changes(linear=linear @ cage.linear, place=linear @ (cage.place - about) + to)
+
+
+RIGS[Cage.kind] = CageRig()

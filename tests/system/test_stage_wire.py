@@ -1,0 +1,156 @@
+"""A client puts characters on the stage of a real edge, replaces those that perform, and removes them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from patience import PATIENCE
+from typer.testing import CliRunner
+
+from enliven.formats.project import project_of_mesh
+from enliven.meshes import Mesh, save_mesh
+from enliven.recording import Recording
+from enliven.samples import cactus_project, load_sample
+from enliven.wire import CUES, POSE, Answer, Done, Endpoint, Refused, StageMessage
+from enliven_viewer.commands.stage import stage as command
+from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.take_feed import TakeFeed
+from enliven_viewer.playback.document import Document
+from enliven_viewer.render.scene import scene_of
+
+CHAIR = load_sample("chair")
+
+
+class StagedEdge:
+    """The program of staged_edge.py, its take, and a client."""
+
+    def __init__(self, folder: Path, rate: float) -> None:
+        script = Path(__file__).with_name("staged_edge.py")
+        arguments = [sys.executable, str(script), f"test-{uuid.uuid4().hex[:10]}", str(folder), str(rate)]
+        self.take = folder / "take.mcap"
+        self.process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        said = self.process.stdout.readline().split()
+        assert len(said) == 2, "the edge did not start"
+        self.endpoint = Endpoint("127.0.0.1", *map(int, said))
+        self.link = EdgeClient([self.endpoint])
+        self.until(lambda: self.holders("chair"))
+
+    def until(self, done: Callable[[], object]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not done():
+            assert time.monotonic() < deadline, "it never came to be"
+            self.link.poll()
+            time.sleep(0.002)
+
+    def holders(self, character: str) -> bool:
+        cues = self.link.latest(CUES).get(character)
+        return cues is not None and cues.state == "possessed"
+
+    def put(self, *what: object, **how: object) -> Answer:
+        answers: list[Answer] = []
+        self.link.stage.put(*what, **how, then=answers.append)
+        self.until(lambda: answers)
+        return answers[0]
+
+    def end(self) -> float:
+        """Ends the edge; returns its longest frame, milliseconds of processor time."""
+        self.link.close()
+        self.process.terminate()
+        return float(self.process.communicate(timeout=PATIENCE)[0])
+
+
+@pytest.fixture
+def edge(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[StagedEdge]:
+    made = StagedEdge(tmp_path, getattr(request, "param", 100.0))
+    yield made
+    made.link.close()
+    made.process.kill()
+    made.process.wait()
+
+
+def taller(by: float) -> Mesh:
+    return replace(CHAIR, vertices=CHAIR.vertices * [1.0, by, 1.0])
+
+
+def test_a_character_comes_changes_while_it_is_held_and_goes_and_the_take_shows_it(edge: StagedEdge) -> None:
+    link = edge.link
+    assert edge.put(project_of_mesh(taller(1.05), "chair"), "chair") == Done()
+    edge.until(lambda: link.edges[0].complete and link.characters["chair"].vertices[:, 1].max() > 1.04)
+    link.take(POSE)
+    edge.until(lambda: [p for p in link.take(POSE) if p.character is link.characters["chair"]])
+    assert edge.holders("chair") and link.edges[0].revision("chair") == 2
+    assert edge.put(cactus_project(), "cactus", name="guest") == Done()
+    answers: list[Answer] = []
+    link.stage.remove("guest", answers.append)
+    link.stage.remove("nobody", answers.append)
+    edge.until(lambda: len(answers) == 2 and set(link.characters) == {"chair"})
+    assert answers[0] == Done() and isinstance(answers[1], Refused) and "chair" in answers[1].reason
+    refused = edge.put(project_of_mesh(replace(CHAIR, vertices=CHAIR.vertices * 0.0), "chair"), "chair")
+    assert isinstance(refused, Refused) and edge.holders("chair")
+    assert link.characters["chair"].vertices[:, 1].max() > 1.04, "what stood there stays"
+    edge.end()
+    told = [
+        msgspec.msgpack.decode(data, type=StageMessage) for _, data in Recording(edge.take).messages("stage")
+    ]
+    names = [[(one.character, one.revision) for one in message.characters] for message in told]
+    both = [("chair", 2), ("guest", 1)]
+    assert names == [[("chair", 1)], [("chair", 2)], both, [("chair", 2)]]
+    document = Document()
+    with closing(TakeFeed(edge.take)) as take:
+        while take.poll(document):
+            pass
+    for message, high in zip(told, (1.0, 1.05, 1.05, 1.05), strict=True):
+        moment = document.timeline.at(document.timeline.neighbour(message.time_ns, 1))
+        assert moment is not None and set(moment.poses) == {one.character for one in message.characters}
+        drawn = {one.character.id: one for one in scene_of(document, moment, None).actors}
+        assert set(drawn) == set(moment.poses)
+        tall = drawn["chair"].character.vertices[:, 1].max() / CHAIR.vertices[:, 1].max()
+        assert abs(tall - high) < 1e-3 and len(drawn["chair"].pose.positions) == len(
+            moment.poses["chair"].positions
+        )
+
+
+@pytest.mark.parametrize("edge", [20.0], indirect=True)
+def test_a_large_one_arrives_in_spite_of_the_limit_of_requests_and_only_the_newest_follows(
+    edge: StagedEdge,
+) -> None:
+    random = np.random.default_rng(0)
+    large = replace(CHAIR, colours=random.integers(0, 256, CHAIR.vertices.shape).astype(np.uint8))
+    answers: list[tuple[int, Answer]] = []
+    for k in range(5):
+        mesh = replace(large, vertices=large.vertices * (1 + 0.01 * k))
+        edge.link.stage.put(
+            project_of_mesh(mesh, "chair"), "chair", then=lambda a, k=k: answers.append((k, a))
+        )
+    edge.until(lambda: len(answers) == 2)
+    assert answers == [(0, Done()), (4, Done())] and not edge.link.stage.busy
+
+
+def test_the_command_lists_puts_and_removes_and_says_what_is_wrong(edge: StagedEdge, tmp_path: Path) -> None:
+    def run(*words: str) -> str:
+        found = CliRunner().invoke(command, [*words, "--edge", str(edge.endpoint)])
+        return found.output if found.exit_code == 0 else str(found.exception)
+
+    lying = tmp_path / "lying.off"
+    save_mesh(replace(CHAIR, vertices=CHAIR.vertices[:, [0, 2, 1]] * [1000.0, -1000.0, 1000.0]), lying)
+    assert "held by 1" in run("list")
+    said = run("put", str(lying), "--name", "stool")
+    assert "z up" in said and "stool stands on the stage" in said
+    listed = run("list").splitlines()
+    assert len(listed) == 2 and listed[1].startswith("stool: revision 1, a possessed mesh")
+    edge.until(lambda: "stool" in edge.link.characters)
+    stool = edge.link.characters["stool"].vertices
+    assert np.ptp(stool[:, 1]) == pytest.approx(1.75, abs=1e-3), "it stands upright, as tall as a person"
+    assert "gone" in run("remove", "stool") and "there is no character 'stool'" in run("remove", "stool")
+    assert "no such file" in run("put", str(tmp_path / "none.obj"))

@@ -1,0 +1,180 @@
+"""enliven stage: what stands on the stage of a running edge, and what is put there and taken away."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from enliven.errors import InputError, ResourceError
+
+if TYPE_CHECKING:
+    from enliven.document import Project
+    from enliven.meshes import Axis
+    from enliven.wire import Answer
+    from enliven_viewer.link import EdgeClient, ReceivedCues
+
+_FOUND_WITHIN = 5.0
+"""Seconds in which an edge answers, and hands over its characters, on any network."""
+_PREPARED_WITHIN = 600.0
+"""Seconds in which an edge has prepared a character, even where it compiles its kernels first."""
+_TURN = 0.005
+"""Seconds between two looks at the sockets: far less than a frame."""
+
+stage = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+Edge = Annotated[str, typer.Option(help="Where the edge is: HOST, or HOST:PORT.")]
+
+
+@stage.callback()
+def _stage() -> None:
+    """Put characters on the stage of a running edge, replace them and take them away.
+
+    \b
+      enliven stage list
+      enliven stage put HORSE.obj --edge 192.168.1.20
+      enliven stage put SPIDER.glb --drive skeleton --name spider
+      enliven stage remove horse
+    """
+
+
+@stage.command()
+def put(
+    character: Annotated[
+        str, typer.Argument(help="A mesh, 'chair', 'lamp', or a project or session, perhaps FILE#NAME.")
+    ],
+    edge: Edge = "127.0.0.1",
+    name: Annotated[str, typer.Option(help="Its name on the stage; the file's if not given.")] = "",
+    drive: Annotated[
+        Literal["graph", "skeleton"], typer.Option(help="What moves it: a graph, or a glTF's own skeleton.")
+    ] = "graph",
+    up: Annotated[
+        Literal["x", "y", "z"] | None, typer.Option(help="The mesh's own axis that points up; else guessed.")
+    ] = None,
+) -> None:
+    """Put a character on the stage, or in the place of the one of its name; who holds that goes on.
+
+    \b
+      enliven stage put HORSE.obj
+      enliven stage put SHOW.enliven#wolf --edge 192.168.1.20
+    """
+    project, own, fit = _read(character, drive, up)
+    with _joined(edge) as client:
+        replaced = (name or own) in client.characters
+        answers: list[Answer] = []
+        client.stage.put(project, own, name=name, fit=fit, then=answers.append)
+        _until(client, lambda: answers, _PREPARED_WITHIN)
+        _need_done(answers, character)
+    typer.echo(f"enliven: {name or own} {'is replaced' if replaced else 'stands'} on the stage of {edge}")
+
+
+@stage.command()
+def remove(
+    character: Annotated[str, typer.Argument(help="Its name on the stage.")], edge: Edge = "127.0.0.1"
+) -> None:
+    """Take a character from the stage; who held it is free."""
+    with _joined(edge) as client:
+        answers: list[Answer] = []
+        client.stage.remove(character, answers.append)
+        _until(client, lambda: answers, _FOUND_WITHIN)
+        _need_done(answers, character)
+    typer.echo(f"enliven: {character} is gone from the stage of {edge}")
+
+
+@stage.command("list")
+def list_(edge: Edge = "127.0.0.1") -> None:
+    """List what stands on the stage: name, revision, what moves it, vertices, and who holds it."""
+    from enliven.wire import CUES
+
+    words = {"graph": "a possessed mesh", "bones": "a rigged model", "points": "a puppet"}
+    with _joined(edge) as client:
+        cues = client.latest(CUES)
+        for name, one in client.characters.items():
+            what = f"{words[one.kind]}, {len(one.vertices)} vertices{_holders(cues.get(name))}"
+            typer.echo(f"{name}: revision {client.edges[0].revision(name)}, {what}")
+        if not client.characters:
+            typer.echo("enliven: the stage is empty")
+
+
+def _holders(cues: ReceivedCues | None) -> str:
+    """Returns who holds a character, in words."""
+    if cues is None or cues.state != "possessed":
+        return ""
+    owners = {int(owner) for owner in cues.owners[: cues.held]} or {cues.body}
+    return f", held by {', '.join(map(str, sorted(owners)))}"
+
+
+def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
+    """Returns a project, the id of the character in it, and whether it is to be fitted to a person."""
+    from enliven.document import Project
+    from enliven.formats.project import project_of_mesh
+
+    file, _, one = spec.partition("#")
+    path = Path(file)
+    if spec in ("chair", "lamp"):
+        from enliven.samples import load_sample
+
+        return project_of_mesh(load_sample(spec), spec), spec, False
+    if path.suffix.lower() in (".enliven", ".toml"):
+        return _of_project(path, one)
+    if drive == "skeleton":
+        from enliven.formats.gltf import read_gltf
+
+        rig = read_gltf(path, floor=True)
+        return Project().with_characters(rig.shape), rig.shape.id, False
+    from enliven.meshes import load_upright
+
+    mesh, notes = load_upright(path, up)
+    for note in notes:
+        typer.echo(f"enliven: {note}", err=True)
+    return project_of_mesh(mesh, path.stem), path.stem, True
+
+
+def _of_project(path: Path, one: str) -> tuple[Project, str, bool]:
+    """Returns the character of a name in a project or session; the only one where none is named."""
+    from enliven.example_sessions import read_session
+    from enliven.formats.project import read_project
+
+    if path.suffix.lower() == ".toml":
+        session = read_session(path)
+        return session.project, one or session.puppet, False
+    project = read_project(path)
+    if not one and len(project.characters) != 1:
+        known = ", ".join(f"{path.name}#{each}" for each in project.characters)
+        what = f"it has {len(project.characters)} characters"
+        raise InputError(what, where=str(path), mend=f"Name one: {known}." if known else "Make one first.")
+    return project, one or next(iter(project.characters)), False
+
+
+@contextlib.contextmanager
+def _joined(edge: str) -> Iterator[EdgeClient]:
+    """Yields the link to an edge that has told what stands on its stage."""
+    from enliven_viewer.link import EdgeClient
+
+    client = EdgeClient([edge], "enliven stage")
+    with contextlib.closing(client):
+        _until(client, lambda: client.edges[0].complete, _FOUND_WITHIN)
+        if client.status is None:
+            mend = "Start one with 'enliven edge', or give its address with --edge."
+            raise ResourceError("no edge answers", where=edge, mend=mend)
+        yield client
+
+
+def _until(client: EdgeClient, done: Callable[[], object], seconds: float) -> None:
+    """Polls the link until something holds, for so many seconds at most."""
+    end = time.monotonic() + seconds
+    while not done() and time.monotonic() < end:
+        client.poll()
+        time.sleep(_TURN)
+
+
+def _need_done(answers: list[Answer], what: str) -> None:
+    from enliven.wire import Done, Refused
+
+    if answers and isinstance(answers[0], Done):
+        return
+    reason = answers[0].reason if answers and isinstance(answers[0], Refused) else "the edge does not answer"
+    raise InputError(reason.rstrip("."), where=what)

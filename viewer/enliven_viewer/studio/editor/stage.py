@@ -1,0 +1,65 @@
+"""Every character of a project as it is shown now."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from enliven.arrays import Float
+from enliven.document import Pose, Project, RigBase
+from enliven.modeling.edits import rig_of
+from enliven_viewer.studio.viewport import DrawnMeshes, StandingCharacter
+
+
+class Shown(Protocol):
+    """What a stage shows: a project at a time."""
+
+    time: float
+
+    @property
+    def project(self) -> Project:
+        """The project as it is shown."""
+
+
+class StudioStage:
+    """Every character of an editor's project, kept while nothing changes.
+
+    Args:
+        editor: what is shown.
+        solved: for rigs with surfaces that are solved beside the window, what shows them; by kind.
+    """
+
+    def __init__(self, editor: Shown, solved: Mapping[str, Callable[[RigBase], StandingCharacter]]) -> None:
+        self._editor, self._solved = editor, solved
+        self._meshes = DrawnMeshes()
+        self._players: dict[str, tuple[RigBase, Callable[[float], tuple[Pose, Float]]]] = {}
+        self._known: tuple[Project, float, dict[str, StandingCharacter]] | None = None
+
+    @property
+    def standing(self) -> tuple[StandingCharacter, ...]:
+        """All characters, in the project's order."""
+        return tuple(self.of(name) for name in self._editor.project.characters)
+
+    def of(self, character_id: str) -> StandingCharacter:
+        """One of them.
+
+        Raises:
+            InputError: where there is none of the id.
+        """
+        project, time = self._editor.project, self._editor.time
+        character = project.character(character_id)
+        if character.kind in self._solved:
+            return self._solved[character.kind](character)
+        if self._known is None or self._known[0] is not project or self._known[1] != time:
+            self._known = (project, time, {})
+            self._players = {name: one for name, one in self._players.items() if name in project.characters}
+        found = self._known[2]
+        if character_id not in found:
+            found[character_id] = self._stands(project, character, time)
+        return found[character_id]
+
+    def _stands(self, project: Project, character: RigBase, time: float) -> StandingCharacter:
+        known = self._players.get(character.id)
+        if known is None or known[0] is not character:
+            known = self._players[character.id] = (character, rig_of(character).player(project, character))
+        return StandingCharacter(character, self._meshes.of(character), *known[1](time))

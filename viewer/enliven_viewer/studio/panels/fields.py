@@ -1,0 +1,70 @@
+"""Fields of panels that change the project: numbers, switches and names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from imgui_bundle import imgui
+
+from enliven.document import Project, RigBase
+from enliven.modeling.edits import rename_character
+from enliven_viewer.studio.workspace import Workspace
+
+Change = Callable[[Project, float], Project]
+"""An edit that gives something a number."""
+
+
+def told(text: str) -> None:
+    """Show what the last widget is for, once the pointer rests on it."""
+    if text and imgui.is_item_hovered():
+        imgui.set_tooltip(text)
+
+
+def slider(
+    workspace: Workspace, name: str, value: float, low: float, high: float, said: str, change: Change
+) -> None:
+    """A number: a draft while it is dragged, one edit when it is let go; whole where its bounds are."""
+    imgui.set_next_item_width(-1)
+    if isinstance(low, int):
+        changed, wanted = imgui.slider_int(f"##{name}", int(value), low, int(high), said)
+    else:
+        # What spans several powers of ten is not even.
+        flags = imgui.SliderFlags_.logarithmic if low > 0.0 and high / low > 1e3 else 0
+        changed, wanted = imgui.slider_float(f"##{name}", value, low, high, said, flags)
+    workspace.remember(name)
+    if changed:
+        workspace.editor.sketch(lambda project: change(project, wanted))
+    if imgui.is_item_deactivated_after_edit():
+        last = wanted if changed else value
+        workspace.editor.edit(f"change {name.partition(' ')[2] or name}", lambda p: change(p, last))
+
+
+def switch(workspace: Workspace, label: str, on: bool, change: Change, tip: str = "") -> None:
+    """A box to tick; one edit."""
+    toggled, wanted = imgui.checkbox(label, on)
+    workspace.remember(label)
+    told(tip)
+    if toggled:
+        workspace.editor.edit(label, lambda project: change(project, wanted))
+
+
+def name_field(workspace: Workspace, key: str, name: str, rename: Callable[[str], object]) -> None:
+    """A name that can be typed anew; ``rename`` is called with another one."""
+    imgui.set_next_item_width(-1)
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    typed, wanted = imgui.input_text(f"##{key}", name, flags)
+    workspace.remember(key)
+    if typed and wanted.strip() and wanted.strip() != name:
+        rename(wanted.strip())
+
+
+def character_name(workspace: Workspace, character: RigBase) -> None:
+    """The field of a character's name; what is chosen of it stays chosen."""
+    editor, before = workspace.editor, workspace.editor.selection
+
+    def rename(wanted: str) -> None:
+        if editor.edit("rename", lambda project: rename_character(project, character.id, wanted)):
+            editor.select(character=wanted)
+            editor.select(handle=before.handle, layer=before.layer)
+
+    name_field(workspace, "name", character.id, rename)

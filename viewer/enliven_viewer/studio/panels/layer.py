@@ -1,0 +1,86 @@
+"""A layer of a character of any rig: its numbers and switches."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+from imgui_bundle import imgui
+
+from enliven.document import Layer, Project, RigBase, Shape
+from enliven.modeling.edits import change_layers, remove_layer
+from enliven.motion.layers import set_travel
+from enliven_viewer.studio.panels.fields import Change, slider, switch
+from enliven_viewer.studio.panels.style import heading, quiet
+from enliven_viewer.studio.workspace import Workspace
+
+_NUMBERS = {
+    "weight": (0.0, 1.0, "weight %.2f"),
+    "offset": (-5.0, 30.0, "begins at %.2f s"),
+    "speed": (-3.0, 3.0, "speed %.2f"),
+}
+"""Lowest, highest, and how the number is written."""
+_SLOWEST = 0.02
+"""Speed next to 0 that a slider gives: at 0 nothing plays."""
+_TOLD = {
+    "loop": "Begin again at the end",
+    "muted": "It does not play",
+    "mirrored": "Play the take's mirror image: left for right",
+    "travel": "Go through the world with the performer, on its feet",
+    "level_feet": "Where the weight goes from one foot to another, both have one height",
+}
+"""What the switches mean that the layers of some rig have."""
+_SECOND = 126.0
+"""Pixels from the left at which the second of two switches stands."""
+
+
+def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
+    """Draw the numbers and switches that a layer has."""
+    editor, name, layer = workspace.editor, character.id, character.playing[number]
+    heading("Chosen motion")
+    imgui.text_unformatted(getattr(layer, "id", layer.take))
+    imgui.same_line(imgui.get_content_region_avail().x - 52)
+    if imgui.small_button("Remove##layer"):
+        editor.edit("remove a layer", lambda project: remove_layer(project, name, number))
+        return
+    workspace.remember("remove layer")
+    quiet(f"take {layer.take}")
+    held = {field.name for field in fields(layer)}  # type: ignore[arg-type]
+    if layer.source != "takes":
+        held.discard("mirrored")  # of what was recorded it says where it is
+    for field, (low, high, said) in _NUMBERS.items():
+        if field in held:
+            change = _changing(name, number, field)
+            slider(workspace, f"layer {field}", getattr(layer, field), low, high, said, change)
+    for place, field in enumerate(field for field in _TOLD if field in held):
+        if place % 2:
+            imgui.same_line(_SECOND)
+        label, change = field.replace("_", " "), _changing(name, number, field)
+        switch(workspace, label, getattr(layer, field), change, _TOLD[field])
+    if isinstance(layer, Layer):
+        _chain(workspace, editor.project.shape(name), layer, number)
+
+
+def _changing(name: str, number: int, field: str) -> Change:
+    """The edit that gives one field of a layer a value."""
+
+    def change(project: Project, value: float) -> Project:
+        if field == "speed" and abs(value) < _SLOWEST:
+            value = _SLOWEST
+        return change_layers(project, name, [number], **{field: value})
+
+    return change
+
+
+def _chain(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> None:
+    """Draw what only a layer of bones has: whether it leads the end, and whether the root travels."""
+
+    def lead(project: Project, on: float) -> Project:
+        return change_layers(project, shape.id, [number], mode="end" if on else "turns")
+
+    def travel(project: Project, on: float) -> Project:
+        return set_travel(project, shape.id, layer.id if on else None)
+
+    tip = "Bend the chain so that its end goes where the take's end goes"
+    switch(workspace, "lead the end", layer.mode == "end", lead, tip)
+    tip = "The shape goes where the take's root goes. P keeps chosen feet where they stand."
+    switch(workspace, "root travels", shape.travel == layer.id, travel, tip)

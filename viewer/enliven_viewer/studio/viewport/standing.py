@@ -1,0 +1,76 @@
+"""A character on the stage at one moment, of any rig: its transforms, its surface, and its handles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.deformation import skin_vertices
+from enliven.document import Character, Pose, RigBase, Skeleton
+from enliven.rotation import rotate
+
+
+@dataclass(frozen=True, eq=False)
+class StandingCharacter:
+    """A character at one moment.
+
+    Attributes:
+        character: as it is shown; an older value while its newest motion is being solved.
+        drawn: its mesh for the renderer, or None where it has no surface.
+        pose: its transforms.
+        handles: (H, 3) metres in the world, where its handles are: joints or control points.
+    """
+
+    character: RigBase
+    drawn: Character | None
+    pose: Pose
+    handles: Float
+
+    own_tool = False
+    """Whether a tool of its own shows and takes its handles; then the others do not."""
+
+    @property
+    def id(self) -> str:
+        """The character's."""
+        return self.character.id
+
+    @property
+    def solved(self) -> Float32 | None:
+        """(V, 3) float32 metres in the world, where a solver put its vertices; None: the transforms do."""
+        return None
+
+    @cached_property
+    def vertices(self) -> Float:
+        """(V, 3) metres in the world; none without a surface."""
+        return np.zeros((0, 3)) if self.drawn is None else skin_vertices(self.drawn, self.pose).astype(float)
+
+    @property
+    def extent(self) -> Float | Float32:
+        """(N, 3) metres, points that reach about as far as it does, the cheapest to have."""
+        return (
+            self.solved if self.solved is not None else self.handles if len(self.handles) else self.vertices
+        )
+
+    @cached_property
+    def bones(self) -> tuple[tuple[int, int], ...]:
+        """The handles at both ends of each bone, the one that hangs on the other last; none without bones."""
+        found = () if self.own_tool else enumerate(self.character.parents)
+        return tuple((int(parent), handle) for handle, parent in found if parent >= 0)
+
+    def on_bone(self, handle: int, along: float) -> Float:
+        """(3,) metres, a place on the bone that ends at a handle: 0 at its begin, 1 at the handle."""
+        start = self.handles[max(int(self.character.parents[handle]), 0)]
+        return np.asarray(start + along * (self.handles[handle] - start))
+
+
+def joints_of(skeleton: Skeleton, turns: Float, root: Float) -> Float:
+    """(N, 3) metres of the joints for world turns (N, 4) and the root's place (3,)."""
+    joints = np.empty_like(skeleton.positions)
+    joints[0] = root
+    arms = rotate(turns, skeleton.vectors)
+    for joint in range(1, len(skeleton)):
+        joints[joint] = joints[skeleton.parents[joint]] + arms[joint]
+    return joints
