@@ -21,6 +21,7 @@ from enliven.document.character import Pose
 from enliven.document.history import History
 from enliven.document.layers import Layer
 from enliven.document.locomotion import Switch
+from enliven.document.naming import unused
 from enliven.document.possessed import PoseStream, graph_shape_of
 from enliven.document.project import Project, same
 from enliven.document.puppet import PuppetLayer
@@ -279,7 +280,7 @@ def random_edit(project, random):
         case 5:
             return change_layers(project, name, [0], muted=bool(random.random() < 0.5))
         case 6:
-            return rename_character(project, name, f"{name} so")
+            return rename_character(project, name, unused(f"{name} so", project.characters))
         case 7 if len(project.characters) > 2:
             return delete_character(project, name)
         case _:
