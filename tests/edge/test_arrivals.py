@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from enliven_edge.stage.embedded_actor import ActorSettings, EmbeddedActor
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from patience import PATIENCE
@@ -16,6 +15,7 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.project import character_bytes, project_of_mesh
+from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.samples import cactus_project
 from enliven.wire import MAX_PART_BYTES, MAX_SENT_BYTES, Awaited, CharacterPart, Done, PutCharacter
 from enliven_edge import arrivals as module

@@ -30,7 +30,7 @@ def possess(
     nodes: Annotated[int, typer.Option(min=1, max=4096, help="Nodes of the other mesh's graph.")] = 128,
     up: Annotated[
         Literal["x", "y", "z"] | None,
-        typer.Option(help="The mesh file's own axis that points up; else as its format has it."),
+        typer.Option(help="The mesh file's own axis that points up; else guessed."),
     ] = None,
 ) -> None:
     """Move a mesh by the performers of a recording, as if they had stepped into it.
