@@ -12,7 +12,7 @@ from enliven.commands import parent_is_gone
 from enliven.errors import InputError, ResourceError
 from enliven.frames import Frame
 from enliven.health import HealthState, Severity, worst_first
-from enliven.wire import Order
+from enliven.wire import Order, as_sent
 from enliven_edge.arrivals import Arrivals
 from enliven_edge.controls import Controls, Lamps, lamps_of
 from enliven_edge.network import FrameRate, Handler, Outlet
@@ -117,7 +117,7 @@ class Edge:
             return
         self._show()
         self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
-        bodies = self.tracker.track(frame)
+        bodies = as_sent(self.tracker.track(frame))
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces)
         tick = self._with_props(self.stage.tick(frame, poses, frame.read_ns or read_ns))
         self.outlet.publish(tick)

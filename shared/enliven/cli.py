@@ -39,6 +39,7 @@ HELP = """Step into any mesh and bring it alive.
   enliven graph HORSE.obj -o horse.png     what a mesh is possessed by
   enliven retarget WALK.bvh HORSE.glb -o out.glb   move a model by a motion
   enliven examples fit SESSION.toml -o out.glb     move a mesh by a few example poses
+  enliven possess TAKE.mcap --mesh HORSE.obj -o out.glb   move a mesh by a recorded person
   enliven export TAKE.mcap -o take.glb     what was performed, for other programs (.glb, .bvh, .mp4)
   enliven doctor                           what this machine lacks, and how to mend it
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from enliven.document import Character
 from enliven.health import HealthState, worst_first
@@ -115,7 +117,7 @@ class Outlet(Closing):
             self.send(StageMessage(tick.time_ns, standing), tick.time_ns)
         for pose in tick.poses:
             self._write(self._publisher.publish_pose(pose, tick.read_ns), tick.time_ns)
-        for message in _messages(tick):
+        for message in _messages(tick, self._publisher.revision):
             self.send(message, tick.time_ns)
 
     def send(self, message: Any, time_ns: int) -> None:
@@ -185,7 +187,7 @@ class Outlet(Closing):
             self._take.write(message, time_ns)
 
 
-def _messages(tick: Tick) -> Iterator[Any]:
+def _messages(tick: Tick, revision_of: Callable[[str], int]) -> Iterator[Any]:
     """Yields the messages of a frame's result, but for the poses, which the publisher codes and numbers."""
     at = tick.time_ns
     yield bodies_to_message(tick.bodies, at, tick.read_ns)
@@ -196,6 +198,8 @@ def _messages(tick: Tick) -> Iterator[Any]:
         yield props_to_message(tick.props)
     for board in tick.boards:
         yield board_to_message(board)
+    for change in tick.holds:
+        yield msgspec.structs.replace(change, revision=revision_of(change.character))
 
 
 def _publisher(wire: WireSettings) -> Publisher:

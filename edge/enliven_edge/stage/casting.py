@@ -7,11 +7,9 @@ import re
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
-from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.meshes import Axis, Mesh, fit_height, refine
-from enliven.possession import ActorSettings, EmbeddedActor, fit_standing_person
+from enliven.deformation.graph import DeformationGraph, character_from, graph_of
+from enliven.meshes import Axis, Mesh
+from enliven.possession import ActorSettings, EmbeddedActor, prepared
 from enliven.samples import load_sample
 
 log = logging.getLogger(__name__)
@@ -20,10 +18,6 @@ MADE: tuple[Literal["chair", "lamp"], ...] = ("chair", "lamp")
 """The meshes that ship, by name instead of by path."""
 _OWN_PARTS = {"lamp": "hip and right arm"}
 """The parts of the body that a shipped mesh is made to be held with; others are held with all."""
-_HEIGHT = 1.75
-"""Metres: meshes are brought to a person's height, from which the performer's own is a small factor."""
-_LONGEST_EDGE = 0.04
-"""Metres: longer edges are split, as a triangle must be narrower than a limb to bend with it."""
 
 
 def cast(
@@ -69,10 +63,10 @@ def cast_mesh(
         InputError: for a mesh that cannot be used.
     """
     settings, size = settings or ActorSettings(), 1.0
-    if fit and settings.place != "fixed":
-        mesh, size = _fitted(mesh, name, settings)
-    graph = DeformationGraph.build(mesh, nodes=nodes)
-    return EmbeddedActor(character_from(mesh, graph, name), graph, settings, size)
+    if fit:
+        mesh, size = prepared(mesh, settings)
+    character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
+    return EmbeddedActor(character, graph_of(character), settings, size)
 
 
 def parts_for(spec: str) -> str:
@@ -83,13 +77,3 @@ def parts_for(spec: str) -> str:
 def name_of(spec: str) -> str:
     """A short id for a character: the file's stem, of letters, digits, '-' and '_'."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(spec).stem)[:40].strip("-") or "mesh"
-
-
-def _fitted(mesh: Mesh, name: str, settings: ActorSettings) -> tuple[Mesh, float]:
-    """Returns the mesh as it meets a performer, and how many of its own units are one metre of it."""
-    size = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT
-    mesh = fit_height(mesh, _HEIGHT)
-    if settings.stand == "fitted":
-        mesh, fit = fit_standing_person(mesh)
-        log.info("%s: moved to where a standing person fits into it (%.0f %%)", name, 100 * fit)
-    return refine(mesh, _LONGEST_EDGE), size

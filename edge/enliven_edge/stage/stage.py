@@ -16,6 +16,7 @@ from enliven.person import Body
 from enliven.possession import Actor, Cues, Mode
 from enliven_edge.stage.actor import ChosenActor
 from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
+from enliven_edge.stage.hold_log import HoldLog
 from enliven_edge.stage.hold_memory import Carried, HoldMemory
 from enliven_edge.stage.tick import Tick
 
@@ -41,6 +42,7 @@ class Stage:
         self._memory = HoldMemory()
         self._time_ns = 0
         self._view: ScreenView | None = None
+        self._log = HoldLog()
         for actor in actors:
             self.put(actor)
 
@@ -64,6 +66,8 @@ class Stage:
         if carried is None or (before and carried != self._memory.holds_of(before, self._bodies)):
             self.carry_over(actor)
         self.actors[name] = actor
+        if before is not None:
+            self._log.carried_over(actor, self._memory.holds_of(actor, self._bodies))
 
     def carry_over(self, actor: Actor) -> Carried:
         """Lets the holders of the character of an actor's id hold the actor; another thread may do this."""
@@ -80,7 +84,7 @@ class Stage:
         Raises:
             InputError: where there is no such character.
         """
-        self._actor(character)
+        self._log.removed(self._actor(character))
         del self.actors[character]
         self._places.pop(character, None)
         self._memory.forget(character)
@@ -105,16 +109,18 @@ class Stage:
         seen = surfaces() if surfaces is not None and self.uses_surface else None
         poses = []
         for name in self.actors:
-            offered = self._in_order(name)
+            offered, actor = self._in_order(name), self._actor(name)
             self._memory.meet(name, offered)
-            pose = self._actor(name).perform(offered, time_ns, seen)
+            with self._log.frame(actor, time_ns):
+                pose = actor.perform(offered, time_ns, seen)
             self._places[name] = pose.positions.mean(0)[FLOOR]
             poses.append(pose)
         return poses
 
     def tick(self, frame: Frame, poses: list[Pose], read_ns: int = 0) -> Tick:
         """Returns the result of the frame that was performed last."""
-        return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), self.holders)
+        held, changes = self.holders, self._log.take()
+        return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), held, changes)
 
     @property
     def occupied(self) -> bool:
@@ -173,7 +179,7 @@ class Stage:
                 who, where=f"possessing {character!r}", mend="Step in front of the sensor first."
             )
         taking = (actor.next_performer(present) if mode == "join" else None) or present[0]
-        actor.possess(taking, parts, mode)
+        self._log.possess(actor, taking, parts, mode)
         self._memory.take(character, taking, parts, mode)
 
     def idle(self, character: str) -> Body | None:
@@ -232,7 +238,7 @@ class Stage:
                 mend = f"Holding: {', '.join(map(str, sorted(self.holders))) or 'nobody'}."
                 raise InputError(f"performer {body} holds no character", where="stage", mend=mend)
         for actor in meant:
-            actor.release(body)
+            self._log.release(actor, body)
             self._memory.release(actor.character.id, body)
 
     def set_view(self, view: ScreenView) -> None:

@@ -10,6 +10,7 @@ from enliven.frames import Frame
 from enliven.matching import Board
 from enliven.person import Body
 from enliven.possession import Cues
+from enliven.wire import HoldMessage
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Tick:
         cues: by character id, the nodes that are held, or would be.
         boards: the matches to choose from, of each rigged character.
         holders: the ids of the performers who hold a character.
+        holds: changes of who holds what, since the frame before.
         props: the loose things among them, where there are physics.
     """
 
@@ -34,6 +36,7 @@ class Tick:
     cues: Mapping[str, Cues] = field(default_factory=dict)
     boards: Sequence[Board] = ()
     holders: frozenset[int] = frozenset()
+    holds: Sequence[HoldMessage] = ()
     props: Props | None = None
 
     @property

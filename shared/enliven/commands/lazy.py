@@ -31,6 +31,7 @@ _ORDER = (
     "graph",
     "retarget",
     "examples",
+    "possess",
     "export",
     "doctor",
 )

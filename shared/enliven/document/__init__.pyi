@@ -1,4 +1,9 @@
-from .body_take import BodyTake as BodyTake, HoldChange as HoldChange
+from .body_take import (
+    BodyTake as BodyTake,
+    HoldChange as HoldChange,
+    HoldMode as HoldMode,
+    Possession as Possession,
+)
 from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
 from .clip import Clip as Clip
 from .constraints import (

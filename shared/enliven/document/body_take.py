@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -11,6 +11,8 @@ from enliven.arrays import AnyArray, Float, Int
 from enliven.errors import InputError
 from enliven.person import Body, Joint
 
+HoldMode = Literal["alone", "join", "extend", "release", "take over", "remove"]
+"""What happens to the holds of a character."""
 _LONGEST = 1e7
 """Seconds that a take may last, 115 days: what lies beyond is a damaged clock."""
 
@@ -26,6 +28,7 @@ class BodyTake:
         joints: (F, B, 20, 3) float64 metres, world frame; 0 for a performer who is not in view.
         confidence: (F, B, 20) float64 in [0, 1].
         present: (F, B) bool, who is in view.
+        stature: (F, B) metres from soles to crown, 0 where it was not measured; None: nowhere.
 
     Raises:
         InputError: where the arrays do not fit together or are not finite.
@@ -37,13 +40,15 @@ class BodyTake:
     joints: Float
     confidence: Float
     present: AnyArray
+    stature: Float | None = None
 
     def __post_init__(self) -> None:
         kinds = {"seconds": np.float64, "people": np.int64, "joints": np.float64, "confidence": np.float64}
-        for name, kind in {**kinds, "present": np.bool_}.items():
-            array = np.array(getattr(self, name), kind)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        for name, kind in {**kinds, "present": np.bool_, "stature": np.float64}.items():
+            if getattr(self, name) is not None:
+                array = np.array(getattr(self, name), kind)
+                array.setflags(write=False)
+                object.__setattr__(self, name, array)
         problem = _problem_of(self)
         if problem:
             raise InputError(problem, where=f"take {self.id!r}", mend="Record it again.")
@@ -55,8 +60,14 @@ class BodyTake:
 
     def bodies(self, frame: int) -> list[Body]:
         """Returns the performers in view in a frame, in the order of :attr:`people`."""
+        tall = np.zeros(len(self.people)) if self.stature is None else self.stature[frame]
         return [
-            Body(int(self.people[i]), self.joints[frame, i], self.confidence[frame, i])
+            Body(
+                int(self.people[i]),
+                self.joints[frame, i],
+                self.confidence[frame, i],
+                stature=float(tall[i]) or None,
+            )
             for i in np.flatnonzero(self.present[frame])
         ]
 
@@ -65,18 +76,65 @@ class BodyTake:
 class HoldChange:
     """A performer takes hold of a character, or lets go, at a moment of a take.
 
+    A change follows the frame of its moment, except for "take over", which comes before it.
+
     Attributes:
         seconds: of the take.
         performer: the id; None: the first in view, and for "release" all.
         parts: the parts of the body that take hold: "all", "legs", "upper body", ...
         mode: "alone" ends all other holds, "join" keeps those of other performers, "extend" keeps the
-            performer's own too, "release" lets go.
+            performer's own too; "release" lets go; "take over" goes on with what ``former`` held; "remove"
+            takes the character from the stage.
+        former: the id of the performer who was away for long, for "take over".
     """
 
     seconds: float
     performer: int | None = None
     parts: str = "all"
-    mode: Literal["alone", "join", "extend", "release"] = "alone"
+    mode: HoldMode = "alone"
+    former: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Possession:
+    """How performers moved a mesh: all that its motion is solved from, on this mesh or on another.
+
+    Attributes:
+        take: the id of the performers' take.
+        holds: who took hold, and who let go, in the order of time.
+        settings: of the actor, as JSON.
+        height: metres of the mesh at rest when it was possessed, by which it was placed; 0: as it is.
+        size: metres of the mesh as modelled for one of its rest space.
+        place: where it waits: scale, radians about +Y, x, y, z in metres; empty: as the settings say.
+        start, end: seconds of the take that are played; an end of 0 is the take's.
+        rest: (N, 3) metres, the nodes at rest when the motion was solved or recorded.
+        solved: a checksum of what the motion was solved from; empty: it has to be solved.
+    """
+
+    take: str
+    holds: tuple[HoldChange, ...]
+    settings: str = "{}"
+    height: float = 0.0
+    size: float = 1.0
+    place: tuple[float, ...] = ()
+    start: float = 0.0
+    end: float = 0.0
+    rest: Float = field(default_factory=lambda: np.zeros((0, 3)))
+    solved: str = ""
+
+    def __post_init__(self) -> None:
+        rest = np.array(self.rest, np.float64)
+        rest.setflags(write=False)
+        object.__setattr__(self, "rest", rest)
+        sizes = [self.size, *self.place[:1]]
+        good = rest.ndim == 2 and rest.shape[1] == 3 and len(self.place) in (0, 5) and min(sizes) > 0.0
+        if not (good and np.isfinite([*self.place, *sizes, self.height, self.start, self.end]).all()):
+            what = f"nodes {rest.shape}, a place {self.place} and a size {self.size} do not fit"
+            raise InputError(what, where=f"take {self.take!r}", mend="Record it again.")
+
+    def last(self, take: BodyTake) -> float:
+        """The second of the take at which it ends."""
+        return self.end if self.end > 0.0 else take.duration
 
 
 def _problem_of(take: BodyTake) -> str:
@@ -86,6 +144,8 @@ def _problem_of(take: BodyTake) -> str:
         return "it has no frames or no performers"
     if shapes != ((frames, people, joints, 3), (frames, people, joints), (frames, people)):
         return f"joints {shapes[0]}, confidence {shapes[1]}, present {shapes[2]}"
+    if take.stature is not None and (take.stature.shape != shapes[2] or not (take.stature >= 0.0).all()):
+        return "a stature is below zero, or missing"
     if len(set(take.people.tolist())) != people:
         return "two performers have one id"
     if not (np.isfinite(take.joints).all() and np.isfinite(take.seconds).all()):

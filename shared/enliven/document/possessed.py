@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32, freeze, frozen
+from enliven.document.body_take import Possession
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.rig import RigBase
 from enliven.document.time_map import Playing
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
-
-if TYPE_CHECKING:
-    from enliven.document.clip import Clip
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +94,7 @@ class GraphPart(Playing):
             S = diag(-1, 1, 1); so is the rest pose.
         ride: what carries it, or None for the world.
         muted: true lets it stand still, as at its stream's first frame.
+        possession: what the stream was solved from, and can be solved from again; None: from nothing.
     """
 
     source = "streams"
@@ -109,6 +108,7 @@ class GraphPart(Playing):
     mirrored: bool = False
     ride: Ride | None = None
     muted: bool = False
+    possession: Possession | None = None
 
     def __post_init__(self) -> None:
         freeze(self, "nodes", kind=np.int64)
@@ -116,6 +116,23 @@ class GraphPart(Playing):
         self.check_time(f"part {self.take!r}")
         if not self.size > 0.0:
             raise InputError(f"it cannot be {self.size} times as large", where=f"part {self.take!r}")
+
+        known = np.inf if self.possession is None else len(self.possession.rest)
+        if self.nodes.size and not self.nodes.max() < known:
+            what = f"it plays node {self.nodes.max()} of {known} that were solved"
+            raise InputError(what, where=f"part {self.take!r}", mend="Possess the mesh again.")
+
+    def needs(self) -> tuple[tuple[str, str], ...]:
+        """Its stream, and the bodies that it was solved from."""
+        solved = self.possession
+        return (*super().needs(), *(() if solved is None else (("bodies", solved.take),)))
+
+    def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
+        """The same part with other ids of its stream and its bodies."""
+        solved, named = self.possession, super().with_takes_named(names)
+        if solved is None:
+            return named
+        return replace(named, possession=replace(solved, take=names["bodies", solved.take]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,11 +171,11 @@ class GraphShape(RigBase):
     played = "parts"
     drawn_by = ("mesh", "skin", "positions")
 
-    def check(self, takes: Mapping[str, Clip], streams: Mapping[str, PoseStream]) -> None:
+    def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Refuse takes that are not there, or that are of something else."""
-        super().check(takes, streams)
+        super().check(held)
         for part in self.parts:
-            known = streams[part.take].positions.shape[1]
+            known = held["streams"][part.take].positions.shape[1]
             if part.nodes.size and not 0 <= part.nodes.min() <= part.nodes.max() < known:
                 raise InputError(f"it plays nodes of {part.take!r} that are not there", where=self.where)
 

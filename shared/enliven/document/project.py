@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from enliven.document.body_take import BodyTake
 from enliven.document.clip import Clip
 from enliven.document.possessed import GraphShape, PoseStream
 from enliven.document.puppet import Puppet
@@ -28,6 +29,7 @@ class Project:
         characters: rigged shapes, possessed meshes, puppets, and what else has a rig.
         takes: what performers did, as motion of a skeleton.
         streams: what possessed meshes did, as motion of their nodes.
+        bodies: what performers did, as it was tracked: possessed meshes are solved from it.
 
     Raises:
         InputError: where a character plays a take that is not there.
@@ -36,12 +38,14 @@ class Project:
     characters: Mapping[str, RigBase] = field(default_factory=dict)
     takes: Mapping[str, Clip] = field(default_factory=dict)
     streams: Mapping[str, PoseStream] = field(default_factory=dict)
+    bodies: Mapping[str, BodyTake] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for part in fields(self):
             object.__setattr__(self, part.name, MappingProxyType(dict(getattr(self, part.name))))
+        held = {part.name: getattr(self, part.name) for part in fields(self)}
         for character in self.characters.values():
-            character.check(self.takes, self.streams)
+            character.check(held)
 
     def with_characters(self, *characters: RigBase) -> Project:
         """A project with these characters added, or put in the place of those of the same id."""
@@ -63,6 +67,10 @@ class Project:
     def with_streams(self, *streams: PoseStream) -> Project:
         """A project with these pose streams added."""
         return replace(self, streams={**self.streams, **{stream.id: stream for stream in streams}})
+
+    def with_bodies(self, *takes: BodyTake) -> Project:
+        """A project with these takes of tracked bodies added."""
+        return replace(self, bodies={**self.bodies, **{take.id: take for take in takes}})
 
     def character(self, character_id: str, rig: type[R] = RigBase) -> R:  # type: ignore[assignment]
         """The character of an id.

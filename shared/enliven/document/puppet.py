@@ -166,9 +166,9 @@ class Puppet(RigBase):
         found["takes"].update(pose.take for pose in self.poses)
         return found
 
-    def with_takes_named(self, names: Mapping[str, str]) -> Puppet:
+    def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Puppet:
         """The same with other ids of its takes, in layers and key poses."""
-        poses = tuple(replace(pose, take=names[pose.take]) for pose in self.poses)
+        poses = tuple(replace(pose, take=names["takes", pose.take]) for pose in self.poses)
         return super().with_takes_named(names).with_changes(poses=poses)
 
     @property

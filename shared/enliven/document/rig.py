@@ -21,7 +21,6 @@ from enliven.document.time_map import Playing
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
-    from enliven.document.clip import Clip
     from enliven.meshes import Mesh
 
 
@@ -97,23 +96,28 @@ class RigBase:
         return self.with_playing().with_changes(mesh=mesh), ()
 
     def needed(self) -> Mapping[str, set[str]]:
-        """The ids that it refers to in each map of takes of the project: "takes" and "streams"."""
-        found: dict[str, set[str]] = {"takes": set(), "streams": set()}
+        """The ids that it refers to in each map of takes of the project: "takes", "streams" and "bodies"."""
+        found: dict[str, set[str]] = {"takes": set(), "streams": set(), "bodies": set()}
         for layer in self.playing:
-            found[layer.source].add(layer.take)
+            for held, name in layer.needs():
+                found[held].add(name)
         return found
 
-    def with_takes_named(self, names: Mapping[str, str]) -> Self:
-        """The same with other ids of the takes that it refers to."""
-        return self.with_playing(*(one.of_take(names[one.take]) for one in self.playing))
+    def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
+        """The same with other ids of the takes that it refers to, by the map of the project and the id."""
+        return self.with_playing(*(one.with_takes_named(names) for one in self.playing))
 
-    def check(self, takes: Mapping[str, Clip], streams: Mapping[str, Any]) -> None:
-        """Refuse takes that are not there.
+    def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
+        """Refuse takes that are not there, or that are of something else.
+
+        Args:
+            held: the maps of the project, by their names.
 
         Raises:
             InputError: which one is missing.
         """
-        for source, known in (("takes", takes), ("streams", streams)):
-            missing = self.needed()[source] - set(known)
+        for kind, names in self.needed().items():
+            missing = names - set(held[kind])
             if missing:
-                raise InputError(f"there is no {source[:-1]} {min(missing)!r}", where=self.where)
+                what = f"there are no {kind}" if kind == "bodies" else f"there is no {kind[:-1]}"
+                raise InputError(f"{what} {min(missing)!r}", where=self.where)

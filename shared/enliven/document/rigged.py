@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -17,10 +17,6 @@ from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
-
-if TYPE_CHECKING:
-    from enliven.document.clip import Clip
-    from enliven.document.possessed import PoseStream
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +71,7 @@ class Shape(RigBase):
         if problem:
             raise InputError(problem, where=f"shape {self.id!r}", mend="Build the shape again.")
 
-    def at_rest(self, mesh: Mesh | None) -> tuple[Shape, tuple[PoseStream, ...]]:
+    def at_rest(self, mesh: Mesh | None) -> tuple[Shape, tuple[()]]:
         """The same without motion, travel and pins."""
         spans = (STILL,) * len(self.skeleton)
         return self.with_changes(mesh=mesh, spans=spans, layers=(), travel=None, pins=()), ()
@@ -116,11 +112,11 @@ class Shape(RigBase):
         mend = f"Known: {known}." if known else "Bind a chain first."
         raise InputError(f"there is no layer {layer_id!r}", where=self.where, mend=mend)
 
-    def check(self, takes: Mapping[str, Clip], streams: Mapping[str, PoseStream]) -> None:
+    def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Refuse takes that are not there, or that are of something else."""
-        super().check(takes, streams)
+        super().check(held)
         for layer in self.layers:
-            if max(layer.chain) >= len(takes[layer.take].skeleton):
+            if max(layer.chain) >= len(held["takes"][layer.take].skeleton):
                 raise InputError("its chain names joints that the take lacks", where=f"layer {layer.id!r}")
 
 

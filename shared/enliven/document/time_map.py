@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -93,6 +94,10 @@ class Playing(TimeMap):
         @property
         def muted(self) -> bool: ...
 
-    def of_take(self, take: str) -> Self:
-        """The same layer, playing the take of another id."""
-        return replace(self, take=take)  # type: ignore[call-arg]
+    def needs(self) -> tuple[tuple[str, str], ...]:
+        """What it refers to: maps of the project, and ids there."""
+        return ((self.source, self.take),)
+
+    def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
+        """The same layer with other ids of what it refers to."""
+        return replace(self, take=names[self.source, self.take])  # type: ignore[call-arg]

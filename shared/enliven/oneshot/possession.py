@@ -1,40 +1,49 @@
-"""A mesh moved by a performer who stands in it (KinÊtre, 2012)."""
+"""A mesh moved by performers who stand in it (KinÊtre, 2012)."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from dataclasses import asdict, replace
 
-import numpy as np
-
-from enliven.deformation.embedded import EmbeddedSolver
-from enliven.deformation.graph import DeformationGraph, character_from
-from enliven.document import Pose, Project, graph_shape_of, unused
+from enliven.document import BodyTake, HoldChange, Possession, Project
 from enliven.errors import InputError
+from enliven.frames import BodyFrame
 from enliven.meshes import Mesh
-from enliven.person import Body
-from enliven.possession import attach
+from enliven.modeling.possessed import possess_mesh
+from enliven.person import Body, parts_named
+from enliven.possession import ActorSettings
+from enliven.takes import body_take_of_frames
+
+_WHERE_IT_IS = ActorSettings(place="fixed", fade=0.0)
+"""A mesh that stands where it was modelled, and follows at once."""
 
 
 def possess(
     mesh: Mesh,
-    bodies: Sequence[Body],
+    bodies: Sequence[Body] | BodyTake,
     step: float = 1 / 30,
     *,
     parts: str = "all",
     nodes: int = 128,
+    holds: Sequence[HoldChange] = (),
+    settings: ActorSettings = _WHERE_IT_IS,
     project: Project | None = None,
 ) -> tuple[Project, str]:
     """A project in which a mesh moves with a performer, who takes hold of it in the first frame.
 
-    The body stands in the mesh: what of it is within reach of the surface takes hold. ``DeformationGraph``,
-    ``attach`` and ``EmbeddedSolver`` do the work, and let more be chosen.
+    The body stands in the mesh: what of it is within reach of the surface takes hold. The project keeps the
+    performers; ``solve_again`` of :mod:`enliven.modeling.possessed` moves the mesh by them once more after it
+    was cut or edited.
 
     Args:
         mesh: any triangles, in metres of the world.
-        bodies: (F,) one performer at even steps; joints (20, 3) in metres of the world.
+        bodies: a take, or (F,) one performer at even steps; joints (20, 3) in metres of the world.
         step: seconds from one body to the next.
         parts: parts of the body that take hold: "all", "legs", "hip + right arm", ...
         nodes: nodes of the deformation graph.
+        holds: who takes hold and lets go, and when; in place of ``parts``.
+        settings: how the mesh meets and follows its performers; by default it stays where it stands.
         project: what the mesh is added to; None begins one.
 
     Returns:
@@ -43,21 +52,24 @@ def possess(
     Raises:
         InputError: where no part of the mesh is in reach, or there are fewer than two bodies.
     """
-    project = project or Project()
-    graph = DeformationGraph.build(mesh, nodes)
-    name = unused(mesh.name or "mesh", project.characters)
-    if len(bodies) < 2:
-        raise InputError(
-            f"{len(bodies)} bodies do not move", where=f"mesh {name!r}", mend="Give two or more."
-        )
-    held = attach(graph, bodies[0].joints, bodies[0].confidence, parts)
-    if not len(held):
+    where = f"mesh {mesh.name or 'mesh'!r}"
+    count = len(bodies.seconds if isinstance(bodies, BodyTake) else bodies)
+    if count < 2:
+        raise InputError(f"{count} bodies do not move", where=where, mend="Give two or more.")
+    take = bodies if isinstance(bodies, BodyTake) else _take_of(bodies, step, mesh.name)
+    for part in [parts, *(change.parts for change in holds)]:
+        parts_named(part)
+    changes = tuple(holds) or (HoldChange(0.0, parts=parts),)
+    possession = Possession(take.id, changes, json.dumps(asdict(settings)))
+    try:
+        return possess_mesh(project or Project(), mesh, take, possession, nodes=nodes)
+    except InputError as error:
         mend = "Move or scale the mesh to where the performer stands (fit_height)."
-        raise InputError("no part of the mesh is in reach of the body", where=f"mesh {name!r}", mend=mend)
-    solver, character, poses = EmbeddedSolver(graph, held), character_from(mesh, graph, name), list[Pose]()
-    for frame, body in enumerate(bodies):
-        linear, positions = solver.solve(held.targets(body.joints))
-        time_ns = round(frame * step * 1e9)
-        poses.append(Pose(name, time_ns, linear.astype(np.float32), positions.astype(np.float32)))
-    shape, stream = graph_shape_of(character, poses, unused(name, project.streams), step)
-    return project.with_streams(stream).with_characters(shape), name
+        raise InputError(error.what, where=where, mend=mend) from None
+
+
+def _take_of(bodies: Sequence[Body], step: float, name: str) -> BodyTake:
+    """Returns the take of one performer at even steps."""
+    who = bodies[0].id
+    frames = [BodyFrame([replace(body, id=who)], round(n * step * 1e9), "") for n, body in enumerate(bodies)]
+    return body_take_of_frames(frames, f"{name or 'mesh'} performed")

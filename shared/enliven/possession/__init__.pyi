@@ -5,4 +5,5 @@ from .easing import Easing as Easing
 from .embedded_actor import EmbeddedActor as EmbeddedActor
 from .highlights import Cues as Cues, State as State, cues_of as cues_of
 from .placement import facing as facing, turn_about_y as turn_about_y
-from .standing import fit_standing_person as fit_standing_person
+from .preparing import prepared as prepared
+from .replaying import replay as replay, settings_of as settings_of

@@ -27,6 +27,10 @@ class Actor:
     """The ids of the performers who hold other characters: they are not offered this one."""
     aside: float = 0.0
     """Metres towards +X by which it waits away from its usual place, where other characters wait."""
+    size: float = 1.0
+    """Metres of the mesh as modelled for one of its rest space."""
+    settings: Any
+    """How it meets and follows its performers: a dataclass."""
     _candidate: tuple[int | None, str] = (None, "all")
 
     @property
@@ -38,6 +42,11 @@ class Actor:
     def state(self) -> State:
         """Whether a performer holds it."""
         return "possessed" if self.holds else "free"
+
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Where the mesh stands: scale, radians about +Y, x, y, z in metres; empty where it has none."""
+        return ()
 
     @property
     def candidate(self) -> tuple[int | None, str]:

@@ -19,7 +19,7 @@ from enliven.possession.easing import Easing
 from enliven.possession.grip import gripped, out_of_reach
 from enliven.possession.highlights import Cues, cues_of
 from enliven.possession.hold import EmbeddedHold, Grip, depth_of, joined
-from enliven.possession.placement import AS_MODELLED, resettled
+from enliven.possession.placement import AS_MODELLED, Placement, resettled
 from enliven.possession.placement_rules import PlacementRules
 from enliven.possession.soft_constraints import SoftConstraints
 from enliven.possession.standing import standing_figure
@@ -35,7 +35,10 @@ class EmbeddedActor(Actor):
 
     Args:
         size: metres of the mesh as modelled for one of its rest space.
+        height: metres of the mesh at rest, which its scale on the stage is told by; None measures it.
     """
+
+    settings: ActorSettings
 
     def __init__(
         self,
@@ -43,11 +46,13 @@ class EmbeddedActor(Actor):
         graph: DeformationGraph,
         settings: ActorSettings | None = None,
         size: float = 1.0,
+        height: float | None = None,
     ) -> None:
         self.character, self.graph = character, graph
         self.settings = settings or ActorSettings()
         self.holds: list[EmbeddedHold] = []
-        height = float(np.ptp(character.vertices[:, 1])) or 1.0
+        self.size = size
+        height = height or float(np.ptp(character.vertices[:, 1])) or 1.0
         self._rules = PlacementRules(self.settings, graph, height, size)
         self._placement = AS_MODELLED
         self._placed = self.settings.place == "fixed"
@@ -62,6 +67,11 @@ class EmbeddedActor(Actor):
     def uses_surface(self) -> bool:
         """Whether it follows what the sensor sees of its performers' surfaces."""
         return self.settings.follow != "skeleton"
+
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Where the mesh stands: scale, radians about +Y, x, y, z in metres."""
+        return self._placement.scale, self._placement.yaw, *self._placement.offset.tolist()
 
     @property
     def body_id(self) -> int:
@@ -113,6 +123,19 @@ class EmbeddedActor(Actor):
                 self._placement = resettled(self._placement, self.graph.positions, shown)
             self.holds, self._solver = [], None
             self._easing.restart_fade()
+
+    def stand(self, place: tuple[float, ...]) -> None:
+        """Puts the mesh where it waits: scale, radians about +Y, and x, y, z in metres."""
+        self._placement, self._placed = Placement(place[0], place[1], np.array(place[2:5])), True
+
+    def hand_over(self, former: int, body: Body) -> None:
+        """Gives the hold of one performer to another, who goes on with it."""
+        for hold in self.holds:
+            if hold.body == former:
+                hold.body, hold.depth = body.id, depth_of(body)
+                for grip in hold.grips:
+                    grip.carrying.handed_over(body)
+                self._easing.restart_fade()
 
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
@@ -195,11 +218,7 @@ class EmbeddedActor(Actor):
         away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
         idle = self._idle(bodies)
         if patience > 0 and away and len(idle) == 1:
-            hold = max(away, key=lambda h: h.away(time_ns))
-            hold.body, hold.depth = idle[0].id, depth_of(idle[0])
-            for grip in hold.grips:
-                grip.carrying.handed_over(idle[0])
-            self._easing.restart_fade()
+            self.hand_over(max(away, key=lambda h: h.away(time_ns)).body, idle[0])
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
         """Updates the targets of all holds; a performer who is away lets go, unless all holders are away."""

@@ -1,4 +1,9 @@
-from .body_takes import body_take_of as body_take_of, body_take_of_frames as body_take_of_frames
+from .body_takes import (
+    RecordedHolds as RecordedHolds,
+    body_take_of as body_take_of,
+    body_take_of_frames as body_take_of_frames,
+    recorded_holds as recorded_holds,
+)
 from .capture_clip import BODY_NAMES as BODY_NAMES, clip_of_bodies as clip_of_bodies
 from .capture_limbs import (
     half_way as half_way,
@@ -9,5 +14,5 @@ from .capture_roles import Roles as Roles, find_roles as find_roles
 from .exportable import Exportable as Exportable, exportables_of as exportables_of
 from .files import read_take as read_take
 from .positions import turns_of as turns_of
-from .possessed import read_possessed as read_possessed
+from .possessed import possession_in as possession_in, read_possessed as read_possessed
 from .recorded import clips_of_recording as clips_of_recording

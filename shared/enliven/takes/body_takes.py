@@ -7,16 +7,20 @@ body_take_of_frames(frames, id) -> BodyTake        # enliven.frames.BodyFrame
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
-from enliven.document import BodyTake
-from enliven.errors import InputError
+from enliven.document import BodyTake, Character, HoldChange, Pose, Possession
+from enliven.errors import EnlivenError, InputError
+from enliven.files import DAMAGE
 from enliven.frames import BodyFrame, Frame
 from enliven.person import Joint
 from enliven.recording import Recording
 from enliven.takes.recorded import body_frames
+from enliven.wire import HOLDS, HoldMessage
 
 
 def body_take_of(path: Path | str) -> BodyTake:
@@ -27,6 +31,69 @@ def body_take_of(path: Path | str) -> BodyTake:
     """
     path = Path(path)
     return body_take_of_frames(body_frames(Recording(path)), path.stem)
+
+
+@dataclass(frozen=True)
+class RecordedHolds:
+    """The performers of a recording, and who held what.
+
+    Attributes:
+        take: the performers.
+        begin_ns: the sensor's clock when the take begins.
+        events: by id and revision of a character, in the order of time.
+    """
+
+    take: BodyTake
+    begin_ns: int
+    events: dict[tuple[str, int], list[HoldMessage]] = field(default_factory=dict)
+
+    def possession(self, key: tuple[str, int], character: Character, poses: list[Pose]) -> Possession | None:
+        """Returns how a character with these poses was possessed; None where that was not recorded.
+
+        Args:
+            key: the id and the revision of the character.
+        """
+        events = [event for event in self.events.get(key, []) if event.mode != "remove"]
+        first = next((event for event in events if len(event.place) == 5 and event.place[0] > 0.0), None)
+        if character.kind != "graph" or first is None or not first.size > 0.0:
+            return None
+        changes = []
+        for event in events:
+            who, former = (None if one < 0 else one for one in (event.body, event.former))
+            changes.append(HoldChange(self._second(event.time_ns), who, event.parts, event.mode, former))
+        return Possession(
+            self.take.id,
+            tuple(changes),
+            first.settings,
+            float(np.ptp(character.vertices[:, 1])),
+            first.size,
+            tuple(first.place),
+            self._second(poses[0].time_ns),
+            self._second(poses[-1].time_ns),
+            np.asarray(character.pivots, np.float64),
+        )
+
+    def _second(self, time_ns: int) -> float:
+        """The second of the take at a time of the sensor's clock, as :attr:`BodyTake.seconds` has it."""
+        return float((time_ns - self.begin_ns) * 1e-9)
+
+
+def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
+    """Returns the performers of a recording and their holds; None where a recording does not hold them."""
+    if HOLDS.name not in recording.info.topics:
+        return None
+    frames = [frame for frame in body_frames(recording) if isinstance(frame, BodyFrame)]
+    begin = next((frame.time_ns for frame in frames if frame.bodies), None)
+    if begin is None:
+        return None
+    found = RecordedHolds(body_take_of_frames(frames, id), begin)
+    for _, data in recording.messages(HOLDS.name):
+        try:
+            said = msgspec.msgpack.decode(data, type=HoldMessage)
+        except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
+            continue
+        found.events.setdefault((said.character, said.revision), []).append(said)
+    return found
 
 
 def body_take_of_frames(frames: Iterable[Frame], id: str) -> BodyTake:
@@ -48,13 +115,13 @@ def body_take_of_frames(frames: Iterable[Frame], id: str) -> BodyTake:
         raise InputError("no performer is in them", where=f"take {id!r}", mend=mend)
     shape = (len(kept), len(people))
     joints, confidence = np.zeros((*shape, len(Joint), 3)), np.zeros((*shape, len(Joint)))
-    present = np.zeros(shape, np.bool_)
+    present, stature = np.zeros(shape, np.bool_), np.zeros(shape)
     for i, frame in enumerate(kept):
         for body in frame.bodies:
             j = people.index(body.id)
             known = np.isfinite(body.joints.sum(1))
             joints[i, j] = np.where(known[:, None], body.joints, 0.0)
             confidence[i, j] = np.where(known, np.clip(body.confidence, 0.0, 1.0), 0.0)
-            present[i, j] = True
+            present[i, j], stature[i, j] = True, body.stature or 0.0
     seconds = np.array([frame.time_ns - kept[0].time_ns for frame in kept]) * 1e-9
-    return BodyTake(id, seconds, np.array(people), joints, confidence, present)
+    return BodyTake(id, seconds, np.array(people), joints, confidence, present, stature)

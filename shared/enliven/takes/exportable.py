@@ -15,10 +15,11 @@ from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project
 from enliven.formats.rig import playing
 from enliven.modeling.edits import rig_of
+from enliven.modeling.possessed import solve_lost
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.takes.capture_clip import between_times, resampled
 from enliven.takes.files import read_take
-from enliven.takes.possessed import characters_and_poses, played
+from enliven.takes.possessed import characters_and_poses, with_performance
 from enliven.takes.recorded import TakeSettings, body_frames, clips_of_frames
 from enliven.takes.rigged import rigged_of
 
@@ -58,7 +59,7 @@ def exportables_of(path: Path | str) -> tuple[list[Exportable], tuple[str, ...]]
     path, notes = Path(path), tuple[str, ...]()
     kind = path.suffix.lower()
     if kind == ".enliven":
-        found = _of_project(read_project(path))
+        found = _of_project(solve_lost(read_project(path)))
     elif kind == ".mcap":
         found = _of_recording(path)
     elif kind in (".glb", ".gltf"):
@@ -152,8 +153,9 @@ def _recorded(
         project, shape = playing(Project(), still, clip)
         late = shape.later(offset)
         return _sampled(project.with_characters(late), late, start, end, rate, morphs, 1 / clip.step)
-    graph, stream = played(replace(character, id=name), poses, begin, Project(), [])
-    project = Project().with_streams(stream).with_characters(graph)
+    named = replace(character, id=name)
+    project = with_performance(Project(), (name, 0), named, poses, begin, [], None)
+    (graph,), (stream,) = project.graphs.values(), project.streams.values()
     return _sampled(project, graph, start, end, rate, morphs, 1 / stream.step)
 
 

@@ -9,6 +9,7 @@ that was performed live the control points were recorded: its surface is solved 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -17,11 +18,14 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import (
     ArapSettings,
+    BodyTake,
     Character,
     ControlPoint,
     GraphShape,
+    HoldChange,
     Pose,
     PoseStream,
+    Possession,
     Project,
     Puppet,
     graph_shape_of,
@@ -31,15 +35,22 @@ from enliven.errors import EnlivenError, InputError
 from enliven.examples.baking import BakeSettings, SurfaceFrames, bake_surface
 from enliven.files import DAMAGE
 from enliven.meshes import Mesh
+from enliven.modeling.possessed import as_solved, between, even_times, stream_of
 from enliven.modeling.puppet import graph_of
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
-from enliven.wire import CharacterMessage, PoseCodec, PoseMessage, message_to_character, message_to_pose
+from enliven.takes.body_takes import RecordedHolds, body_take_of, recorded_holds
+from enliven.wire import (
+    HOLDS,
+    CharacterMessage,
+    PoseCodec,
+    PoseMessage,
+    message_to_character,
+    message_to_pose,
+)
 
 _FEWEST = 2
 """Poses that a mesh needs at least to count as moved."""
-_MOST_PLACES = 1 << 23
-"""Poses at even steps times transforms, 0.8 GB: 2.6 h of 30 nodes at 30 a second."""
 
 
 def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
@@ -58,18 +69,44 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
     recording = Recording(path)
     characters, poses = characters_and_poses(recording)
     begin = min((found[0].time_ns for found in poses.values() if found), default=0)
-    project = Project()
+    project, holds = Project(), recorded_holds(recording, Path(path).stem)
     for key, character in characters.items():
         found = poses.get(key, [])
         if character.kind not in ("graph", "points") or len(found) < _FEWEST:
             continue
         told: list[str] = [] if notes is None else notes
-        shape, stream = played(character, found, begin, project, told)
-        project = project.with_streams(stream).with_characters(shape)
+        project = with_performance(project, key, character, found, begin, told, holds)
     if not project.graphs:
         mend = "Possess a mesh and record it: enliven run."
         raise InputError("no possessed mesh moves in it", where=str(path), mend=mend)
     return project
+
+
+def possession_in(path: str | Path, character: str = "") -> tuple[Project, str, BodyTake, Possession]:
+    """Returns what a recording holds of performers who possess a mesh.
+
+    Args:
+        character: id of a possessed mesh; empty for the first.
+
+    Returns:
+        The recording as a project, the mesh's id in it, its performers, and how they held it. In a recording
+        that does not say who took hold, the id is empty, and the first performer takes hold at once.
+
+    Raises:
+        InputError: where the file is no recording, there is no such character, or no performer is in it.
+    """
+    path = Path(path)
+    if HOLDS.name in Recording(path).info.topics:
+        project = read_possessed(path)
+        held = {k: p.possession for k, g in project.graphs.items() for p in g.parts if p.possession}
+        if character and character not in held:
+            mend = f"Known: {', '.join(held) or 'none'}."
+            raise InputError(f"nobody possessed {character!r}", where=str(path), mend=mend)
+        for name, possession in held.items():
+            if not character or name == character:
+                return project, name, project.bodies[possession.take], possession
+    bodies = body_take_of(path)
+    return Project(), "", bodies, Possession(bodies.id, (HoldChange(0.0),))
 
 
 _Key = tuple[str, int]
@@ -102,40 +139,42 @@ def characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], d
     return characters, {key: sorted(found, key=lambda pose: pose.time_ns) for key, found in poses.items()}
 
 
-def played(
-    character: Character, poses: list[Pose], begin: int, project: Project, notes: list[str]
-) -> tuple[GraphShape, PoseStream]:
-    """Returns the shape of a character, and the stream of its poses at even steps."""
-    poses, seconds, grid = even_times(character, poses, begin)
-    step = float(grid[1] - grid[0])
+def with_performance(
+    project: Project,
+    key: _Key,
+    character: Character,
+    poses: list[Pose],
+    begin: int,
+    notes: list[str],
+    holds: RecordedHolds | None,
+) -> Project:
+    """Returns the project with what a character did in a recording, at even steps.
+
+    A mesh that was possessed has its performers with it, and can be solved again: it begins with them.
+
+    Args:
+        key: id and revision of the character.
+        begin: nanoseconds, the sensor's clock at 0 seconds of the project.
+        holds: the recording's, or None.
+    """
     ids = unused(character.id, project.characters), unused(character.id, project.streams)
     if character.kind == "points":
-        return _solved(character, poses, seconds, grid, ids, notes)
-    shape, whole = graph_shape_of(character, poses, ids[1], step)
-    linear, positions = (between(values, seconds, grid) for values in (whole.linear, whole.positions))
-    stream = PoseStream(whole.id, linear, positions, step)
-    part = shape.parts[0]
-    moved = type(part)(part.take, part.nodes, offset=float(seconds[0]))
-    return shape.with_changes(id=ids[0], parts=(moved,)), stream
-
-
-def even_times(character: Character, poses: list[Pose], begin: int) -> tuple[list[Pose], Float, Float]:
-    """Returns the poses of different times, those (F,) in seconds since ``begin`` (ns), and (G,) even times.
-
-    Raises:
-        InputError: where there are too few, or times that are too far apart.
-    """
-    where = f"character {character.id!r}"
-    seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
-    _, first = np.unique(seconds, return_index=True)
-    seconds = seconds[first]
-    if len(first) < _FEWEST:
-        raise InputError("all its poses are of one moment", where=where, mend="Record it again.")
-    step, lasts = float(np.median(np.diff(seconds))), float(seconds[-1] - seconds[0])
-    if lasts / step * len(character.pivots) > _MOST_PLACES:
-        what = f"its poses are spread over {lasts:.3g} s, at steps of {step:.3g} s: too many"
-        raise InputError(what, where=where, mend="Record a shorter take.")
-    return [poses[i] for i in first], seconds, np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
+        poses, seconds, grid = even_times(character, poses, begin)
+        shape, stream = _solved(character, poses, seconds, grid, ids, notes)
+        return project.with_streams(stream).with_characters(shape)
+    seen = [] if holds is None else [pose for pose in poses if pose.time_ns >= holds.begin_ns]
+    possession = None
+    if holds is not None and len(seen) >= _FEWEST:
+        possession = holds.possession(key, character, seen)
+        poses = poses if possession is None else seen
+    stream = stream_of(character, poses, ids[1])
+    shape, _ = graph_shape_of(character, poses, ids[1], stream.step)
+    start = (poses[0].time_ns - begin) * 1e-9
+    part = replace(shape.parts[0], offset=start, possession=possession)
+    shape = shape.with_changes(id=ids[0], parts=(part,))
+    if holds is not None and possession is not None:
+        project = project.with_bodies(holds.take)
+    return as_solved(project.with_streams(stream).with_characters(shape), shape.id)
 
 
 def _solved(
@@ -171,11 +210,3 @@ def _puppet_of(character: Character) -> Puppet:
     vertices = character.vertices.astype(np.float64)
     mesh = Mesh(vertices, character.faces, character.id, character.colours)
     return Puppet(character.id, mesh, points, surface=character.surface or ArapSettings())
-
-
-def between(values: Float, seconds: Float, grid: Float) -> Float:
-    """Returns (G, ...) ``values`` (F, ...) interpolated from ``seconds`` (F,) to ``grid`` (G,)."""
-    before = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)
-    share = np.clip((grid - seconds[before]) / (seconds[before + 1] - seconds[before]), 0.0, 1.0)
-    share = share.reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray((1 - share) * values[before] + share * values[before + 1])

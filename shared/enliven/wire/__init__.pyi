@@ -1,5 +1,6 @@
 from .characters import CharacterMessage as CharacterMessage
 from .convert import (
+    as_sent as as_sent,
     bodies_to_message as bodies_to_message,
     cues_to_message as cues_to_message,
     health_to_messages as health_to_messages,
@@ -27,7 +28,11 @@ from .envelope import (
     unpack_control as unpack_control,
     unpack_stream as unpack_stream,
 )
-from .fields import MAX_PART_BYTES as MAX_PART_BYTES, MAX_SENT_BYTES as MAX_SENT_BYTES
+from .fields import (
+    MAX_PART_BYTES as MAX_PART_BYTES,
+    MAX_SENT_BYTES as MAX_SENT_BYTES,
+    MAX_SETTINGS as MAX_SETTINGS,
+)
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
 from .ports import free_ports as free_ports
 from .posecode import PoseCodec as PoseCodec, warm_up as warm_up
@@ -68,6 +73,7 @@ from .sockets import (
 from .streams import (
     BodiesMessage as BodiesMessage,
     CuesMessage as CuesMessage,
+    HoldMessage as HoldMessage,
     MatchesMessage as MatchesMessage,
     PoseMessage as PoseMessage,
     PropsMessage as PropsMessage,
@@ -80,6 +86,7 @@ from .topics import (
     BY_TYPE as BY_TYPE,
     CHARACTER as CHARACTER,
     CUES as CUES,
+    HOLDS as HOLDS,
     MATCHES as MATCHES,
     MAX_STREAM_BYTES as MAX_STREAM_BYTES,
     POSE as POSE,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,6 +69,22 @@ def message_to_pose(message: PoseMessage, codec: PoseCodec) -> Pose:
 def bodies_to_message(bodies: Iterable[Body], time_ns: int, captured_ns: int = 0) -> BodiesMessage:
     """Returns the message of bodies; a joint that is not finite becomes the origin with confidence 0."""
     return BodiesMessage(time_ns, captured_ns, [_packed(body) for body in bodies])
+
+
+def as_sent(bodies: Iterable[Body]) -> list[Body]:
+    """Returns bodies with joints, confidence and stature rounded to what the wire carries.
+
+    A stage that performs these makes of a recording what it made live. A joint that is not finite stays so.
+    """
+    return [
+        replace(
+            body,
+            joints=np.minimum(np.maximum(np.rint(body.joints / JOINT_STEP), -32768), 32767) * JOINT_STEP,
+            confidence=np.rint(np.minimum(np.fmax(body.confidence, 0.0), 1.0) * 255) / 255.0,
+            stature=None if body.stature is None else round(body.stature * 1000) / 1000.0,
+        )
+        for body in bodies
+    ]
 
 
 def _packed(body: Body) -> PackedBody:

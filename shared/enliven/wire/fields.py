@@ -32,6 +32,8 @@ MAX_TRANSFORMS = 4096
 """Transforms of a pose: a deformation graph has some hundred nodes, a detailed rig some hundred bones."""
 MAX_PROPS = 1024
 """Loose things of a message: more than the physics moves in real time."""
+MAX_SETTINGS = 32 * 1024
+"""Characters of an actor's settings: all with 400 stiff spots."""
 MAX_PART_BYTES = 64 * 1024
 """Bytes of one part of a character on its way to an edge: a message of it is read within a frame."""
 MAX_SENT_BYTES = 32 * 1024 * 1024

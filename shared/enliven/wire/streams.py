@@ -10,6 +10,7 @@ from enliven.wire.fields import (
     MAX_CHARACTERS,
     MAX_HEALTH,
     MAX_PROPS,
+    MAX_SETTINGS,
     MAX_TRANSFORM_BYTES,
     MAX_TRANSFORMS,
     Count,
@@ -113,6 +114,36 @@ class CuesMessage(Struct, array_like=True, frozen=True):
             expect("owners", self.owners, len(self.strengths))
             if max(self.owners) >= len(self.performers):
                 raise ValueError(f"an owner is number {max(self.owners)} of {len(self.performers)}")
+
+
+class HoldMessage(Struct, array_like=True, frozen=True):
+    """A performer took hold of a character, or let go (topic "holds").
+
+    Attributes:
+        character: its id.
+        time_ns: the sensor's clock, of the frame that the change follows; "take over" comes before it.
+        mode: what happened; "remove": the character left the stage.
+        revision: of the character; 0 where it left.
+        body: the performer's id; -1: all of them.
+        parts: of the body that took hold.
+        former: the id of the performer who held it before, for "take over"; else -1.
+        holders: the ids of all who hold it from now on.
+        settings: the actor's, as JSON.
+        place: where the mesh stood before: scale, radians about +Y, x, y, z in metres; or empty.
+        size: metres of the mesh as modelled for one of its rest space.
+    """
+
+    character: Name
+    time_ns: Nanoseconds
+    mode: Literal["alone", "join", "extend", "release", "take over", "remove"]
+    revision: Count = 0
+    body: Identity = -1
+    parts: Text = "all"
+    former: Identity = -1
+    holders: Annotated[list[Identity], Meta(max_length=64)] = field(default_factory=list)
+    settings: Annotated[str, Meta(max_length=MAX_SETTINGS)] = "{}"
+    place: Annotated[list[Number], Meta(max_length=5)] = field(default_factory=list)
+    size: Number = 1.0
 
 
 class PropsMessage(Struct, array_like=True, frozen=True):

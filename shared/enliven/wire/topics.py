@@ -17,6 +17,7 @@ from enliven.wire.requests import Reply, Request
 from enliven.wire.streams import (
     BodiesMessage,
     CuesMessage,
+    HoldMessage,
     MatchesMessage,
     PoseMessage,
     PropsMessage,
@@ -85,6 +86,9 @@ BODIES = _stream("bodies", BodiesMessage, 16 * 1024)
 CUES = _stream("cues", CuesMessage, 32 * 1024, latched=True, key=_character)
 PROPS = _stream("props", PropsMessage, 32 * 1024, latched=True)
 MATCHES = _stream("matches", MatchesMessage, 128 * 1024, latched=True, key=_character)
+HOLDS = register(
+    Topic("holds", HoldMessage, "stream", 40 * 1024, 0, "every", latched=True, key=_character, recorded=True)
+)
 STAGE = register(Topic("stage", StageMessage, "stream", 128 * 1024, 0, "every", latched=True, recorded=True))
 STATUS = register(Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge))
 CHARACTER = register(

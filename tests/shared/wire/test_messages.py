@@ -48,6 +48,9 @@ EXAMPLES = [
     ),
     streams.StageMessage(5, [streams.Revision("chair", 2), streams.Revision("lamp", 1)]),
     streams.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),
+    streams.HoldMessage(
+        "chair", 5, "take over", 2, 4, "legs + hip", 3, [4, 7], '{"fade": 0.5}', [1, 0, 0, 2, 0], 0.9
+    ),
 ]
 ASKS = [
     requests.Hello("v", True),
@@ -385,3 +388,20 @@ def test_what_an_older_program_sends_means_what_it_meant() -> None:
 def test_cues_of_an_owner_who_is_not_named_are_refused() -> None:
     with pytest.raises(msgspec.ValidationError, match="owner"):
         msgspec.convert(["chair", "possessed", bytes(2), bytes(1), 3, 9, 1, [3], b"\1"], streams.CuesMessage)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_bodies_as_sent_are_those_that_arrive_and_are_sent_again_alike(seed: int) -> None:
+    """A joint that is not finite arrives as the origin without confidence; at the edge it stays unknown."""
+    random = np.random.default_rng(seed)
+    joints, confidence = random.normal(0.0, 12.0, (20, 3)), random.uniform(-0.2, 1.2, 20)
+    joints[random.integers(20)], confidence[random.integers(20)] = np.nan, np.nan
+    sent = convert.as_sent([Body(3, joints, confidence, stature=float(random.uniform(0.5, 2.2)))])
+    (arrived,) = convert.message_to_bodies(convert.bodies_to_message(sent, 1))
+    known = np.isfinite(joints).all(1)
+    assert (arrived.joints[known] == sent[0].joints[known]).all() and np.isnan(sent[0].joints[~known]).all()
+    assert (arrived.confidence[known] == sent[0].confidence[known]).all() and arrived.stature == sent[
+        0
+    ].stature
+    again = convert.as_sent([arrived])[0]
+    assert (again.joints == arrived.joints).all() and (again.confidence == arrived.confidence).all()

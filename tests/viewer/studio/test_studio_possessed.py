@@ -8,10 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from studio_driver import Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play
+from swaying import possessed_chair, without_cache
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.possessed import graph_shape_of
 from enliven.document.project import Project, same
+from enliven.modeling.edits import cut_character
+from enliven.modeling.mesh import PlaneCut
+from enliven.modeling.possessed import stale
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -132,3 +136,25 @@ def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
     assert (tmp_path / "posts.glb").stat().st_size > 1000 and "2 shapes" in workspace.editor.toasts.shown[
         -1
     ].text
+
+
+def test_after_a_cut_its_performers_take_hold_again_and_undo_takes_that_back(tmp_path: Path) -> None:
+    """Also from a file that lost the motion: it is solved when it is opened."""
+    project, name = possessed_chair(frames=20)
+    made = Workspace.new(Editor(), tmp_path)
+    made.store.new(without_cache(project, name))
+    made.store.save(tmp_path / "lost.enliven")
+    made.store.open(tmp_path / "lost.enliven")
+    editor = made.editor
+    assert not stale(editor.project, editor.project.graph(name))
+    rest = editor.project.graph(name).mesh.vertices
+    plane = PlaneCut(rest.mean(0), [0.0, 1.0, 0.0])
+    editor.edit("cut", lambda project: cut_character(project, name, plane, 0.0)[0])
+    cut = editor.project
+    assert stale(cut, cut.graph(name))
+    editor.choose(name)
+    made.input.commands.solve_again()
+    assert not stale(editor.project, editor.project.graph(name))
+    assert editor.history.names[-1] == f"solve again {name}"
+    editor.undo()
+    assert same(editor.project, cut)

@@ -11,12 +11,14 @@ import msgspec
 from enliven.wire import (
     BODIES,
     CUES,
+    HOLDS,
     MATCHES,
     POSE,
     PROPS,
     STREAMS,
     BodiesMessage,
     CuesMessage,
+    HoldMessage,
     Topic,
     message_to_board,
     message_to_bodies,
@@ -60,6 +62,12 @@ def _put_cues(document: Document, cues: ReceivedCues) -> None:
     document.set_cues(shown, cues.time_ns)
 
 
+def _put_hold(document: Document, held: HoldMessage) -> None:
+    """Puts a change of holds at the newest moment: who joins late is told what happened long ago."""
+    now = max(held.time_ns, document.timeline.end_ns)
+    document.add(HOLDS, msgspec.structs.replace(held, time_ns=now))
+
+
 TRACKS: dict[str, TopicTrack] = {
     BODIES.name: TopicTrack(
         _read_bodies, lambda document, seen: document.add_bodies(seen.time_ns, seen.bodies)
@@ -68,6 +76,7 @@ TRACKS: dict[str, TopicTrack] = {
     PROPS.name: TopicTrack(lambda message, edge: message_to_props(message), Document.add_props),
     MATCHES.name: TopicTrack(lambda message, edge: message_to_board(message), Document.add_board),
     CUES.name: TopicTrack(_read_cues, _put_cues),
+    HOLDS.name: TopicTrack(lambda message, edge: message, _put_hold),
 }
 """By topic, in the order in which messages of one time are applied; poses are decoded by their characters."""
 

@@ -4,7 +4,11 @@ from .geodesic_kernels import (
     settle_within as settle_within,
     ways as ways,
 )
-from .graph import DeformationGraph as DeformationGraph, character_from as character_from
+from .graph import (
+    DeformationGraph as DeformationGraph,
+    character_from as character_from,
+    graph_of as graph_of,
+)
 from .sampling import scatter as scatter
 from .stiffness import stiffness_at as stiffness_at
 from .surface import SurfaceNet as SurfaceNet, net_of as net_of

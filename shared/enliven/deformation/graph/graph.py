@@ -11,7 +11,12 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.deformation.graph.connectivity import joints, weak_edges
-from enliven.deformation.graph.sampling import SurfaceSamples, distance_matrix, poisson_disk
+from enliven.deformation.graph.sampling import (
+    SurfaceSamples,
+    distance_matrix,
+    nearest_on_surface,
+    poisson_disk,
+)
 from enliven.deformation.graph.surface import (
     VoronoiCells,
     between_nodes,
@@ -89,6 +94,29 @@ class DeformationGraph:
         net = net_of(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
         return _linked(samples, voronoi_cells(net, samples.positions, samples.faces))
 
+    @staticmethod
+    def of_nodes(mesh: Mesh, positions: Float, edges: Int32) -> DeformationGraph:
+        """The graph of nodes that are known: of a character that was sent, or of a part that was cut off.
+
+        Where the edges leave several components, they are joined by the nearest nodes.
+
+        Args:
+            positions: (N, 3) metres, on the mesh or near it.
+            edges: (E, 2) pairs of nodes.
+
+        Raises:
+            InputError: for a mesh without a face, or no node.
+        """
+        if not len(mesh.faces) or not len(positions):
+            what = f"{len(mesh.faces)} faces and {len(positions)} nodes make no graph"
+            raise InputError(what, where=mesh.name, mend="Give a mesh with faces.")
+        count, pairs = len(positions), np.sort(np.asarray(edges).reshape(-1, 2), 1)
+        apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+        pairs = np.unique(np.concatenate([pairs, joints(count, pairs, apart)]), axis=0).astype(np.int32)
+        bridges, cuts, hanging = weak_edges(count, pairs)
+        near = nearest_on_surface(mesh, positions)
+        return DeformationGraph(positions, near.normals, near.faces, pairs, hanging, bridges, cuts, 0.0)
+
     def skin(self, mesh: Mesh) -> SkinWeights:
         """Four nodes and weights for each vertex of the mesh that the graph was built on (or its refinement
         by :func:`enliven.meshes.mesh.refine`, where the graph was built on that one).
@@ -110,6 +138,12 @@ class DeformationGraph:
         leaps = self.edges[np.isinf(ways[self.edges[:, 0], self.edges[:, 1]])]
         near = ways_from_nodes(cells, followed, leaps, spacing, _FAR * spacing)
         return blending_weights(cells.net, near, self.positions, spacing, NEIGHBOURS)
+
+
+def graph_of(character: Character) -> DeformationGraph:
+    """The deformation graph of a character, from what is sent of it: the same wherever it is made."""
+    mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id)
+    return DeformationGraph.of_nodes(mesh, np.asarray(character.pivots, np.float64), character.edges)
 
 
 def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:

@@ -53,8 +53,43 @@ def scatter(
     over = a + b > 1
     a, b = np.where(over, 1 - a, a), np.where(over, 1 - b, b)
     weights = np.stack([1 - a - b, a, b], -1)[..., None]
+    return _at(mesh, faces, weights, welded or weld(mesh))
+
+
+def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
+    """Returns for each of (N, 3) points in metres the nearest of the surface, with its normal (radius 0).
+
+    Exact for a point on the surface; beside it, of each face the place of its clamped barycentric coordinates
+    counts.
+    """
+    corners = mesh.vertices[mesh.faces]
+    middles = corners.mean(1)
+    sizes = np.linalg.norm(corners - middles[:, None], axis=2).max(1)
+    faces, weights = np.empty(len(points), np.int64), np.empty((len(points), 3, 1))
+    for k, point in enumerate(points):
+        apart = np.linalg.norm(middles - point, axis=1)
+        close = np.flatnonzero(apart - sizes <= apart.min())
+        shares = _clamped_shares(corners[close], point)
+        off = np.linalg.norm((corners[close] * shares).sum(1) - point, axis=1).argmin()
+        faces[k], weights[k] = close[off], shares[off]
+    return _at(mesh, faces, weights, weld(mesh))
+
+
+def _clamped_shares(corners: Float, point: Float) -> Float:
+    """(F, 3, 1) barycentric coordinates of a point's projection on triangles (F, 3, 3), clamped to them."""
+    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
+    along, across = ((point - a) * u).sum(1), ((point - a) * v).sum(1)
+    area = np.maximum(uu * vv - uv * uv, 1e-30)
+    second, third = (vv * along - uv * across) / area, (uu * across - uv * along) / area
+    shares = np.maximum(np.stack([1 - second - third, second, third], 1), 0.0)
+    return np.asarray((shares / shares.sum(1, keepdims=True))[..., None])
+
+
+def _at(mesh: Mesh, faces: Int, weights: Float, welded: tuple[Mesh, Int]) -> SurfaceSamples:
+    """The points of ``faces`` (N,) with the barycentric coordinates (N, 3, 1), and interpolated normals."""
     positions = (mesh.vertices[mesh.faces[faces]] * weights).sum(1)
-    normals = (_corner_normals(mesh, faces, welded or weld(mesh)) * weights).sum(1)
+    normals = (_corner_normals(mesh, faces, welded) * weights).sum(1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return SurfaceSamples(positions, normals, faces.astype(np.int32), 0.0)
 

@@ -24,6 +24,7 @@ from enliven.document import Project
 from enliven.errors import InputError
 from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
+from enliven.formats.project.lost_motion import with_lost_motion
 from enliven.formats.project.upgrades import characters_of_kinds
 from enliven.formats.project.values import name_of, packed, unpacked
 
@@ -58,7 +59,8 @@ def read_project(path: Path | str) -> Project:
     """Reads a project of this or any earlier version.
 
     Raises:
-        InputError: where the file is missing, no project, cut short, damaged, or of a later version.
+        InputError: where the file is missing, no project, cut short, damaged, or of a later version. Motion
+            of a possessed mesh that is damaged or missing, and can be solved again, stands still.
     """
     path = Path(path)
     return project_of(read_file(path), str(path))
@@ -91,12 +93,15 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             _check_sizes(archive, len(data), where, most)
             header = _header(archive, where)
-            arrays = _arrays(archive, where)
+            arrays, damaged = _arrays(archive)
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
         what = f"it is cut short or damaged ({str(error)[:80]})"
         raise InputError(what, where=where, mend="Take an earlier copy.") from None
     try:
-        made = unpacked(Project, header["project"], arrays, "project")
+        project, lost = with_lost_motion(header["project"], arrays)
+        if damaged - lost:
+            raise InputError("an array in it is damaged", where="project")
+        made = unpacked(Project, project, arrays, "project")
     except InputError as error:
         mend = error.mend or "Take an earlier copy."
         raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
@@ -152,18 +157,19 @@ def _header(archive: zipfile.ZipFile, where: str) -> dict[str, Any]:
     return header
 
 
-def _arrays(archive: zipfile.ZipFile, where: str) -> dict[str, AnyArray]:
-    """Returns every array by its name, which is checked against its content."""
-    arrays: dict[str, AnyArray] = {}
+def _arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:
+    """Returns all arrays by their names, which their content must have; and the names of damaged ones."""
+    arrays, damaged = dict[str, AnyArray](), set[str]()
     for entry in archive.namelist():
         if not entry.startswith(_ARRAYS):
             continue
         name = entry.removeprefix(_ARRAYS).removesuffix(".npy")
         try:
             array = array_of(_unpacked_entry(archive, entry))
-        except (OSError, *DAMAGE):
+        except (OSError, zipfile.BadZipFile, zlib.error, *DAMAGE):
             array = None
         if array is None or name_of(array) != name:
-            raise InputError("an array in it is damaged", where=where, mend="Take an earlier copy.")
-        arrays[name] = array
-    return arrays
+            damaged.add(name)
+        else:
+            arrays[name] = array
+    return arrays, damaged

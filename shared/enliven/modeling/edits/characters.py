@@ -238,16 +238,18 @@ def cut_character(
     return rig.cut(project, character_id, stroke, time, notes=told)
 
 
-def _with_takes_of(project: Project, source: Project, character: RigBase) -> tuple[Project, dict[str, str]]:
-    """The project with what a character plays in another, and the id of each take here."""
-    ids: dict[str, str] = {}
+def _with_takes_of(
+    project: Project, source: Project, character: RigBase
+) -> tuple[Project, dict[tuple[str, str], str]]:
+    """The project with what a character plays in another, and by map and id the id of each take here."""
+    ids: dict[tuple[str, str], str] = {}
     for held, names in character.needed().items():
         for name in sorted(names):
             here, take = getattr(project, held), getattr(source, held)[name]
             if name not in here or not same(here[name], take):
                 take = replace(take, id=unused(name, here))
                 project = replace(project, **{held: {**here, take.id: take}})
-            ids[name] = take.id
+            ids[held, name] = take.id
     return project, ids
 
 

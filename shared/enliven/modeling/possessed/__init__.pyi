@@ -1,3 +1,13 @@
+from .even_steps import between as between, even_times as even_times, stream_of as stream_of
 from .pose import graph_pose as graph_pose, graph_vertices as graph_vertices, pose_of_graph as pose_of_graph
 from .rig import GraphRig as GraphRig
+from .solving import (
+    as_solved as as_solved,
+    possess_mesh as possess_mesh,
+    solve_again as solve_again,
+    solve_lost as solve_lost,
+    stale as stale,
+    unsolved as unsolved,
+    with_possession as with_possession,
+)
 from .surgery import cut_graph as cut_graph

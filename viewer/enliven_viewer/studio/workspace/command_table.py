@@ -46,6 +46,7 @@ MENU_COMMANDS = (
     MenuCommand("Shape", "Turn left by 15 degrees", ("ctrl+left",), lambda d: d.turn(15.0)),
     MenuCommand("Shape", "Turn right by 15 degrees", ("ctrl+right",), lambda d: d.turn(-15.0)),
     MenuCommand("Shape", "Turn over", ("ctrl+up",), lambda d: d.turn(180.0)),
+    MenuCommand("Shape", "Solve its possession again", ("ctrl+shift+p",), Commands.solve_again),
     MenuCommand("Shape", "Make a puppet of it", ("ctrl+p",), lambda d: d.puppets.make()),
     MenuCommand("Shape", "Bake the puppet to a possessed mesh", (), lambda d: d.puppets.bake()),
     MenuCommand("View", "Play or stop", ("space",), Commands.play),

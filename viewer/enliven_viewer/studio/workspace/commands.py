@@ -17,6 +17,7 @@ from enliven.modeling.edits import (
     scale_character,
     turn_character,
 )
+from enliven.modeling.possessed import solve_again
 from enliven.modeling.rigged import spread_motion
 from enliven.motion.contact import pin_feet, unpin
 from enliven.motion.layers import clear_chain, copy_motion
@@ -107,6 +108,10 @@ class Commands:
         """Turn the chosen character where it stands, in the picture's plane; above 0 counter-clockwise."""
         turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
         self._change("turn", lambda project, name: turn_character(project, name, turn))
+
+    def solve_again(self) -> None:
+        """Let the performers take hold of the chosen mesh as it is now, as after a cut."""
+        self._change("solve again", solve_again)
 
     def add(self, name: str, change: Callable[[Project], tuple[Project, str]]) -> bool:
         """Do an edit that adds a character, and choose that."""

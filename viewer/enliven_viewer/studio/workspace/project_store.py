@@ -12,6 +12,7 @@ from enliven.document import Project
 from enliven.errors import EnlivenError
 from enliven.files import own_folder
 from enliven.formats.project import read_project, write_project
+from enliven.modeling.possessed import solve_lost
 from enliven_viewer.studio.editor import Editor
 
 PROJECT = ".enliven"
@@ -63,7 +64,7 @@ class ProjectStore:
         Raises:
             InputError: where the file cannot be read; what is open stays.
         """
-        project = read_project(path)
+        project = solve_lost(read_project(path))
         self.path = path
         self._begin(project)
         self.editor.toasts.say(f"Opened {path.name}")
@@ -117,7 +118,7 @@ class ProjectStore:
         Raises:
             InputError: where the file cannot be read; what is open stays.
         """
-        project = read_project(path)
+        project = solve_lost(read_project(path))
         self.new()
         self.editor.edit("recover", lambda _: project)
         self.editor.frame_all()

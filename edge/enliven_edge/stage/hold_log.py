@@ -1,0 +1,104 @@
+"""The log of holds: who took hold of which character, how, and who let go."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+
+from enliven.document import HoldMode
+from enliven.person import Body
+from enliven.possession import Actor, Mode
+from enliven.wire import MAX_SETTINGS, HoldMessage
+from enliven_edge.stage.hold_memory import Carried
+
+
+class HoldLog:
+    """Collects what happens to the holds of all characters until it is told to viewers and to the take.
+
+    Attributes:
+        time_ns: the sensor's clock, of the last frame that was performed.
+    """
+
+    def __init__(self) -> None:
+        self.time_ns = 0
+        self._events: list[HoldMessage] = []
+
+    def possess(self, actor: Actor, body: Body, parts: str, mode: Mode) -> None:
+        """Lets a performer take hold of a character.
+
+        Raises:
+            InputError: where it is refused; nothing is logged then.
+        """
+        place = actor.place
+        actor.possess(body, parts, mode)
+        self._add(actor, mode, body.id, parts=parts, place=place)
+
+    def release(self, actor: Actor, who: int | None) -> None:
+        """Ends the hold of one performer, or of all.
+
+        Raises:
+            InputError: where that performer holds nothing of it.
+        """
+        place, held = actor.place, bool(actor.holds)
+        actor.release(who)
+        if held:
+            self._add(actor, "release", who, place=place)
+
+    @contextmanager
+    def frame(self, actor: Actor, time_ns: int) -> Iterator[None]:
+        """Logs what the actor itself changes within a frame: holds that are handed over, begun or ended."""
+        before = [hold.body for hold in actor.holds]
+        yield
+        self.time_ns = time_ns
+        after = [hold.body for hold in actor.holds]
+        if after == before:
+            return
+        lost = [one for one in before if one not in after]
+        for who in after:
+            if who not in before:
+                former = lost.pop(0) if lost else None
+                self._add(actor, "join" if former is None else "take over", who, former=former)
+        for who in lost:
+            self._add(actor, "release", who)
+
+    def carried_over(self, actor: Actor, carried: Carried) -> None:
+        """Logs who holds a character from now on that took the place of another."""
+        for taken in carried:
+            self._add(actor, "join", taken.body.id, parts=taken.parts, place=actor.place)
+
+    def removed(self, actor: Actor) -> None:
+        """Logs that a character left the stage."""
+        self._events.append(HoldMessage(actor.character.id, self.time_ns, "remove"))
+
+    def take(self) -> list[HoldMessage]:
+        """Returns what was logged since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def _add(
+        self,
+        actor: Actor,
+        mode: HoldMode,
+        who: int | None,
+        *,
+        place: tuple[float, ...] = (),
+        parts: str = "all",
+        former: int | None = None,
+    ) -> None:
+        settings = json.dumps(asdict(actor.settings))
+        self._events.append(
+            HoldMessage(
+                actor.character.id,
+                self.time_ns,
+                mode,
+                body=-1 if who is None else who,
+                parts=parts,
+                former=-1 if former is None else former,
+                holders=[hold.body for hold in actor.holds],
+                settings=settings if len(settings) <= MAX_SETTINGS else "{}",
+                place=list(place),
+                size=actor.size,
+            )
+        )

@@ -1,0 +1,58 @@
+"""Motion that is missing in a project file, or damaged, and can be solved again from performers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import AnyArray
+from enliven.document import GraphShape
+from enliven.formats.project.values import ARRAY, KIND, name_of
+
+
+def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, set[str]]:
+    """Returns the project object; a lost stream that can be solved again is the mesh at rest, and says so.
+
+    Args:
+        arrays: those that are there, by name; those of the streams at rest are added.
+
+    Returns:
+        The object, and the names of the arrays of the lost streams.
+    """
+    streams, characters = _table(_table(project).get("streams")), _table(_table(project).get("characters"))
+    found = dict(streams)
+    made = dict(characters)
+    for key, character in characters.items():
+        parts = _table(character).get("parts")
+        if _table(character).get(KIND) == GraphShape.kind and isinstance(parts, list):
+            mended = [_mended(part, streams, found, arrays) for part in parts]
+            made[key] = {**character, "parts": mended}
+    lost = {
+        str(_table(streams.get(name, {}).get(each)).get(ARRAY))
+        for name, stream in found.items()
+        if stream is not streams.get(name)
+        for each in ("linear", "positions")
+    }
+    return ({**project, "streams": found, "characters": made}, lost) if lost else (project, lost)
+
+
+def _mended(part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: dict[str, AnyArray]) -> Any:
+    """A part that plays something; a stream at rest goes into ``found`` where its own is lost."""
+    possession, name = _table(_table(part).get("possession")), _table(part).get("take")
+    rest = arrays.get(str(_table(possession.get("rest")).get(ARRAY)))
+    stream = _table(streams.get(str(name)))
+    whole = all(_table(stream.get(each)).get(ARRAY) in arrays for each in ("linear", "positions"))
+    if whole or not isinstance(name, str) or rest is None or rest.ndim != 2 or rest.shape[1:] != (3,):
+        return part
+    table: dict[str, Any] = {"id": name, "step": stream.get("step", 1.0)}
+    at_rest = np.array(rest[None], np.float64)
+    for each, array in (("linear", np.tile(np.eye(3), (1, len(rest), 1, 1))), ("positions", at_rest)):
+        table[each] = {ARRAY: name_of(array)}
+        arrays[name_of(array)] = array
+    found[name] = table
+    return {**part, "possession": {**possession, "solved": ""}}
+
+
+def _table(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}

@@ -1,0 +1,53 @@
+"""Poses that came when the sensor had them, at even steps of time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Character, Pose, PoseStream
+from enliven.errors import InputError
+
+_MOST_PLACES = 1 << 23
+"""Poses at even steps times transforms, 0.8 GB: 2.6 h of 30 nodes at 30 a second."""
+
+
+def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> PoseStream:
+    """Returns the stream of a character's poses at even steps, mixed between neighbours.
+
+    Raises:
+        InputError: where there are too few, or times that are too far apart.
+    """
+    kept, seconds, grid = even_times(character, poses, poses[0].time_ns if poses else 0)
+    values = ([pose.linear for pose in kept], [pose.positions for pose in kept])
+    linear, positions = (between(np.array(each, np.float64), seconds, grid) for each in values)
+    return PoseStream(stream_id, linear, positions, float(grid[1] - grid[0]))
+
+
+def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple[list[Pose], Float, Float]:
+    """Returns the poses of different times, those (F,) in seconds since ``begin`` (ns), and (G,) even times.
+
+    Raises:
+        InputError: where there are too few, or times that are too far apart.
+    """
+    where = f"character {character.id!r}"
+    seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
+    _, first = np.unique(seconds, return_index=True)
+    seconds = seconds[first]
+    if len(first) < 2:
+        raise InputError("all its poses are of one moment", where=where, mend="Record it again.")
+    step, lasts = float(np.median(np.diff(seconds))), float(seconds[-1] - seconds[0])
+    if lasts / step * len(character.pivots) > _MOST_PLACES:
+        what = f"its poses are spread over {lasts:.3g} s, at steps of {step:.3g} s: too many"
+        raise InputError(what, where=where, mend="Record a shorter take.")
+    return [poses[i] for i in first], seconds, np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
+
+
+def between(values: Float, seconds: Float, grid: Float) -> Float:
+    """Returns (G, ...) ``values`` (F, ...) interpolated from ``seconds`` (F,) to ``grid`` (G,)."""
+    before = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)
+    share = np.clip((grid - seconds[before]) / (seconds[before + 1] - seconds[before]), 0.0, 1.0)
+    share = share.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray((1 - share) * values[before] + share * values[before + 1])

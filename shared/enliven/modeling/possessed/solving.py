@@ -1,0 +1,225 @@
+"""The motion of a possessed mesh, solved from its performers: whether it still fits, and solved again.
+
+The recorded or solved stream of a part is a cache with a checksum of what it was solved from: the mesh, its
+nodes, the performers' take, the holds and the settings. What moves, turns, scales or mirrors the whole shape
+carries the stream along, and it fits as before; a cut, a merge or an edit of the mesh does not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Bool, Float
+from enliven.deformation.graph import DeformationGraph, graph_of
+from enliven.document import (
+    BodyTake,
+    Character,
+    GraphPart,
+    GraphShape,
+    Pose,
+    PoseStream,
+    Possession,
+    Project,
+    SkinWeights,
+    same,
+    unused,
+)
+from enliven.errors import InputError
+from enliven.meshes import Mesh
+from enliven.modeling.possessed.even_steps import stream_of
+from enliven.possession import replay
+from enliven.rotation import to_matrix
+
+_STEP = 1e-5
+"""Metres of the lattice on which two meshes are the same: a scaled mesh comes back to rounding, 1e-15."""
+_BESIDE = 0.31830988618
+"""Of a lattice step by which the lattice is moved, so that round numbers do not lie between two steps."""
+
+
+def stale(project: Project, shape: GraphShape) -> bool:
+    """Returns whether a motion of a shape was solved from something else than what is there now."""
+    return any(_key(project, shape, n) != how.solved for n, _, how in _possessed(shape))
+
+
+def unsolved(shape: GraphShape) -> bool:
+    """Returns whether a motion of a shape is not there at all, as after its file was damaged."""
+    return any(not how.solved for _, _, how in _possessed(shape))
+
+
+def solve_lost(project: Project, progress: Callable[[float], None] | None = None) -> Project:
+    """A project in which all motion that was lost is solved; what is merely stale stays as it is.
+
+    Raises:
+        InputError: where performers can take hold of no point of a part.
+    """
+    for name, shape in project.graphs.items():
+        if unsolved(shape):
+            project = solve_again(project, name, progress)
+    return project
+
+
+def as_solved(project: Project, shape_id: str) -> Project:
+    """A project in which the streams of a shape count as solved from what is there now."""
+    shape, parts = project.graph(shape_id), list(project.graph(shape_id).parts)
+    for number, part, how in _possessed(shape):
+        parts[number] = replace(part, possession=replace(how, solved=_key(project, shape, number)))
+    return project.with_characters(shape.with_changes(parts=tuple(parts)))
+
+
+def with_possession(project: Project, shape_id: str, possession: Possession) -> Project:
+    """A project in which the first part that performers moved is held otherwise; it has to be solved then.
+
+    Raises:
+        InputError: where there is no such shape, or performers moved no part of it.
+    """
+    shape = project.graph(shape_id)
+    for number, part, how in _possessed(shape):
+        held = replace(possession, rest=how.rest, solved=how.solved)
+        parts = (*shape.parts[:number], replace(part, possession=held), *shape.parts[number + 1 :])
+        return project.with_characters(shape.with_changes(parts=parts))
+    raise InputError("performers moved no part of it", where=shape.where, mend="Possess it first.")
+
+
+def possess_mesh(
+    project: Project,
+    mesh: Mesh,
+    take: BodyTake,
+    possession: Possession,
+    *,
+    nodes: int = 128,
+    progress: Callable[[float], None] | None = None,
+    notes: list[str] | None = None,
+) -> tuple[Project, str]:
+    """A project with a mesh that the performers of a take move, and the mesh's id in it.
+
+    Args:
+        mesh: as it is to stand on the stage (:func:`enliven.possession.prepared`).
+        possession: how they hold it; its take and its rest become those of the arguments.
+        nodes: of the deformation graph.
+        progress, notes: as of :func:`solve_again`.
+
+    Raises:
+        InputError: where the performers can take hold of no point of the mesh.
+    """
+    if take.id in project.bodies and not same(project.bodies[take.id], take):
+        take = replace(take, id=unused(take.id, project.bodies))
+    graph, name = DeformationGraph.build(mesh, nodes), unused(mesh.name or "mesh", project.characters)
+    rest = graph.positions
+    still = np.tile(np.eye(3), (1, len(rest), 1, 1)), rest[None]
+    stream = PoseStream(unused(name, project.streams), *still, 1.0)
+    part = GraphPart(
+        stream.id, np.arange(len(rest)), possession=replace(possession, take=take.id, rest=rest, solved="")
+    )
+    shape = GraphShape(name, rest, graph.edges, mesh, graph.skin(mesh), (part,))
+    project = project.with_bodies(take).with_streams(stream).with_characters(shape)
+    return solve_again(project, name, progress, notes), name
+
+
+def solve_again(
+    project: Project,
+    shape_id: str,
+    progress: Callable[[float], None] | None = None,
+    notes: list[str] | None = None,
+) -> Project:
+    """A project in which the performers move a shape as it is now; parts that fit still stay as they are.
+
+    Where and when the shape plays does not change.
+
+    Args:
+        progress: is told the share that is done, from 0 to 1.
+        notes: takes a sentence about each hold that the mesh as it is now refused.
+
+    Raises:
+        InputError: where there is no such shape, or its performers can take hold of no point of a part.
+    """
+    shape = project.graph(shape_id)
+    due = [one for one in _possessed(shape) if _key(project, shape, one[0]) != one[2].solved]
+    parts = list(shape.parts)
+    for done, (number, part, how) in enumerate(due):
+        (bare, rest), take, poses = _bare(shape, number), project.bodies[how.take], list[Pose]()
+        for pose in replay(bare, graph_of(bare), take, how, notes):
+            poses.append(pose)
+            if progress is not None:
+                share = (pose.time_ns * 1e-9 - how.start) / max(how.last(take) - how.start, 1e-9)
+                progress(min((done + share) / len(due), 1.0))
+        users = [layer for one in project.characters.values() for layer in one.playing]
+        alone = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
+        stream = stream_of(bare, poses, part.take if alone else unused(shape_id, project.streams))
+        solved = replace(how, rest=rest, solved=_key(project, shape, number))
+        parts[number] = replace(part, take=stream.id, nodes=np.arange(len(rest)), possession=solved)
+        shape = shape.with_changes(parts=tuple(parts))
+        streams = {**project.streams, stream.id: stream}
+        characters = {**project.characters, shape_id: shape}
+        project = replace(project, streams=streams, characters=characters)
+    return project
+
+
+def _possessed(shape: GraphShape) -> list[tuple[int, GraphPart, Possession]]:
+    """The parts of a shape that performers moved, with their numbers."""
+    parts = enumerate(shape.parts)
+    return [(n, part, part.possession) for n, part in parts if part.possession is not None]
+
+
+def _bare(shape: GraphShape, number: int) -> tuple[Character, Float]:
+    """A part of a shape as it was possessed: its rest as the recording had it, without other parts.
+
+    Returns:
+        The character, and (K, 3) metres, its nodes in full precision.
+    """
+    part, start = shape.parts[number], shape.starts[number]
+    assert part.possession is not None
+    own = np.arange(start, start + len(part.nodes))
+    flip = np.array([-1.0 if part.mirrored else 1.0, 1.0, 1.0])
+    turn = to_matrix(part.axes)
+    linear = part.size * turn * flip
+    middle = shape.positions[own].mean(0) - linear @ part.possession.rest[part.nodes].mean(0)
+
+    def back(points: Float) -> Float:
+        return np.asarray((points - middle) @ turn / part.size * flip)
+
+    vertices, faces, skin = _surface(shape, own)
+    kept = np.isin(shape.edges, own).all(1)
+    rest, faces = back(shape.positions[own]), faces[:, ::-1] if part.mirrored else faces
+    places = back(vertices).astype(np.float32), rest.astype(np.float32)
+    bare = Character(shape.id, places[0], faces, skin, places[1], shape.edges[kept] - np.int32(start))
+    return bare, rest
+
+
+def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights]:
+    """Vertices, faces and skin of what follows the nodes ``own`` more than others; all where none does."""
+    mesh, skin = shape.mesh, shape.skin
+    if len(own) == len(shape.positions):
+        return mesh.vertices, mesh.faces, skin
+    here: Bool = np.isin(skin.indices, own)
+    mine = (skin.weights * here).sum(1) > 0.5
+    faces = mesh.faces[mine[mesh.faces].all(1)]
+    faces = faces if len(faces) else mesh.faces
+    used = np.unique(faces)
+    weights = np.where(here, skin.weights, 0.0)[used]
+    weights = weights / np.maximum(weights.sum(1, keepdims=True), 1e-9)
+    indices = np.where(here, skin.indices - own[0], 0)[used]
+    number = np.zeros(len(mesh.vertices), np.int32)
+    number[used] = np.arange(len(used))
+    told = SkinWeights(indices.astype(np.uint16), weights.astype(np.float32))
+    return mesh.vertices[used], number[faces], told
+
+
+def _key(project: Project, shape: GraphShape, number: int) -> str:
+    """A checksum of all that the motion of a part is solved from."""
+    part = shape.parts[number]
+    assert part.possession is not None
+    (bare, _), told = _bare(shape, number), hashlib.blake2b(digest_size=16)
+    for points in (bare.vertices, bare.pivots):
+        told.update(np.floor(points.astype(np.float64) / _STEP + _BESIDE).astype(np.int64).tobytes())
+    for numbers in (bare.faces, bare.edges, bare.skin.indices):
+        told.update(np.ascontiguousarray(numbers, np.int64).tobytes())
+    take: BodyTake = project.bodies[part.possession.take]
+    for array in (take.seconds, take.people, take.joints, take.confidence, take.present, take.stature):
+        told.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
+    how = part.possession
+    told.update(repr((how.holds, how.settings, how.height, how.size, how.place, how.start, how.end)).encode())
+    return told.hexdigest()

@@ -1,0 +1,111 @@
+"""A take of performers once more: the live actor is given the bodies and the holds of a recording."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.deformation.graph import DeformationGraph
+from enliven.document import BodyTake, Character, HoldChange, Pose, Possession
+from enliven.errors import InputError
+from enliven.person import Body
+from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.embedded_actor import EmbeddedActor
+from enliven.settings import load_settings
+
+_SAME = 1e-7
+"""Seconds within which two times are one: far less than between two frames of any sensor."""
+
+
+def settings_of(possession: Possession) -> ActorSettings:
+    """Returns the settings of an actor as they were recorded.
+
+    Raises:
+        InputError: for what is no JSON, or a setting that is not known.
+    """
+    try:
+        told = json.loads(possession.settings)
+    except ValueError as error:
+        what = f"the settings are no JSON ({error})"
+        where = f"take {possession.take!r}"
+        raise InputError(what, where=where, mend="Record it again.") from None
+    return load_settings(ActorSettings, told, where=f"the settings of take {possession.take!r}")
+
+
+def replay(
+    character: Character,
+    graph: DeformationGraph,
+    take: BodyTake,
+    possession: Possession,
+    notes: list[str] | None = None,
+) -> Iterator[Pose]:
+    """Yields the pose of a mesh at each frame of a take, as the stage would show it live.
+
+    The same take gives the same poses; on the mesh that it was recorded with, those of the recording. The
+    performers' surfaces are not in a take: bones alone drive what followed them too.
+
+    Args:
+        notes: takes a sentence about each change of holds that this mesh refused.
+
+    Raises:
+        InputError: where no performer can take hold of the mesh at all.
+    """
+    settings = replace(settings_of(possession), hand_over=0.0)
+    actor = EmbeddedActor(character, graph, settings, possession.size, possession.height or None)
+    if possession.place:
+        actor.stand(possession.place)
+    start, end = possession.start - _SAME, possession.last(take) + _SAME
+    frames = np.flatnonzero((take.seconds >= start) & (take.seconds <= end))
+    due = sorted(possession.holds, key=lambda change: change.seconds)
+    refused, held = list[tuple[float, InputError]](), False
+    for frame in frames:
+        second, bodies = take.seconds[frame], [_as_seen(body) for body in take.bodies(int(frame))]
+        now = [change for change in due if change.seconds <= second + _SAME]
+        for change in now:
+            if change.mode == "take over":
+                _change(actor, change, bodies)
+        yield actor.perform(bodies, round(second * 1e9))
+        for change in now:
+            try:
+                if change.mode != "take over":
+                    _change(actor, change, bodies)
+                    held = held or bool(actor.holds)
+            except InputError as error:
+                refused.append((float(second), error))
+        due = due[len(now) :]
+    if refused and not held:
+        raise refused[0][1]
+    if notes is not None:
+        notes.extend(f"At {second:.2f} s: {error.what}." for second, error in refused)
+
+
+def _change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> None:
+    """Carries out a change of holds.
+
+    Raises:
+        InputError: where nothing is in reach, or the performer is not in view.
+    """
+    if change.mode == "remove":
+        return
+    if change.mode == "release":
+        if change.performer is None or any(hold.body == change.performer for hold in actor.holds):
+            actor.release(change.performer)
+        return
+    body = next((one for one in bodies if change.performer in (None, one.id)), None)
+    if body is None:
+        who = "a performer" if change.performer is None else f"performer {change.performer}"
+        mend = "Give the take with those who took hold."
+        raise InputError(f"{who} is not in view", where=f"possessing {actor.character.id!r}", mend=mend)
+    if change.mode == "take over":
+        actor.hand_over(-1 if change.former is None else change.former, body)
+    else:
+        actor.possess(body, change.parts, change.mode)
+
+
+def _as_seen(body: Body) -> Body:
+    """Returns a body of a take, in which a joint that was not known is the origin without confidence."""
+    known = (body.confidence > 0.0) | body.joints.any(1)
+    return body if known.all() else replace(body, joints=np.where(known[:, None], body.joints, np.nan))
