@@ -1,0 +1,10 @@
+from .camera_tracker import Alignment as Alignment, CameraTracker as CameraTracker
+from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
+from .marching_cubes import surface_of as surface_of
+from .rasterizer import Drawing as Drawing, draw_mesh as draw_mesh
+from .settings import (
+    DepthNoiseModel as DepthNoiseModel,
+    VolumeSettings as VolumeSettings,
+    TrackingSettings as TrackingSettings,
+)
+from .volume import Fused as Fused, DistanceVolume as DistanceVolume
