@@ -1,9 +1,12 @@
 from .camera_tracker import Alignment as Alignment, CameraTracker as CameraTracker
 from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
+from .keyframes import Keyframes as Keyframes
 from .marching_cubes import surface_of as surface_of
 from .rasterizer import Drawing as Drawing, draw_mesh as draw_mesh
+from .scanner import Scanner as Scanner, ScanState as ScanState, ScanStep as ScanStep
 from .settings import (
     DepthNoiseModel as DepthNoiseModel,
+    ScanSettings as ScanSettings,
     VolumeSettings as VolumeSettings,
     TrackingSettings as TrackingSettings,
 )

@@ -7,9 +7,9 @@ import numpy as np
 from enliven.kernels import njit
 from enliven.scanning.blocks import SIDE, find, key_of
 
-SUMS = 31
+SUMS = 32
 """Numbers of a sum: 21 of the upper half of the normal matrix, row by row, and 6 of the gradient; then the
-weighted squares, the weights, what agrees, and what was looked for."""
+weighted squares, the weights, what agrees, what was looked for, and what could be compared."""
 _OPPOSED = 0.5
 """Cosine between a point's normal and the surface's below which they are two different sides."""
 
@@ -75,7 +75,7 @@ def residuals(points, stride, span, pose, soft, field, sums, first, last):  # ty
         pose: (4, 4) world_from_camera.
         field: :class:`FieldArrays`.
         soft: metres at which a residual counts a quarter (Geman-McClure).
-        sums: (R, 31) a row for each row of points that is looked at, where the sums are written; the six
+        sums: (R, 32) a row for each row of points that is looked at, where the sums are written; the six
             unknowns are a move (m) and a turn (rad) about the camera's place, world frame.
     """
     found, cache, j = np.empty(4), np.empty(4, np.int64), np.empty(6)
@@ -94,6 +94,7 @@ def residuals(points, stride, span, pose, soft, field, sums, first, last):  # ty
             qz = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * z
             if not look_up(field, qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3], found, cache):
                 continue
+            sums[r, 31] += points.worth[v, u]
             d, gx, gy, gz = found[0], found[1], found[2], found[3]
             if d >= 0.98 * field.band.front or d <= -0.98 * field.band.behind:
                 continue

@@ -17,6 +17,8 @@ from enliven.scanning.volume import DistanceVolume
 
 _PIECE = 16
 """Rows of points that a thread takes at a time."""
+_OPEN = 1e-6
+"""Information, 1/m^2, below which a direction counts as not seen at all: a deviation of a kilometre."""
 _UPPER = np.triu_indices(6)
 """Where the 21 sums of the upper half stand in a normal matrix."""
 
@@ -27,8 +29,8 @@ class Alignment:
 
     Attributes:
         world_from_camera: (4, 4) pose.
-        agreeing: share, 0 to 1, of the image's points that lie at the surface and could be compared.
-        overlap: share of the points where the volume holds anything near.
+        agreeing: share, 0 to 1, of the points in known space that lie at its surface.
+        overlap: share of the image's points that lie in known space.
         error: metres, weighted root mean square of the distances.
         information: (6, 6) inverse covariance of a move (m) and a turn (rad) about the camera, world axes.
     """
@@ -41,9 +43,14 @@ class Alignment:
 
     @property
     def covariance(self) -> Float:
-        """(6, 6) of a move (m) and a turn (rad); infinite along what the image leaves open."""
+        """(6, 6) of a move (m) and a turn (rad); huge along what the image leaves open."""
         values, vectors = np.linalg.eigh(self.information)
-        return np.asarray((vectors / np.maximum(values, 1e-12)) @ vectors.T)
+        return np.asarray((vectors / np.maximum(values, _OPEN)) @ vectors.T)
+
+    @property
+    def deviation(self) -> float:
+        """Metres, standard deviation of the place along the direction that is known least."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:3, :3])[-1]))
 
 
 class CameraTracker:
@@ -60,30 +67,24 @@ class CameraTracker:
     def __init__(self, volumes: Sequence[DistanceVolume], settings: TrackingSettings | None = None) -> None:
         self.volumes, self.settings = list(volumes), settings or TrackingSettings()
 
-    def align(self, view: DepthView, start: Float, up: Float | None = None, coarse: bool = True) -> Alignment:
+    def align(self, view: DepthView, start: Float, up: Float | None = None, coarsest: int = 1) -> Alignment:
         """Returns the pose near ``start`` (4, 4) at which the image fits best.
 
         Args:
             up: (3,) unit vector, camera frame, that points up as an accelerometer feels it, or None.
-            coarse: whether to begin in the coarse volumes; else only the last step is done.
+            coarsest: number of the volume to begin in; 0 is the finest.
         """
         s, pose = self.settings, start.copy()
-        found = None
-        for level in range(len(self.volumes) - 1, -1, -1):
-            if level and not coarse:
-                continue
-            steps = s.fine_steps if level == 0 else s.coarse_steps
-            for _ in range(steps):
-                found = self._normal_equations(view, pose, level)
-                move = self._step(found, pose, up)
+        for level in range(min(coarsest, len(self.volumes) - 1), -1, -1):
+            for _ in range(s.coarse_steps if level else s.fine_steps):
+                move = self._step(self._normal_equations(view, pose, level), pose, up)
                 pose = _moved(pose, move)
                 if np.linalg.norm(move) < s.still:
                     break
-        found = self._normal_equations(view, pose, 0)
-        return self._judged(found, pose)
+        return self._judged(self._normal_equations(view, pose, 0), pose)
 
     def _normal_equations(self, view: DepthView, pose: Float, level: int) -> Float:
-        """Returns (31,) sums over the points, each in the finest volume from ``level`` on that reaches it."""
+        """Returns (32,) sums over the points, each in the finest volume from ``level`` on that reaches it."""
         s, total = self.settings, np.zeros(SUMS)
         stride = s.fine_stride if level == 0 else s.coarse_stride
         nearest = 0.0
@@ -118,12 +119,13 @@ class CameraTracker:
 
     def _judged(self, sums: Float, pose: Float) -> Alignment:
         """Returns the alignment with its error and information."""
-        weight, looked = max(sums[28], 1e-12), max(sums[30], 1e-12)
+        weight = max(sums[28], 1e-12)
         error = float(np.sqrt(sums[27] / weight))
         # Neighbouring pixels have the same noise, and the model's error is the same for all.
         independent = self.settings.independent / max(error, 1e-4) ** 2
         information = _matrix(sums) * independent
-        return Alignment(pose, float(sums[29] / looked), float(weight / looked), error, information)
+        agreeing, overlap = sums[29] / max(sums[31], 1e-12), sums[31] / max(sums[30], 1e-12)
+        return Alignment(pose, float(agreeing), float(overlap), error, information)
 
 
 def _matrix(sums: Float) -> Float:

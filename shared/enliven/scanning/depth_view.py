@@ -39,7 +39,7 @@ class DepthView:
         planes: (H, W, 4) float32 unit normal towards the camera, camera frame, and offset: the distance of
             a point before the surface is normal . point - offset.
         weights: (H, W) float32 what the pixel's distance is worth, at most 1; 0 where there is none.
-        points: (h, w, 3) float32 smoothed points of the half-size image, metres, camera frame; 0 where none.
+        points: (h, w, 3) float32 points of the half-size image, metres, camera frame; 0 where none.
         normals: (h, w, 3) float32 the points' normals; 0 where there is none.
         worth: (h, w) float32 what they are worth, as ``weights``.
         tiles: (R, C, 3) float32 nearest and farthest depth of each 8 x 8 tile, metres, inf and 0 where it has
@@ -180,7 +180,8 @@ def _fit(inverse, ray, limits, points, normals, worth, first, last):  # type: ig
             a, b = (xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det
             smooth = here + (sz - a * sx - b * sy) / n
             c = smooth - a * x0 - b * y0
-            z, length = 1.0 / smooth, np.sqrt(a * a + b * b + c * c)
+            # Its own depth: the fitted one lies too deep on all that is round, and the camera would drift.
+            z, length = 1.0 / here, np.sqrt(a * a + b * b + c * c)
             facing = smooth / (length * np.sqrt(x0 * x0 + y0 * y0 + 1.0))
             if not facing > _STEEPEST:
                 continue

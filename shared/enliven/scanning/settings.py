@@ -64,6 +64,26 @@ class TrackingSettings:
     gravity: float = setting(
         0.1, "Weight of the felt direction up, in squared metres.", unit="m^2", low=0, high=10
     )
+    agreeing: float = setting(
+        0.6, "Share of points in known space that must lie at its surface.", low=0, high=1
+    )
+    overlap: float = setting(0.25, "Share of points that must lie in known space.", low=0, high=1)
+    unsure: float = setting(
+        0.05,
+        "Standard deviation of the camera's place beyond which it is not known.",
+        unit="m",
+        low=1e-3,
+        high=1,
+    )
     independent: float = setting(
         0.02, "Share of the points whose noise counts as independent of their neighbours'.", low=1e-4, high=1
     )
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """A scan."""
+
+    volume: VolumeSettings = setting(VolumeSettings, "How images become a surface.")
+    tracking: TrackingSettings = setting(TrackingSettings, "How the camera is found.")
+    least_depth: float = setting(0.05, "Share of an image that must show a surface.", low=0, high=1)
