@@ -53,7 +53,7 @@ def record(
         kept_open(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
         Recorder(output, compression_level=level, overwrite=overwrite) as recorder,
         contextlib.closing(DiskSync(recorder.fileno())) as disk,
-        _stop_on_interrupt() as stop,
+        stop_on_interrupt() as stop,
         frame_progress(console) as progress,
     ):
         recorder.add_metadata("record", {"sensor": sensor, "options": " ".join(setting or [])})
@@ -106,7 +106,7 @@ def record_stream(
 
 
 @contextlib.contextmanager
-def _stop_on_interrupt() -> Iterator[threading.Event]:
+def stop_on_interrupt() -> Iterator[threading.Event]:
     """Yields an event that Ctrl-C sets, so that the file is completed; a second Ctrl-C interrupts at once."""
     stop = threading.Event()
 

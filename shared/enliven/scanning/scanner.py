@@ -15,6 +15,7 @@ from enliven.meshes import Mesh
 from enliven.rotation import nearest_rotation
 from enliven.scanning.camera_tracker import Alignment, CameraTracker
 from enliven.scanning.depth_view import DepthPreparation, DepthView
+from enliven.scanning.ground import cut_out, find_ground, focus_of
 from enliven.scanning.keyframes import Keyframes
 from enliven.scanning.marching_cubes import surface_of
 from enliven.scanning.settings import ScanSettings
@@ -116,6 +117,15 @@ class Scanner:
     def surface(self) -> Mesh:
         """Returns the surface that was scanned so far, metres, world."""
         return surface_of(self.volumes[0])
+
+    def thing(self) -> Mesh:
+        """Returns what stands on the floor, cut out of the surface: upright, on y = 0, metres.
+
+        Raises:
+            InputError: where no floor was scanned, or nothing that stands on it.
+        """
+        surface, cut = self.surface(), self.settings.cut_out
+        return cut_out(surface, find_ground(surface, settings=cut), focus_of([p for _, p in self.poses]), cut)
 
     def _prepared(self, frame: DepthFrame) -> DepthView:
         """Returns the view of a frame."""

@@ -81,9 +81,27 @@ class TrackingSettings:
 
 
 @dataclass(frozen=True)
+class CutOutSettings:
+    """How what stands on the floor is taken out of a scan."""
+
+    thickness: float = setting(
+        0.02, "Faces so near to a plane may be of the floor.", unit="m", low=1e-3, high=0.2
+    )
+    clearance: float = setting(
+        0.012, "What is lower than this above the floor is the floor's noise.", unit="m", low=1e-3, high=0.2
+    )
+    about: float = setting(
+        0.7, "How far what is meant may lie from where was looked.", unit="m", low=0.05, high=5
+    )
+    least_area: float = setting(0.02, "Surface of the smallest thing.", unit="m^2", low=1e-4, high=1)
+    hole: float = setting(0.15, "Longest rim of a hole that is closed.", unit="m", low=0, high=10)
+
+
+@dataclass(frozen=True)
 class ScanSettings:
     """A scan."""
 
     volume: VolumeSettings = setting(VolumeSettings, "How images become a surface.")
     tracking: TrackingSettings = setting(TrackingSettings, "How the camera is found.")
+    cut_out: CutOutSettings = setting(CutOutSettings, "How what stands on the floor is taken out.")
     least_depth: float = setting(0.05, "Share of an image that must show a surface.", low=0, high=1)
