@@ -54,12 +54,12 @@ class VolumeSettings:
 class TrackingSettings:
     """How a depth image is laid onto the surface."""
 
-    coarse_steps: int = setting(10, "Steps of Gauss-Newton in each coarse volume.", low=1, high=100)
-    fine_steps: int = setting(8, "Steps of it in the finest one.", low=1, high=100)
+    coarse_steps: int = setting(6, "Steps of Gauss-Newton in each coarse volume.", low=1, high=100)
+    fine_steps: int = setting(5, "Steps of it in the finest one.", low=1, high=100)
     coarse_stride: int = setting(4, "Half-size pixels between the points of a coarse step.", low=1, high=32)
     fine_stride: int = setting(2, "Half-size pixels between the points of a fine step.", low=1, high=32)
     soft: float = setting(2.0, "Distance at which a point counts a quarter.", unit="voxels", low=0.1, high=16)
-    still: float = setting(1e-4, "Moves (m) and turns (rad) below which it is done.", low=1e-8, high=0.1)
+    still: float = setting(3e-4, "Moves (m) and turns (rad) below which it is done.", low=1e-8, high=0.1)
     damping: float = setting(1e-6, "Of the normal matrix, per weight of the points.", low=0, high=1)
     gravity: float = setting(
         0.1, "Weight of the felt direction up, in squared metres.", unit="m^2", low=0, high=10
