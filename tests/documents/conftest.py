@@ -7,5 +7,8 @@ HERE = Path(__file__).parent
 TESTS = HERE.parent
 sys.path[:0] = [
     str(HERE),
-    *(str(TESTS / part) for part in ("shared/mapping", "shared/exporters", "edge/importing")),
+    *(
+        str(TESTS / part)
+        for part in ("shared/mapping", "shared/exporters", "edge/importing", "edge/synthesis")
+    ),
 ]

@@ -14,6 +14,7 @@ from PIL import Image
 from sample_meshes.cactus import make_cactus
 from sample_meshes.cactus_puppet import cactus_project
 from sample_meshes.chair import make_chair
+from test_handheld import box_mesh
 from test_import_skeletons import labanotation_row
 
 from enliven import cli
@@ -34,6 +35,8 @@ from enliven_edge.doctor import shipped_recording
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.scene import Box
 
 FRAMES = 45
 """Frames of a recording, 1.5 s: a body is found in it and takes hold."""
@@ -86,6 +89,11 @@ def _write_recordings(folder: Path) -> None:
         with Recorder(folder / f"{name}.mcap") as recorder:
             for frame in itertools.islice(frames, FRAMES):
                 recorder.write_frame(frame)
+    path = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.25, height=(0.8, 1.0), turns=0.3, seconds=1.2)
+    box, floor = Box((-0.2, 0.0, -0.15), (0.2, 0.5, 0.15)), Box((-3.0, -0.2, -3.0), (3.0, 0.0, 3.0))
+    with Recorder(folder / "CARRIED.mcap") as recorder:
+        for frame in HandheldScan(box_mesh(box), load_profile("kinect1"), path, (floor,), width=320):
+            recorder.write_frame(frame)
     project, shape = playing(Project(), *_horse())
     poses = [Player(project, "horse").pose(k / 30) for k in range(FRAMES)]
     poses = [replace(pose, time_ns=round(k / 30 * 1e9)) for k, pose in enumerate(poses)]

@@ -1,4 +1,9 @@
-from .files import load_mesh as load_mesh, load_upright as load_upright, save_mesh as save_mesh
+from .files import (
+    WRITABLE as WRITABLE,
+    load_mesh as load_mesh,
+    load_upright as load_upright,
+    save_mesh as save_mesh,
+)
 from .gltf_json import Entry as Entry, gltf_document as gltf_document
 from .kernels import (
     corner_sums as corner_sums,

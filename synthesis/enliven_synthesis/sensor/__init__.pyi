@@ -1,3 +1,4 @@
+from .handheld import HandheldPath as HandheldPath, HandheldScan as HandheldScan, looking_at as looking_at
 from .noise import DepthNoise as DepthNoise
 from .profile import SensorProfile as SensorProfile, load_profile as load_profile
 from .render import DepthRenderer as DepthRenderer

@@ -1,0 +1,83 @@
+"""What happened in a scan: how far the camera went, where it was lost, and what to do better."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.scanning import ScanState, ScanStep
+
+_STILL = 0.05
+"""Metres of the camera's way below which it showed one side only."""
+_OFTEN = 0.2
+"""Share of frames from which on a trouble is worth a word."""
+_QUICK = 1.0
+"""Metres a second beyond which images smear and the camera is lost: a brisk walk."""
+
+
+class ScanDiary:
+    """Counts what became of the frames of a scan."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[ScanState] = Counter()
+        self.way = 0.0
+        self.full = False
+        self._quick = 0
+        self._last: tuple[int, Float] | None = None
+
+    @property
+    def frames(self) -> int:
+        """Frames so far."""
+        return sum(self.counts.values())
+
+    def add(self, step: ScanStep, time_ns: int) -> None:
+        """Note what became of a frame."""
+        self.counts[step.state] += 1
+        self.full = self.full or not step.room
+        if step.state is not ScanState.SCANNING:
+            self._last = None
+            return
+        place = step.world_from_camera[:3, 3]
+        if self._last is not None:
+            moved = float(np.linalg.norm(place - self._last[1]))
+            self.way += moved
+            self._quick += moved > _QUICK * max(time_ns - self._last[0], 1) * 1e-9
+        self._last = time_ns, place
+
+    @property
+    def now(self) -> str:
+        """One line for a progress bar."""
+        lost = self.counts[ScanState.LOST]
+        return f"{self.way:.1f} m of way" + (f", lost in {lost}" if lost else "")
+
+    def refuse(self, where: str) -> None:
+        """Say why there is nothing to make a mesh of.
+
+        Raises:
+            InputError: where no frame could be used, or the camera hardly moved.
+        """
+        if not self.counts[ScanState.SCANNING]:
+            what = "no frame shows enough depth"
+            raise InputError(what, where=where, mend="Go nearer, or scan something that does not mirror.")
+        if self.way < _STILL:
+            what = f"the camera moved {100 * self.way:.0f} cm only"
+            raise InputError(what, where=where, mend="Carry it round the thing.")
+
+    def advice(self) -> list[str]:
+        """Returns a sentence for each thing that would make the scan better."""
+        total, said = max(self.frames, 1), []
+        if self.counts[ScanState.LOST] > _OFTEN * total:
+            lost = (
+                f"{self.counts[ScanState.LOST]} of {total} frames are not in the mesh: the camera was lost."
+            )
+            said.append(f"{lost} Carry it more slowly, and look at what was scanned already.")
+        if self.counts[ScanState.UNSURE] > _OFTEN * total:
+            said.append("Often only a blank surface was seen, which does not tell where the camera is.")
+        if self._quick > _OFTEN * total:
+            said.append("The camera was often faster than 1 m/s; slower scans are sharper.")
+        if self.full:
+            said.append("The memory for voxels was full: give larger voxels (--voxel), or scan less.")
+        return said

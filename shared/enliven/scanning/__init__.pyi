@@ -1,0 +1,15 @@
+from .camera_tracker import Alignment as Alignment, CameraTracker as CameraTracker
+from .ground import Ground as Ground, cut_out as cut_out, find_ground as find_ground, focus_of as focus_of
+from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
+from .keyframes import Keyframes as Keyframes
+from .marching_cubes import surface_of as surface_of
+from .rasterizer import Drawing as Drawing, draw_mesh as draw_mesh
+from .scanner import Scanner as Scanner, ScanState as ScanState, ScanStep as ScanStep
+from .settings import (
+    CutOutSettings as CutOutSettings,
+    DepthNoiseModel as DepthNoiseModel,
+    ScanSettings as ScanSettings,
+    VolumeSettings as VolumeSettings,
+    TrackingSettings as TrackingSettings,
+)
+from .volume import Fused as Fused, DistanceVolume as DistanceVolume

@@ -1,0 +1,120 @@
+"""Compiled loops of the tracking: how far a depth image's points are from a volume's surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import njit
+from enliven.scanning.blocks import SIDE, find, key_of
+
+SUMS = 32
+"""Numbers of a sum: 21 of the upper half of the normal matrix, row by row, and 6 of the gradient; then the
+weighted squares, the weights, what agrees, what was looked for, and what could be compared."""
+_OPPOSED = 0.5
+"""Cosine between a point's normal and the surface's below which they are two different sides."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def look_up(field, x, y, z, found, last):  # type: ignore[no-untyped-def]
+    """Fills the distance at a point of the world and its slope along each axis, trilinear between voxels.
+
+    Args:
+        field: :class:`FieldArrays`.
+        found: (4,) metres and three slopes; written.
+        last: (4,) int64 the block that was looked at last, its number and its place; read and written.
+
+    Returns:
+        Whether all eight voxels around it were seen.
+    """
+    voxel, beside = field.band.voxel, field.beside
+    gx, gy, gz = x / voxel, y / voxel, z / voxel
+    cx, cy, cz = int(np.floor(gx)), int(np.floor(gy)), int(np.floor(gz))
+    bx, by, bz = cx >> 3, cy >> 3, cz >> 3
+    if last[1] != bx or last[2] != by or last[3] != bz:
+        last[0], last[1], last[2], last[3] = find(field.keys, field.slots, key_of(bx, by, bz)), bx, by, bz
+    block = last[0]
+    if block < 0:
+        return False
+    ix, iy, iz = cx & 7, cy & 7, cz & 7
+    fx, fy, fz = gx - cx, gy - cy, gz - cz
+    value, sx, sy, sz = 0.0, 0.0, 0.0, 0.0
+    for k in range(8):
+        dx, dy, dz = k & 1, (k >> 1) & 1, k >> 2
+        jx, jy, jz = ix + dx, iy + dy, iz + dz
+        over = (jx >> 3) + 2 * (jy >> 3) + 4 * (jz >> 3)
+        b = block
+        if over != 0:
+            b = beside[block, over]
+            if b < 0:
+                return False
+        i = (jx & 7) + SIDE * (jy & 7) + SIDE * SIDE * (jz & 7)
+        if field.weight[b, i] <= 0.0:
+            return False
+        d = field.distance[b, i]
+        ax = fx if dx == 1 else 1.0 - fx
+        ay = fy if dy == 1 else 1.0 - fy
+        az = fz if dz == 1 else 1.0 - fz
+        value += d * ax * ay * az
+        sx += d * ay * az * (2 * dx - 1)
+        sy += d * ax * az * (2 * dy - 1)
+        sz += d * ax * ay * (2 * dz - 1)
+    found[0], found[1], found[2], found[3] = value, sx / voxel, sy / voxel, sz / voxel
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def residuals(points, stride, span, pose, soft, field, sums, first, last):  # type: ignore[no-untyped-def]
+    """Adds up the normal equations of the points in some rows of a half-size image.
+
+    A point's residual is the volume's distance there; it falls by the slope along a move of the camera.
+
+    Args:
+        points: :class:`PointArrays`.
+        stride: pixels from a point that is looked at to the next, each way.
+        span: (2,) metres of depth, points between which are looked at.
+        pose: (4, 4) world_from_camera.
+        field: :class:`FieldArrays`.
+        soft: metres at which a residual counts a quarter (Geman-McClure).
+        sums: (R, 32) a row for each row of points that is looked at, where the sums are written; the six
+            unknowns are a move (m) and a turn (rad) about the camera's place, world frame.
+    """
+    found, cache, j = np.empty(4), np.empty(4, np.int64), np.empty(6)
+    cache[0], cache[1] = -1, np.int64(1) << 40
+    for r in range(first, last):
+        sums[r, :] = 0.0
+        v = r * stride
+        for u in range((r % 2) * (stride // 2), points.places.shape[1], stride):
+            z = points.places[v, u, 2]
+            if points.worth[v, u] == 0.0 or z < span[0] or z >= span[1]:
+                continue
+            sums[r, 30] += points.worth[v, u]
+            px, py = points.places[v, u, 0], points.places[v, u, 1]
+            qx = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * z
+            qy = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * z
+            qz = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * z
+            if not look_up(field, qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3], found, cache):
+                continue
+            sums[r, 31] += points.worth[v, u]
+            d, gx, gy, gz = found[0], found[1], found[2], found[3]
+            if d >= 0.98 * field.band.front or d <= -0.98 * field.band.behind:
+                continue
+            nx, ny, nz = points.normals[v, u, 0], points.normals[v, u, 1], points.normals[v, u, 2]
+            mx = pose[0, 0] * nx + pose[0, 1] * ny + pose[0, 2] * nz
+            my = pose[1, 0] * nx + pose[1, 1] * ny + pose[1, 2] * nz
+            mz = pose[2, 0] * nx + pose[2, 1] * ny + pose[2, 2] * nz
+            if mx * gx + my * gy + mz * gz < _OPPOSED * np.sqrt(gx * gx + gy * gy + gz * gz):
+                continue
+            robust = soft * soft / (soft * soft + d * d)
+            w = points.worth[v, u] * robust * robust
+            j[0], j[1], j[2] = gx, gy, gz
+            j[3], j[4], j[5] = qy * gz - qz * gy, qz * gx - qx * gz, qx * gy - qy * gx
+            at = 0
+            for a in range(6):
+                wj = w * j[a]
+                for b in range(a, 6):
+                    sums[r, at] += wj * j[b]
+                    at += 1
+                sums[r, 21 + a] += wj * d
+            sums[r, 27] += w * d * d
+            sums[r, 28] += w
+            sums[r, 29] += points.worth[v, u] * robust

@@ -1,0 +1,149 @@
+"""Where the camera is: a depth image is laid onto the surface that was fused so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven import rotation
+from enliven.arrays import Float
+from enliven.scanning.alignment import SUMS, residuals
+from enliven.scanning.depth_view import DepthView
+from enliven.scanning.settings import TrackingSettings
+from enliven.scanning.threads import in_pieces
+from enliven.scanning.volume import DistanceVolume
+
+_PIECE = 16
+"""Rows of points that a thread takes at a time."""
+_OPEN = 1e-6
+"""Information, 1/m^2, below which a direction counts as not seen at all: a deviation of a kilometre."""
+_UPPER = np.triu_indices(6)
+"""Where the 21 sums of the upper half stand in a normal matrix."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """A camera's place, and how sure it is.
+
+    Attributes:
+        world_from_camera: (4, 4) pose.
+        agreeing: share, 0 to 1, of the points in known space that lie at its surface.
+        overlap: share of the image's points that lie in known space.
+        error: metres, weighted root mean square of the distances.
+        information: (6, 6) inverse covariance of a move (m) and a turn (rad) about the camera, world axes.
+    """
+
+    world_from_camera: Float
+    agreeing: float
+    overlap: float
+    error: float
+    information: Float = field(repr=False)
+
+    @property
+    def covariance(self) -> Float:
+        """(6, 6) of a move (m) and a turn (rad); huge along what the image leaves open."""
+        values, vectors = np.linalg.eigh(self.information)
+        return np.asarray((vectors / np.maximum(values, _OPEN)) @ vectors.T)
+
+    @property
+    def deviation(self) -> float:
+        """Metres, standard deviation of the place along the direction that is known least."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:3, :3])[-1]))
+
+
+class CameraTracker:
+    """Finds the camera's pose by Gauss-Newton on the distances of its points to the surface, coarse to fine.
+
+    No surface is drawn and no pixel is matched: the volume's own distance at a point is the residual, and its
+    slope the normal (Bylow et al., "Real-time camera tracking and 3D reconstruction using signed distance
+    functions", RSS 2013). The wide bands of coarse volumes bring far poses near.
+
+    Args:
+        volumes: from the finest to the coarsest.
+    """
+
+    def __init__(self, volumes: Sequence[DistanceVolume], settings: TrackingSettings | None = None) -> None:
+        self.volumes, self.settings = list(volumes), settings or TrackingSettings()
+
+    def align(self, view: DepthView, start: Float, up: Float | None = None, coarsest: int = 1) -> Alignment:
+        """Returns the pose near ``start`` (4, 4) at which the image fits best.
+
+        Args:
+            up: (3,) unit vector, camera frame, that points up as an accelerometer feels it, or None.
+            coarsest: number of the volume to begin in; 0 is the finest.
+        """
+        s, pose = self.settings, start.copy()
+        for level in range(min(coarsest, len(self.volumes) - 1), -1, -1):
+            for _ in range(s.coarse_steps if level else s.fine_steps):
+                move = self._step(self._normal_equations(view, pose, level), pose, up)
+                pose = _moved(pose, move)
+                if np.linalg.norm(move) < s.still:
+                    break
+        return self._judged(self._normal_equations(view, pose, 0), pose)
+
+    def _normal_equations(self, view: DepthView, pose: Float, level: int) -> Float:
+        """Returns (32,) sums over the points, each in the finest volume from ``level`` on that reaches it."""
+        s, total = self.settings, np.zeros(SUMS)
+        stride = s.fine_stride if level == 0 else s.coarse_stride
+        nearest = 0.0
+        for index in range(level, len(self.volumes)):
+            volume = self.volumes[index]
+            if volume.reach <= nearest:
+                continue
+            span = np.array([nearest, volume.reach if index + 1 < len(self.volumes) else np.inf])
+            nearest = volume.reach
+            rows = -(-view.points.shape[0] // stride)
+            sums = np.empty((rows, SUMS))
+            in_pieces(
+                residuals, rows, _PIECE, view.point_arrays, stride, span, pose, s.soft * volume.band.voxel,
+                volume.field, sums,
+            )  # fmt: skip
+            total += sums.sum(0)
+        return total
+
+    def _step(self, sums: Float, pose: Float, up: Float | None) -> Float:
+        """Returns (6,) the move and turn that Gauss-Newton makes."""
+        matrix, gradient = _matrix(sums), sums[21:27].copy()
+        scale = max(sums[28], 1e-9)
+        if up is not None:
+            # The turn w moves the felt direction by w x felt; it should come to lie on +Y.
+            felt = pose[:3, :3] @ up
+            j = -_cross(felt)
+            weight = scale * self.settings.gravity
+            matrix[3:, 3:] += weight * j.T @ j
+            gradient[3:] += weight * j.T @ (felt - np.array([0.0, 1.0, 0.0]))
+        matrix[np.diag_indices(6)] += scale * self.settings.damping
+        return np.asarray(-np.linalg.solve(matrix, gradient), np.float64)
+
+    def _judged(self, sums: Float, pose: Float) -> Alignment:
+        """Returns the alignment with its error and information."""
+        weight = max(sums[28], 1e-12)
+        error = float(np.sqrt(sums[27] / weight))
+        # Neighbouring pixels have the same noise, and the model's error is the same for all.
+        independent = self.settings.independent / max(error, 1e-4) ** 2
+        information = _matrix(sums) * independent
+        agreeing, overlap = sums[29] / max(sums[31], 1e-12), sums[31] / max(sums[30], 1e-12)
+        return Alignment(pose, float(agreeing), float(overlap), error, information)
+
+
+def _matrix(sums: Float) -> Float:
+    """Returns the (6, 6) normal matrix of its upper half."""
+    matrix = np.zeros((6, 6))
+    matrix[_UPPER] = sums[:21]
+    return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
+
+
+def _cross(v: Float) -> Float:
+    """Returns (3, 3) the matrix of v x."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def _moved(pose: Float, step: Float) -> Float:
+    """Returns (4, 4) the pose after a move and a turn about the camera's place, world axes."""
+    out = pose.copy()
+    turn = rotation.from_rotation_vector(step[3:])
+    out[:3, :3] = rotation.nearest_rotation(rotation.to_matrix(turn) @ pose[:3, :3])
+    out[:3, 3] += step[:3]
+    return out

@@ -1,0 +1,94 @@
+"""The triangles of marching cubes for each of the 256 ways in which the corners of a cell may lie.
+
+The table is made, not copied: on every face of the cell, each run of corners inside is parted from the rest
+by a segment. Two cells see the same runs on the face that they share, so that no crack opens between them.
+
+Corner k of a cell is at (k & 1, k >> 1 & 1, k >> 2). Edge 4 a + n runs along axis a; n numbers the four
+corners where an edge along that axis begins.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+
+from enliven.arrays import Int32
+
+_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6))
+"""Corners of each face, counter-clockwise seen from outside of the cell."""
+STARTS = ((0, 2, 4, 6), (0, 1, 4, 5), (0, 1, 2, 3))
+"""By axis, the corners where the four edges along it begin."""
+MOST_TRIANGLES = 5
+"""Triangles of a cell at most."""
+
+
+def _edge(a: int, b: int) -> int:
+    """Returns the number of the edge between two corners."""
+    axis = (a ^ b).bit_length() - 1
+    return 4 * axis + STARTS[axis].index(min(a, b))
+
+
+@cache
+def triangle_table() -> Int32:
+    """Returns (256, 16) int32 the edges of each case's triangles, three by three, -1 after the last.
+
+    Bit k of the case says that corner k is inside, which is where distances are negative; triangles are
+    counter-clockwise seen from outside of the surface.
+    """
+    table = np.full((256, 3 * MOST_TRIANGLES + 1), -1, np.int32)
+    for case in range(256):
+        edges = [edge for loop in _loops(case) for triangle in _triangles(tuple(loop)) for edge in triangle]
+        table[case, : len(edges)] = edges
+    return table
+
+
+def _loops(case: int) -> list[list[int]]:
+    """Returns the closed lines of edges in which the surface leaves the cell."""
+    after: dict[int, int] = {}
+    for corners in _FACES:
+        inside = [bool(case >> corner & 1) for corner in corners]
+        for k in range(4):
+            if inside[k] or not inside[(k + 1) % 4]:
+                continue
+            # A run of corners inside begins here; the segment leads from its end to its beginning.
+            last = next(n for n in range(k + 1, k + 5) if not inside[(n + 1) % 4])
+            end = _edge(corners[last % 4], corners[(last + 1) % 4])
+            after[_edge(corners[k], corners[(k + 1) % 4])] = end
+    loops = []
+    while after:
+        loop = [next(iter(after))]
+        while (following := after.pop(loop[-1])) != loop[0]:
+            loop.append(following)
+        loops.append(loop)
+    return loops
+
+
+def _triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
+    """Returns the triangles of a loop, as few of their inner sides as can be lying in a face of the cell.
+
+    A side in a face would meet that of the cell behind it, and four triangles would share it.
+    """
+    if len(loop) < 3:
+        return []
+    best: list[tuple[int, int, int]] = []
+    least = np.inf
+    for k in range(1, len(loop) - 1):
+        found = [(loop[0], loop[k], loop[-1]), *_triangles(loop[: k + 1]), *_triangles(loop[k:])]
+        cost = _in_faces(found, loop)
+        if cost < least:
+            best, least = found, cost
+    return best
+
+
+def _in_faces(triangles: list[tuple[int, int, int]], loop: tuple[int, ...]) -> int:
+    """Returns how many sides of triangles that are not sides of the loop lie in a face of the cell."""
+    border = {frozenset(side) for side in pairwise((*loop, loop[0]))}
+    inner = {frozenset((t[a], t[(a + 1) % 3])) for t in triangles for a in range(3)} - border
+    return sum(1 for side in inner if any(side <= face for face in _edges_of_faces()))
+
+
+@cache
+def _edges_of_faces() -> tuple[frozenset[int], ...]:
+    return tuple(frozenset(_edge(corners[k], corners[(k + 1) % 4]) for k in range(4)) for corners in _FACES)

@@ -1,0 +1,245 @@
+"""A depth image as the fusion and the tracking see it: a plane through each pixel, and its weight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float32, Int, UInt8, UInt16
+from enliven.camera import Intrinsics, project, rays
+from enliven.kernels import njit
+from enliven.scanning.kernel_arguments import PointArrays
+from enliven.scanning.settings import DepthNoiseModel
+from enliven.scanning.threads import in_pieces
+
+TILE = 8
+"""Pixels of a tile's side; of each tile the nearest and farthest depth are kept. A block covers a few."""
+_STEP = 2
+"""Half-size pixels between the nine from which a plane is fitted: 17 mm across at 1 m; those between them
+have the same noise in most cameras."""
+_GATE = 0.04
+"""Share of its own depth by which a neighbour may lie nearer or farther and still be of the same surface."""
+_FEWEST = 4
+"""Pixels of nine from which a plane is fitted; fewer are the splinters that float at edges."""
+_STEEPEST = 0.12
+"""Cosine between ray and normal below which depth is not trusted: 83 degrees."""
+_NOTHING = np.float32(1e9)
+"""Offset of the plane of a pixel without depth: everything lies far behind it, so that nothing is fused."""
+_ROWS = 24
+"""Rows of half-size pixels that a thread takes at a time."""
+
+
+@dataclass(frozen=True)
+class DepthView:
+    """One depth image, prepared.
+
+    Attributes:
+        intrinsics: of the full image.
+        planes: (H, W, 4) float32 unit normal towards the camera, camera frame, and offset: the distance of
+            a point before the surface is normal . point - offset.
+        weights: (H, W) float32 what the pixel's distance is worth, at most 1; 0 where there is none.
+        points: (h, w, 3) float32 points of the half-size image, metres, camera frame; 0 where none.
+        normals: (h, w, 3) float32 the points' normals; 0 where there is none.
+        worth: (h, w) float32 what they are worth, as ``weights``.
+        tiles: (R, C, 3) float32 nearest and farthest depth of each 8 x 8 tile, metres, inf and 0 where it has
+            none; and the share of its pixels that have none.
+        colour: (H, W, 3) uint8 sRGB, or None.
+    """
+
+    intrinsics: Intrinsics
+    planes: Float32
+    weights: Float32
+    points: Float32
+    normals: Float32
+    worth: Float32
+    tiles: Float32
+    colour: UInt8 | None = None
+
+    @property
+    def point_arrays(self) -> PointArrays:
+        """The points as kernels take them."""
+        return PointArrays(self.points, self.normals, self.worth)
+
+    @property
+    def known(self) -> float:
+        """Share of the half-size pixels that show a surface."""
+        return float(np.count_nonzero(self.worth)) / self.worth.size
+
+
+class DepthPreparation:
+    """Prepares the depth images of one camera; keeps what depends on the camera only.
+
+    Args:
+        near: metres, nearer depth is left out.
+        far: metres, farther depth is left out.
+    """
+
+    def __init__(self, intrinsics: Intrinsics, noise: DepthNoiseModel, near: float, far: float) -> None:
+        # All that follows knows pinholes only: an image of a lens is made one.
+        self._straight = _straight_pixels(intrinsics) if any(intrinsics.distortion) else None
+        self.intrinsics = replace(intrinsics, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
+        self._ray = rays(self.intrinsics).astype(np.float32)
+        self._limits = np.array([near, far, noise.constant, noise.quadratic, noise.start], np.float32)
+
+    def prepare(self, depth: UInt16 | Float32, colour: UInt8 | None = None) -> DepthView:
+        """Returns the view of (H, W) millimetres, 0 and 65535 where nothing is known.
+
+        Args:
+            colour: (h, w, 3) sRGB that shows the same as the depth image, or None.
+        """
+        height, width = depth.shape
+        if colour is not None and colour.shape[:2] != depth.shape:
+            rows = np.arange(height) * colour.shape[0] // height
+            colour = colour[rows[:, None], np.arange(width) * colour.shape[1] // width]
+        if self._straight is not None:
+            depth = depth[self._straight]
+            colour = None if colour is None else colour[self._straight]
+        half = ((height + 1) // 2, (width + 1) // 2)
+        inverse = np.empty(half, np.float32)
+        planes, weights = np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32)
+        points, normals = np.zeros((*half, 3), np.float32), np.zeros((*half, 3), np.float32)
+        worth = np.zeros(half, np.float32)
+        in_pieces(_halve, half[0], _ROWS, depth, self._limits, inverse)
+        in_pieces(_fit, half[0], _ROWS, inverse, self._ray, self._limits, points, normals, worth)
+        in_pieces(
+            _through, half[0], _ROWS, depth, self._ray, self._limits, points, normals, worth, planes, weights
+        )
+        tiles = np.empty((-(-height // TILE), -(-width // TILE), 3), np.float32)
+        in_pieces(_bound, len(tiles), _ROWS, depth, self._limits, tiles)
+        return DepthView(self.intrinsics, planes, weights, points, normals, worth, tiles, colour)
+
+
+def _straight_pixels(intrinsics: Intrinsics) -> tuple[Int, Int]:
+    """Returns (H, W) rows and columns of the pixels that a pinhole would have seen in each pixel's place."""
+    rows, columns = np.mgrid[0 : intrinsics.height, 0 : intrinsics.width].astype(float)
+    x, y = (columns - intrinsics.cx) / intrinsics.fx, (rows - intrinsics.cy) / intrinsics.fy
+    seen = np.rint(project(np.stack([x, y, np.ones_like(x)], -1), intrinsics)).astype(int)
+    return seen[..., 1].clip(0, intrinsics.height - 1), seen[..., 0].clip(0, intrinsics.width - 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _halve(depth, limits, inverse, first, last):  # type: ignore[no-untyped-def]
+    """Fills rows of (h, w) inverse depth, 1/m, of 2 x 2 pixels: the mean of those that lie at the nearest."""
+    height, width = depth.shape
+    for v in range(first, last):
+        for u in range(inverse.shape[1]):
+            largest = np.float32(0.0)
+            for j in range(2 * v, min(2 * v + 2, height)):
+                for i in range(2 * u, min(2 * u + 2, width)):
+                    z = np.float32(depth[j, i]) * np.float32(1e-3)
+                    if limits[0] <= z <= limits[1]:
+                        largest = max(largest, np.float32(1.0) / z)
+            total, count = np.float32(0.0), 0
+            for j in range(2 * v, min(2 * v + 2, height)):
+                for i in range(2 * u, min(2 * u + 2, width)):
+                    z = np.float32(depth[j, i]) * np.float32(1e-3)
+                    if (
+                        limits[0] <= z <= limits[1]
+                        and np.float32(1.0) / z > np.float32(1.0 - _GATE) * largest
+                    ):
+                        total += np.float32(1.0) / z
+                        count += 1
+            inverse[v, u] = total / np.float32(count) if count > 0 else np.float32(0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit(inverse, ray, limits, points, normals, worth, first, last):  # type: ignore[no-untyped-def]
+    """Fits a plane round each half-size pixel of some rows.
+
+    The inverse depth of a plane is linear in the ray: 1/z = a x + b y + c, and (a, b, c) points along the
+    normal. A structured-light camera's noise is even in inverse depth, so least squares there is right.
+    """
+    height, width = inverse.shape
+    for v in range(first, last):
+        for u in range(width):
+            here = inverse[v, u]
+            if here == 0.0:
+                continue
+            x0, y0 = _middle(ray, v, u)
+            sx, sy, sz, sxx, sxy, syy, sxz, syz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            count = 0
+            for j in range(v - _STEP, v + _STEP + 1, _STEP):
+                for i in range(u - _STEP, u + _STEP + 1, _STEP):
+                    inside = j >= 0 and i >= 0 and j < height and i < width
+                    if inside and abs(inverse[j, i] - here) < _GATE * here:
+                        xr, yr = _middle(ray, j, i)
+                        x, y, z = xr - x0, yr - y0, inverse[j, i] - here
+                        sx, sy, sz = sx + x, sy + y, sz + z
+                        sxx, sxy, syy = sxx + x * x, sxy + x * y, syy + y * y
+                        sxz, syz = sxz + x * z, syz + y * z
+                        count += 1
+            if count < _FEWEST:
+                continue
+            n = float(count)
+            xx, xy, yy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
+            xz, yz = sxz - sx * sz / n, syz - sy * sz / n
+            det = xx * yy - xy * xy
+            if det <= 1e-4 * xx * yy:
+                continue
+            a, b = (xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det
+            smooth = here + (sz - a * sx - b * sy) / n
+            c = smooth - a * x0 - b * y0
+            # Its own depth: the fitted one lies too deep on all that is round, and the camera would drift.
+            z, length = 1.0 / here, np.sqrt(a * a + b * b + c * c)
+            facing = smooth / (length * np.sqrt(x0 * x0 + y0 * y0 + 1.0))
+            if not facing > _STEEPEST:
+                continue
+            points[v, u, 0], points[v, u, 1], points[v, u, 2] = x0 * z, y0 * z, z
+            normals[v, u, 0], normals[v, u, 1], normals[v, u, 2] = -a / length, -b / length, -c / length
+            share = n / 9.0
+            worth[v, u] = facing * share * share * certainty(limits, z)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _middle(ray, v, u):  # type: ignore[no-untyped-def]
+    """Returns (x, y) of the ray through the middle of a half-size pixel."""
+    below, right = min(2 * v + 1, ray.shape[0] - 1), min(2 * u + 1, ray.shape[1] - 1)
+    return 0.5 * (ray[2 * v, 2 * u, 0] + ray[below, right, 0]), 0.5 * (
+        ray[2 * v, 2 * u, 1] + ray[below, right, 1]
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def certainty(limits, z):  # type: ignore[no-untyped-def]
+    """Returns the variance of the best depth over that of a depth z, at most 1."""
+    beyond = z - limits[4]
+    share = limits[2] / (limits[2] + limits[3] * beyond * beyond)
+    return share * share
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _through(depth, ray, limits, points, normals, worth, planes, weights, first, last):  # type: ignore[no-untyped-def]
+    """Puts the plane of its half-size pixel through each pixel of some rows."""
+    height, width = depth.shape
+    for v in range(2 * first, min(2 * last, height)):
+        for u in range(width):
+            z = np.float32(depth[v, u]) * np.float32(1e-3)
+            j, i = v // 2, u // 2
+            there = points[j, i, 2]
+            if worth[j, i] == 0.0 or abs(z - there) > np.float32(_GATE) * there:
+                planes[v, u, 0], planes[v, u, 1], planes[v, u, 2] = 0.0, 0.0, 0.0
+                planes[v, u, 3], weights[v, u] = _NOTHING, 0.0
+                continue
+            nx, ny, nz = normals[j, i, 0], normals[j, i, 1], normals[j, i, 2]
+            planes[v, u, 0], planes[v, u, 1], planes[v, u, 2] = nx, ny, nz
+            planes[v, u, 3] = (nx * ray[v, u, 0] + ny * ray[v, u, 1] + nz) * z
+            weights[v, u] = worth[j, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _bound(depth, limits, tiles, first, last):  # type: ignore[no-untyped-def]
+    """Fills the nearest and farthest depth of some rows of tiles."""
+    height, width = depth.shape
+    for r in range(first, last):
+        for c in range(tiles.shape[1]):
+            nearest, farthest, holes = np.float32(np.inf), np.float32(0.0), 0
+            for v in range(r * TILE, min(r * TILE + TILE, height)):
+                for u in range(c * TILE, min(c * TILE + TILE, width)):
+                    z = np.float32(depth[v, u]) * np.float32(1e-3)
+                    if limits[0] <= z <= limits[1]:
+                        nearest, farthest = min(nearest, z), max(farthest, z)
+                    else:
+                        holes += 1
+            tiles[r, c, 0], tiles[r, c, 1] = nearest, farthest
+            tiles[r, c, 2] = np.float32(holes) / np.float32(TILE * TILE)

@@ -1,0 +1,260 @@
+"""Compiled loops of the fusion: which blocks a depth image needs, which it shows, and what it tells them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import njit
+from enliven.scanning.blocks import SIDE, VOXELS, find, insert, key_of
+from enliven.scanning.depth_view import TILE, certainty
+
+_BEHIND_RAY = 2.0
+"""Times the band behind a surface that a voxel may lie behind it along the ray, however slanted it is:
+what is farther may be behind another side of a thin part."""
+_SLANT = 8.0
+"""Times the band before a surface beyond which a voxel is in free space, however slanted the surface is: the
+inverse of the least cosine that is trusted."""
+_COLUMN = (np.arange(VOXELS) % SIDE).astype(np.float32)
+"""(512,) where each voxel of a block is along x, in voxels; a table, for the loop over it has no branch."""
+_ROW = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
+"""(512,) where it is along y."""
+_LAYER = (np.arange(VOXELS) // SIDE**2).astype(np.float32)
+"""(512,) where it is along z."""
+_PAINTED = 1.8
+"""Voxels from a surface within which a voxel takes its colour: the corners of the cells that it crosses."""
+_FIRM = 8.0
+"""Weight beyond which a voxel's colour changes no slower, so that the first look's light does not stay."""
+UNSEEN = 0
+"""A block that an image does not show."""
+FREE = 1
+"""A block before everything that an image shows."""
+NEAR = 2
+"""A block that an image shows at a surface, or in part."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def allocate(points, stride, phase, reach, turn, place, band, keys, slots, places, count):  # type: ignore[no-untyped-def]
+    """Adds the blocks round the points of a half-size image that are not there yet.
+
+    Args:
+        points: :class:`PointArrays`.
+        stride: pixels from one point that is looked at to the next, each way.
+        phase: of them the first, 0 to stride^2 - 1.
+        reach: metres, farther points are left out.
+        turn, place: world_from_camera, (3, 3) and (3,).
+
+    Returns:
+        The new count; the length of ``places`` where there was no more room.
+    """
+    size = band.voxel * SIDE
+    for v in range(phase // stride, points.places.shape[0], stride):
+        for u in range(phase % stride, points.places.shape[1], stride):
+            if points.worth[v, u] == 0.0 or points.places[v, u, 2] > reach:
+                continue
+            for k in range(3):
+                # Before the surface, on it and behind it; a block is two bands wide.
+                off = band.front if k == 0 else (0.0 if k == 1 else -band.behind)
+                px = points.places[v, u, 0] + off * points.normals[v, u, 0]
+                py = points.places[v, u, 1] + off * points.normals[v, u, 1]
+                pz = points.places[v, u, 2] + off * points.normals[v, u, 2]
+                x = int(np.floor((turn[0, 0] * px + turn[0, 1] * py + turn[0, 2] * pz + place[0]) / size))
+                y = int(np.floor((turn[1, 0] * px + turn[1, 1] * py + turn[1, 2] * pz + place[1]) / size))
+                z = int(np.floor((turn[2, 0] * px + turn[2, 1] * py + turn[2, 2] * pz + place[2]) / size))
+                key = key_of(x, y, z)
+                if find(keys, slots, key) >= 0:
+                    continue
+                if count == len(places):
+                    return count
+                insert(keys, slots, key, count)
+                places[count, 0], places[count, 1], places[count, 2] = x, y, z
+                count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def classify(places, band, camera, tiles, shape, state, first, last):  # type: ignore[no-untyped-def]
+    """Fills ``state`` for some blocks: unseen, free or near, by the depth of the tiles that they cover."""
+    size = band.voxel * SIDE
+    radius = 0.5 * np.sqrt(3.0) * size
+    turn, fx, fy, cx, cy = camera.turn, camera.lens[0], camera.lens[1], camera.lens[2], camera.lens[3]
+    for b in range(first, last):
+        state[b] = UNSEEN
+        wx, wy, wz = (places[b, 0] + 0.5) * size, (places[b, 1] + 0.5) * size, (places[b, 2] + 0.5) * size
+        x = turn[0, 0] * wx + turn[0, 1] * wy + turn[0, 2] * wz + camera.place[0]
+        y = turn[1, 0] * wx + turn[1, 1] * wy + turn[1, 2] * wz + camera.place[1]
+        z = turn[2, 0] * wx + turn[2, 1] * wy + turn[2, 2] * wz + camera.place[2]
+        if z < camera.limits[0] + radius:
+            continue
+        # A ball's silhouette, a little too wide.
+        u, v = fx * x / z + cx, fy * y / z + cy
+        ru = fx * radius / (z - radius) * (1.0 + abs(x) / z)
+        rv = fy * radius / (z - radius) * (1.0 + abs(y) / z)
+        if u + ru < 0.0 or v + rv < 0.0 or u - ru > shape[1] - 1 or v - rv > shape[0] - 1:
+            continue
+        left, right = max(int(u - ru), 0) // TILE, min(int(u + ru) + 1, shape[1] - 1) // TILE
+        top, bottom = max(int(v - rv), 0) // TILE, min(int(v + rv) + 1, shape[0] - 1) // TILE
+        nearest, farthest, whole = np.inf, 0.0, u - ru >= 0.0 and v - rv >= 0.0
+        whole = whole and u + ru <= shape[1] - 1 and v + rv <= shape[0] - 1
+        for r in range(top, bottom + 1):
+            for c in range(left, right + 1):
+                nearest, farthest = min(nearest, tiles[r, c, 0]), max(farthest, tiles[r, c, 1])
+                whole = whole and tiles[r, c, 2] == 0.0
+        if z - radius > farthest + _BEHIND_RAY * band.behind:
+            continue
+        free = whole and z + radius < nearest - _SLANT * band.front
+        state[b] = FREE if free else NEAR
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def integrate(jobs, state, places, band, camera, image, voxels, first, last):  # type: ignore[no-untyped-def]
+    """Averages the distances of an image, an :class:`ImageArrays`, into the voxels of some blocks.
+
+    Args:
+        jobs: (N,) numbers of blocks that are near or free.
+        voxels: :class:`VoxelArrays`; read and written.
+    """
+    local, pixel = np.empty((3, VOXELS), np.float32), np.empty(VOXELS, np.int32)
+    shown, sizes = np.empty(VOXELS, np.float32), np.empty(3, np.float32)
+    before, along, worth = (
+        np.empty(VOXELS, np.float32),
+        np.empty(VOXELS, np.float32),
+        np.empty(VOXELS, np.float32),
+    )
+    sizes[0], sizes[1] = band.front, band.behind
+    for j in range(first, last):
+        b = jobs[j]
+        sizes[2] = certainty(camera.limits, _depth_of(places, b, band, camera))
+        if state[b] == FREE:
+            voxels.solid[b] = _carve(voxels.distance[b], voxels.weight[b], sizes[0], sizes[2]) > 0
+        else:
+            _project(places, b, band, camera, image.shape, local, pixel, shown)
+            _look(pixel, local, image.planes, image.weights, before, along, worth)
+            if len(image.colours) > 0 and len(voxels.hue) > 0:
+                near = np.float32(band.voxel * _PAINTED)
+                _paint(pixel, shown, before, worth, near, image.colours, voxels.weight[b], voxels.hue[b])
+            held = voxels.distance[b], voxels.weight[b]
+            voxels.solid[b] = _average(sizes, local, shown, before, along, worth, *held) > 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _depth_of(places, b, band, camera):  # type: ignore[no-untyped-def]
+    """Returns the depth of a block's middle."""
+    size, turn = band.voxel * SIDE, camera.turn
+    return (
+        turn[2, 0] * (places[b, 0] + 0.5) * size
+        + turn[2, 1] * (places[b, 1] + 0.5) * size
+        + turn[2, 2] * (places[b, 2] + 0.5) * size
+        + camera.place[2]
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _carve(distance, weight, front, more):  # type: ignore[no-untyped-def]
+    """Averages free space into all voxels of a block; returns how many are behind a surface."""
+    inside = 0
+    for i in range(VOXELS):
+        distance[i] = (distance[i] * weight[i] + front * more) / (weight[i] + more)
+        weight[i] += more
+        inside += distance[i] < np.float32(0.0)
+    return inside
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _project(places, b, band, camera, shape, local, pixel, shown):  # type: ignore[no-untyped-def]
+    """Fills where a block's voxels are in the camera's frame, and their pixels, without a branch.
+
+    Args:
+        shape: of the image, (H, W).
+        local: (3, 512) metres, camera frame; written.
+        pixel: (512,) int32 number of the pixel; written.
+        shown: (512,) 1 where the voxel is in the image, else 0; written.
+    """
+    turn, lens, size = camera.turn, camera.lens, np.float32(band.voxel * SIDE)
+    voxel = np.float32(band.voxel)
+    # Numbers of their own: what is read from an array is read again after every write to another.
+    xx, xy, xz = voxel * turn[0, 0], voxel * turn[0, 1], voxel * turn[0, 2]
+    yx, yy, yz = voxel * turn[1, 0], voxel * turn[1, 1], voxel * turn[1, 2]
+    zx, zy, zz = voxel * turn[2, 0], voxel * turn[2, 1], voxel * turn[2, 2]
+    wx, wy, wz = (
+        np.float32(places[b, 0]) * size,
+        np.float32(places[b, 1]) * size,
+        np.float32(places[b, 2]) * size,
+    )
+    x0 = turn[0, 0] * wx + turn[0, 1] * wy + turn[0, 2] * wz + camera.place[0]
+    y0 = turn[1, 0] * wx + turn[1, 1] * wy + turn[1, 2] * wz + camera.place[1]
+    z0 = turn[2, 0] * wx + turn[2, 1] * wy + turn[2, 2] * wz + camera.place[2]
+    fx, fy, left, top = lens[0], lens[1], lens[2] + np.float32(0.5), lens[3] + np.float32(0.5)
+    height, width, wide = np.float32(shape[0]), np.float32(shape[1]), np.int32(shape[1])
+    zero, one, least = np.float32(0.0), np.float32(1.0), np.float32(0.01)
+    for i in range(VOXELS):
+        right, down, deep = _COLUMN[i], _ROW[i], _LAYER[i]
+        x = x0 + xx * right + xy * down + xz * deep
+        y = y0 + yx * right + yy * down + yz * deep
+        z = z0 + zx * right + zy * down + zz * deep
+        away = one / (z if z > least else least)
+        u, v = fx * x * away + left, fy * y * away + top
+        inside = (u >= zero) & (v >= zero) & (u < width) & (v < height) & (z > least)
+        u, v = u if inside else zero, v if inside else zero
+        pixel[i] = np.int32(v) * wide + np.int32(u)
+        shown[i] = one if inside else zero
+        local[0, i], local[1, i], local[2, i] = x, y, z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look(pixel, local, planes, weights, before, along, worth):  # type: ignore[no-untyped-def]
+    """Fills (512,) metres before the plane of each voxel's pixel, normal . voxel, and the plane's weight.
+
+    Args:
+        planes: (4, H W), weights: (H W,) as of a view.
+    """
+    for i in range(VOXELS):
+        k = np.uint32(pixel[i])
+        at = np.uint32(4) * k
+        a = (
+            planes[at] * local[0, i]
+            + planes[at + np.uint32(1)] * local[1, i]
+            + planes[at + np.uint32(2)] * local[2, i]
+        )
+        along[i], before[i] = a, a - planes[at + np.uint32(3)]
+        worth[i] = weights[k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _average(sizes, local, shown, before, along, worth, distance, weight):  # type: ignore[no-untyped-def]
+    """Averages distances into the voxels of a block, without a branch; returns how many are behind a surface.
+
+    Args:
+        sizes: (3,) the bands before and behind a surface, metres, and the weight of free space.
+    """
+    front, behind, free = sizes[0], sizes[1], sizes[2]
+    zero, one, deepest = np.float32(0.0), np.float32(1.0), np.float32(_BEHIND_RAY) * behind
+    fade, tiny, inside = one / behind, np.float32(1e-30), np.int32(0)
+    for i in range(VOXELS):
+        d = before[i]
+        # What is behind a surface is guessed, not seen, and the less so the deeper.
+        guessed = one + d * fade
+        more = worth[i] * (guessed if guessed < one else one)
+        more = free if d >= front else more
+        # `along` is negative, for the normal faces the camera.
+        known = (guessed > zero) & (d * local[2, i] >= deepest * along[i])
+        more = (more if known else zero) * shown[i]
+        d = front if d >= front else d
+        d = d if known else zero
+        had, was = weight[i], distance[i]
+        now = was + (d - was) * more / (had + more + tiny)
+        distance[i], weight[i] = now, had + more
+        inside += np.int32(1) if now < zero else np.int32(0)
+    return inside
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _paint(pixel, shown, before, worth, near, picture, weight, hue):  # type: ignore[no-untyped-def]
+    """Averages the colours of an image into the voxels of a block that lie next to the surface."""
+    for i in range(VOXELS):
+        if shown[i] == 0.0 or worth[i] == 0.0 or abs(before[i]) > near:
+            continue
+        share = worth[i] / (min(weight[i], np.float32(_FIRM)) + worth[i])
+        for c in range(3):
+            now = np.float32(hue[i, c])
+            now += (np.float32(256.0) * np.float32(picture[3 * pixel[i] + c]) - now) * share
+            hue[i, c] = np.uint16(now + np.float32(0.5))

@@ -1,0 +1,94 @@
+"""What the compiled loops of the fusion and the tracking take: arrays by name."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from enliven.arrays import Bool, Float32, Int, Int32, UInt8, UInt16
+
+
+class DistanceBand(NamedTuple):
+    """The sizes of a volume, metres."""
+
+    voxel: float
+    front: float
+    behind: float
+
+
+class ImageArrays(NamedTuple):
+    """A view as the fusion takes it.
+
+    Attributes:
+        planes: (4 H W,), weights: (H W,) float32 as of a :class:`DepthView`.
+        colours: (3 H W,) uint8 sRGB, empty where there are none.
+        shape: (H, W).
+    """
+
+    planes: Float32
+    weights: Float32
+    colours: UInt8
+    shape: tuple[int, ...]
+
+
+class VoxelArrays(NamedTuple):
+    """What the voxels of C blocks hold.
+
+    Attributes:
+        distance: (C, 512) float32 metres before the surface, averages.
+        weight: (C, 512) float32 sums of weights; 0 where nothing was seen.
+        solid: (C,) whether a block has voxels behind the surface.
+        hue: (C, 512, 3) uint16 averages of sRGB in 256ths, or (0, 512, 3) without colours.
+    """
+
+    distance: Float32
+    weight: Float32
+    solid: Bool
+    hue: UInt16
+
+
+class CameraArrays(NamedTuple):
+    """A camera and where it stands, as kernels take it.
+
+    Attributes:
+        turn: (3, 3) float32 rotation of camera_from_world.
+        place: (3,) float32 translation of camera_from_world.
+        lens: (4,) float32 fx, fy, cx, cy.
+        limits: (5,) float32 near, far, and the noise model.
+    """
+
+    turn: Float32
+    place: Float32
+    lens: Float32
+    limits: Float32
+
+
+class PointArrays(NamedTuple):
+    """The points of a half-size image, camera frame.
+
+    Attributes:
+        places: (h, w, 3) float32 metres.
+        normals: (h, w, 3) float32 towards the camera.
+        worth: (h, w) float32 weights, 0 where there is no point.
+    """
+
+    places: Float32
+    normals: Float32
+    worth: Float32
+
+
+class FieldArrays(NamedTuple):
+    """The distances of a volume and the way to them.
+
+    Attributes:
+        keys: (S,), slots: (S,) of the hash table of blocks.
+        beside: (C, 8) neighbours of each block, as of a :class:`BlockTable`.
+        distance: (C, 512), weight: (C, 512) of its voxels.
+        band: the sizes.
+    """
+
+    keys: Int
+    slots: Int32
+    beside: Int32
+    distance: Float32
+    weight: Float32
+    band: DistanceBand

@@ -1,0 +1,67 @@
+"""Keyframes: small depth images with their poses, among which a lost camera finds where it was before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.scanning.depth_view import DepthView
+
+_ROWS = 15
+"""Cells down a small image: a hand's shift of the camera changes few of them much."""
+_COLUMNS = 20
+"""Cells across it."""
+_APART = 0.15
+"""Metres between neighbouring keyframes; nearer ones are found by the tracking."""
+_TURNED = 0.2
+"""Radians between them, 11 degrees: a sixth of a camera's field of view."""
+_SHARED = 0.3
+"""Share of the cells that must be known in both images to compare them."""
+
+
+class Keyframes:
+    """Poses of the camera on its way, found again by what the depth image looked like there."""
+
+    def __init__(self) -> None:
+        self._small: list[Float32] = []
+        self._poses: list[Float] = []
+
+    def __len__(self) -> int:
+        return len(self._poses)
+
+    def offer(self, view: DepthView, world_from_camera: Float) -> bool:
+        """Keep an image, where no kept one was taken near it; returns whether it is kept."""
+        for pose in self._poses:
+            apart = np.linalg.norm(pose[:3, 3] - world_from_camera[:3, 3])
+            cosine = (np.trace(pose[:3, :3].T @ world_from_camera[:3, :3]) - 1.0) / 2.0
+            if apart < _APART and np.arccos(np.clip(cosine, -1.0, 1.0)) < _TURNED:
+                return False
+        self._small.append(_reduced(view))
+        self._poses.append(world_from_camera.copy())
+        return True
+
+    def nearest(self, view: DepthView, count: int) -> list[Float]:
+        """Returns the (4, 4) poses of the images that look most like this one, the likest first."""
+        small = _reduced(view)
+        unlike = []
+        for other in self._small:
+            both = (small > 0) & (other > 0)
+            shared = both.mean() > _SHARED
+            unlike.append(np.abs(small - other)[both].mean() / both.mean() if shared else np.inf)
+        order = np.argsort(unlike, kind="stable")[:count]
+        return [self._poses[n] for n in order if np.isfinite(unlike[n])]
+
+
+def _reduced(view: DepthView) -> Float32:
+    """Returns (15, 20) means of the inverse depth of a view's points, 0 where a cell has too few."""
+    depth = view.points[..., 2]
+    height, width = depth.shape
+    rows = np.arange(height) * _ROWS // height
+    columns = np.arange(width) * _COLUMNS // width
+    cell = (rows[:, None] * _COLUMNS + columns).reshape(-1)
+    known = depth.reshape(-1) > 0
+    inverse = np.where(known, 1.0 / np.where(known, depth.reshape(-1), 1.0), 0.0)
+    total = np.bincount(cell, inverse, _ROWS * _COLUMNS)
+    counts = np.bincount(cell, known, _ROWS * _COLUMNS)
+    enough = counts * 4 > np.bincount(cell, minlength=_ROWS * _COLUMNS)
+    return np.where(enough, total / np.maximum(counts, 1), 0.0).astype(np.float32).reshape(_ROWS, _COLUMNS)

@@ -1,0 +1,147 @@
+"""The surface of a volume of sparse blocks as a triangle mesh, by marching cubes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.kernels import njit
+from enliven.meshes import Mesh
+from enliven.scanning.blocks import SIDE, VOXELS
+from enliven.scanning.cube_table import STARTS, triangle_table
+from enliven.scanning.volume import DistanceVolume
+
+_STARTS = np.array(STARTS, np.int32)
+"""(3, 4) by axis, the corners where a cell's edges begin."""
+_SUPPORT = 0.3
+"""Sum of weights below which a voxel counts as not seen: a few looks from near, one of which may be noise."""
+
+
+def surface_of(volume: DistanceVolume, support: float = _SUPPORT) -> Mesh:
+    """Returns the surface, metres, world, open where nothing was seen; coloured where the volume has colours.
+
+    Args:
+        support: sum of weights that a voxel needs.
+    """
+    count = volume.blocks.count
+    beside, solid = volume.blocks.beside[:count], volume.solid[:count]
+    looked = solid | (solid[np.maximum(beside, 0)] & (beside >= 0)).any(1)
+    rows = np.full(count, -1, np.int64)
+    # A cell's edges begin in its own block or in those beside it.
+    near = beside[looked]
+    owners = np.unique(near[near >= 0])
+    rows[owners] = np.arange(len(owners))
+    numbers = np.full((len(owners), VOXELS, 3), -1, np.int32)
+    table, blocks = triangle_table(), np.flatnonzero(looked)
+    arguments = (blocks, beside, volume.distance, volume.weight, np.float32(support), table)
+    faces_count, vertices_count = _number_vertices(*arguments, rows, numbers)
+    vertices, faces = np.empty((vertices_count, 3)), np.empty((faces_count, 3), np.int32)
+    colours = np.zeros((vertices_count if len(volume.hue) else 0, 3), np.uint8)
+    _place_vertices(
+        owners, numbers, beside, volume.blocks.places, volume.distance, volume.hue, volume.band.voxel,
+        vertices, colours,
+    )  # fmt: skip
+    _write_faces(*arguments, rows, numbers, faces)
+    return Mesh(vertices, faces, "scan", colours if len(volume.hue) else None)
+
+
+@njit(cache=True, nogil=True)
+def _gather(b, beside, distance, weight, support, cells):  # type: ignore[no-untyped-def]
+    """Fills (9, 9, 9) distances of a block and of the next layer beside it, NaN where too little was seen."""
+    for z in range(SIDE + 1):
+        for y in range(SIDE + 1):
+            for x in range(SIDE + 1):
+                other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
+                i = (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
+                known = other >= 0 and weight[other, i] >= support
+                cells[z, y, x] = distance[other, i] if known else np.float32(np.nan)
+
+
+@njit(cache=True, nogil=True)
+def _case(cells, x, y, z):  # type: ignore[no-untyped-def]
+    """Returns the case of a cell; 0 where a corner is not known."""
+    case = 0
+    for k in range(8):
+        d = cells[z + (k >> 2), y + ((k >> 1) & 1), x + (k & 1)]
+        if np.isnan(d):
+            return 0
+        case |= (1 << k) if d < 0.0 else 0
+    return case
+
+
+@njit(cache=True, nogil=True)
+def _edge_at(b, beside, x, y, z, edge):  # type: ignore[no-untyped-def]
+    """Returns the block, the voxel and the axis of a cell's edge."""
+    axis, corner = edge // 4, _STARTS[edge // 4, edge % 4]
+    x, y, z = x + (corner & 1), y + ((corner >> 1) & 1), z + (corner >> 2)
+    owner = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
+    return owner, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7), axis
+
+
+@njit(cache=True, nogil=True)
+def _number_vertices(blocks, beside, distance, weight, support, table, rows, numbers):  # type: ignore[no-untyped-def]
+    """Numbers the edges that the surface crosses; returns the counts of faces and of vertices."""
+    cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
+    faces, vertices = 0, 0
+    for b in blocks:
+        _gather(b, beside, distance, weight, support, cells)
+        for z in range(SIDE):
+            for y in range(SIDE):
+                for x in range(SIDE):
+                    case = _case(cells, x, y, z)
+                    if case == 0 or case == 255:
+                        continue
+                    k = 0
+                    while table[case, k] >= 0:
+                        owner, i, axis = _edge_at(b, beside, x, y, z, table[case, k])
+                        if numbers[rows[owner], i, axis] < 0:
+                            numbers[rows[owner], i, axis] = vertices
+                            vertices += 1
+                        k += 1
+                    faces += k // 3
+    return faces, vertices
+
+
+@njit(cache=True, nogil=True)
+def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, vertices, colours):  # type: ignore[no-untyped-def]
+    """Fills where the surface crosses the numbered edges, and its colours there, if there are any."""
+    for row in range(len(owners)):
+        b = owners[row]
+        for i in range(VOXELS):
+            for axis in range(3):
+                number = numbers[row, i, axis]
+                if number < 0:
+                    continue
+                x, y, z = i & 7, (i >> 3) & 7, i >> 6
+                ex, ey, ez = x + (axis == 0), y + (axis == 1), z + (axis == 2)
+                other = beside[b, (ex >> 3) + 2 * (ey >> 3) + 4 * (ez >> 3)]
+                first = distance[b, i]
+                beyond = (ex & 7) + SIDE * (ey & 7) + SIDE * SIDE * (ez & 7)
+                second = distance[other, beyond]
+                share = first / (first - second)
+                vertices[number, 0] = voxel * (SIDE * places[b, 0] + x + share * (axis == 0))
+                vertices[number, 1] = voxel * (SIDE * places[b, 1] + y + share * (axis == 1))
+                vertices[number, 2] = voxel * (SIDE * places[b, 2] + z + share * (axis == 2))
+                for c in range(len(colours) and 3):
+                    mixed = hue[b, i, c] + share * (float(hue[other, beyond, c]) - hue[b, i, c])
+                    colours[number, c] = np.uint8(min(mixed / 256.0 + 0.5, 255.0))
+
+
+@njit(cache=True, nogil=True)
+def _write_faces(blocks, beside, distance, weight, support, table, rows, numbers, faces):  # type: ignore[no-untyped-def]
+    """Fills the faces of all cells."""
+    cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
+    face = 0
+    for b in blocks:
+        _gather(b, beside, distance, weight, support, cells)
+        for z in range(SIDE):
+            for y in range(SIDE):
+                for x in range(SIDE):
+                    case = _case(cells, x, y, z)
+                    if case == 0 or case == 255:
+                        continue
+                    k = 0
+                    while table[case, k] >= 0:
+                        owner, i, axis = _edge_at(b, beside, x, y, z, table[case, k])
+                        faces[face + k // 3, k % 3] = numbers[rows[owner], i, axis]
+                        k += 1
+                    face += k // 3

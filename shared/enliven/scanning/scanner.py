@@ -1,0 +1,181 @@
+"""A scan: frame by frame the camera is found and its image fused; what is not sure is not fused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.camera import LEVEL_WORLD_FROM_CAMERA, Intrinsics
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven.meshes import Mesh
+from enliven.rotation import nearest_rotation
+from enliven.scanning.camera_tracker import Alignment, CameraTracker
+from enliven.scanning.depth_view import DepthPreparation, DepthView
+from enliven.scanning.ground import cut_out, find_ground, focus_of
+from enliven.scanning.keyframes import Keyframes
+from enliven.scanning.marching_cubes import surface_of
+from enliven.scanning.settings import ScanSettings
+from enliven.scanning.volume import DistanceVolume
+
+_COARSER = 4.0
+"""Factor of the voxels from one volume to the next: each reaches four times as far from the surface."""
+_LEVELS = 3
+"""Volumes: 4, 16 and 64 mm, of which the last brings a camera back from 25 cm away."""
+_TRIED = 4
+"""Keyframes from which a lost camera is sought in each frame: 30 ms each."""
+_CLEANED = 90
+"""Frames after which blocks without a surface are given back: three seconds."""
+
+
+class ScanState(Enum):
+    """What became of a frame."""
+
+    EMPTY = "empty"
+    """It shows hardly any surface; nothing was done."""
+    SCANNING = "scanning"
+    """The camera was found, and the image was fused."""
+    UNSURE = "unsure"
+    """The image leaves open where the camera is, as a blank wall does; it was not fused."""
+    LOST = "lost"
+    """The camera was not found; the image was not fused."""
+    FOUND = "found"
+    """A lost camera may be found; it is fused once the next frame agrees."""
+
+
+@dataclass(frozen=True)
+class ScanStep:
+    """What became of a frame.
+
+    Attributes:
+        state: see :class:`ScanState`.
+        world_from_camera: (4, 4) the camera's pose, the last one known where it was not found.
+        alignment: how well the image fits; None for the first one, and for an empty one.
+        room: whether the memory held all that is new.
+    """
+
+    state: ScanState
+    world_from_camera: Float
+    alignment: Alignment | None = None
+    room: bool = True
+
+
+class Scanner:
+    """Fuses the frames of one moving camera.
+
+    The world is that of the first frame: of its own pose where it has one, else of a level camera at the
+    origin.
+
+    Raises:
+        InputError: where a frame is of another camera than the first.
+    """
+
+    def __init__(self, settings: ScanSettings | None = None) -> None:
+        self.settings = settings or ScanSettings()
+        fusion = self.settings.volume
+        sizes = [fusion.voxel * _COARSER**level for level in range(_LEVELS)]
+        reaches = [fusion.reach] + [fusion.far] * (_LEVELS - 1)
+        self.volumes = [DistanceVolume(fusion, *size) for size in zip(sizes, reaches, strict=True)]
+        self.tracker = CameraTracker(self.volumes, self.settings.tracking)
+        self.keyframes = Keyframes()
+        self.poses: list[tuple[int, Float]] = []
+        self._camera: tuple[Intrinsics, DepthPreparation] | None = None
+        self._pose, self._before = np.eye(4), np.eye(4)
+        self._state = ScanState.EMPTY
+
+    @property
+    def megabytes(self) -> float:
+        """Memory of all volumes."""
+        return sum(volume.megabytes for volume in self.volumes)
+
+    def add(self, frame: DepthFrame, up: Float | None = None) -> ScanStep:
+        """Find the camera of a frame, and fuse the image where that is sure.
+
+        Args:
+            up: (3,) unit vector, camera frame, that points up as its accelerometer feels it, or None.
+        """
+        view = self._prepared(frame)
+        if view.known < self.settings.least_depth:
+            return ScanStep(ScanState.EMPTY, self._pose)
+        if not self.poses:
+            given = frame.world_from_camera
+            self._pose = LEVEL_WORLD_FROM_CAMERA.copy() if given is None else np.array(given, float)
+            self._pose[:3, :3] = nearest_rotation(self._pose[:3, :3])
+            self._before = self._pose
+            return self._fuse(frame, view, self._pose, None)
+        if self._state in (ScanState.LOST, ScanState.EMPTY):
+            return self._sought(view, up)
+        found = self._tracked(view, up)
+        self._state = self._judged(found)
+        if self._state is not ScanState.SCANNING:
+            return ScanStep(self._state, self._pose, found)
+        return self._fuse(frame, view, found.world_from_camera, found)
+
+    def surface(self) -> Mesh:
+        """Returns the surface that was scanned so far, metres, world."""
+        return surface_of(self.volumes[0])
+
+    def thing(self) -> Mesh:
+        """Returns what stands on the floor, cut out of the surface: upright, on y = 0, metres.
+
+        Raises:
+            InputError: where no floor was scanned, or nothing that stands on it.
+        """
+        surface, cut = self.surface(), self.settings.cut_out
+        return cut_out(surface, find_ground(surface, settings=cut), focus_of([p for _, p in self.poses]), cut)
+
+    def _prepared(self, frame: DepthFrame) -> DepthView:
+        """Returns the view of a frame."""
+        if self._camera is None:
+            v = self.settings.volume
+            self._camera = frame.intrinsics, DepthPreparation(frame.intrinsics, v.noise, v.near, v.far)
+        if frame.intrinsics != self._camera[0]:
+            what = "the camera of this frame is not that of the first"
+            raise InputError(what, where=frame.sensor, mend="Scan with one camera, of one image size.")
+        return self._camera[1].prepare(frame.depth, frame.colour if self.settings.volume.colour else None)
+
+    def _tracked(self, view: DepthView, up: Float | None) -> Alignment:
+        """Returns the pose of an image that follows the last one; from farther away where it must be."""
+        predicted = self._pose @ np.linalg.inv(self._before) @ self._pose
+        found = self.tracker.align(view, predicted, up)
+        if self._judged(found) is ScanState.LOST:
+            others = (self.tracker.align(view, start, up, _LEVELS - 1) for start in (predicted, self._pose))
+            found = max((found, *others), key=_fit)
+        return found
+
+    def _sought(self, view: DepthView, up: Float | None) -> ScanStep:
+        """Looks for a lost camera where it was before."""
+        starts = [self._pose, *self.keyframes.nearest(view, _TRIED)]
+        found = max((self.tracker.align(view, start, up, _LEVELS - 1) for start in starts), key=_fit)
+        if self._judged(found) is not ScanState.SCANNING:
+            self._state = ScanState.LOST
+            return ScanStep(ScanState.LOST, self._pose, found)
+        self._pose = self._before = found.world_from_camera
+        self._state = ScanState.FOUND
+        return ScanStep(ScanState.FOUND, self._pose, found)
+
+    def _judged(self, found: Alignment) -> ScanState:
+        """Returns what an alignment is worth: SCANNING, UNSURE or LOST."""
+        s = self.settings.tracking
+        if found.overlap < s.overlap or found.agreeing < s.agreeing:
+            return ScanState.LOST
+        return ScanState.UNSURE if found.deviation > s.unsure else ScanState.SCANNING
+
+    def _fuse(self, frame: DepthFrame, view: DepthView, pose: Float, found: Alignment | None) -> ScanStep:
+        """Fuses an image at a pose."""
+        self._before, self._pose, self._state = self._pose, pose, ScanState.SCANNING
+        room = all([volume.integrate(view, pose).room for volume in self.volumes])
+        self.poses.append((frame.time_ns, pose))
+        self.keyframes.offer(view, pose)
+        if len(self.poses) % _CLEANED == 0:
+            for volume in self.volumes:
+                volume.clean()
+        return ScanStep(ScanState.SCANNING, pose, found, room)
+
+
+def _fit(found: Alignment) -> float:
+    """Returns how well an image fits, to choose among several poses."""
+    return found.agreeing * found.overlap

@@ -1,0 +1,107 @@
+"""Settings of a scan: how fine, how far, and what the camera's depth is worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class DepthNoiseModel:
+    """Standard deviation of a depth z: ``constant + quadratic (z - start)^2``; a structured-light camera's.
+
+    Khoshelham and Elberink, Sensors 12 (2012); Nguyen, Izadi, Lovell, 3DIMPVT 2012, eq. 2.
+    """
+
+    constant: float = setting(
+        0.0012, "Standard deviation of the depth at `start`.", unit="m", low=1e-5, high=0.1
+    )
+    quadratic: float = setting(0.0019, "How it grows with the distance squared.", unit="1/m", low=0, high=0.1)
+    start: float = setting(0.4, "Where it is least.", unit="m", low=0, high=5)
+
+    def sigma(self, z: float) -> float:
+        """Returns the standard deviation (m) of a depth of ``z`` metres."""
+        return self.constant + self.quadratic * (z - self.start) ** 2
+
+
+@dataclass(frozen=True)
+class VolumeSettings:
+    """How depth images become a surface."""
+
+    voxel: float = setting(
+        0.004, "Side of the finest voxels: 4 mm for a thing, 1 cm for a room.", unit="m", low=0.001, high=0.1
+    )
+    truncation: float = setting(
+        4.0, "Distances before a surface are kept up to so many voxels.", unit="voxels", low=2, high=16
+    )
+    behind: float = setting(
+        3.0, "Distances behind it: less than the thickness of thin parts.", unit="voxels", low=2, high=16
+    )
+    near: float = setting(0.3, "Nearer depth is left out.", unit="m", low=0, high=5)
+    far: float = setting(5.0, "Farther depth is left out.", unit="m", low=0.2, high=20)
+    reach: float = setting(
+        2.2, "Farther surfaces are kept in coarse voxels only, for the tracking.", unit="m", low=0.2, high=20
+    )
+    memory: int = setting(
+        1500, "Megabytes of voxels; when full, no new surface is added.", low=16, high=100_000
+    )
+    colour: bool = setting(True, "Whether colours are fused where the camera has them.")
+    noise: DepthNoiseModel = setting(DepthNoiseModel, "What the camera's depth is worth.")
+
+
+@dataclass(frozen=True)
+class TrackingSettings:
+    """How a depth image is laid onto the surface."""
+
+    coarse_steps: int = setting(6, "Steps of Gauss-Newton in each coarse volume.", low=1, high=100)
+    fine_steps: int = setting(5, "Steps of it in the finest one.", low=1, high=100)
+    coarse_stride: int = setting(4, "Half-size pixels between the points of a coarse step.", low=1, high=32)
+    fine_stride: int = setting(2, "Half-size pixels between the points of a fine step.", low=1, high=32)
+    soft: float = setting(2.0, "Distance at which a point counts a quarter.", unit="voxels", low=0.1, high=16)
+    still: float = setting(3e-4, "Moves (m) and turns (rad) below which it is done.", low=1e-8, high=0.1)
+    damping: float = setting(1e-6, "Of the normal matrix, per weight of the points.", low=0, high=1)
+    gravity: float = setting(
+        0.1, "Weight of the felt direction up, in squared metres.", unit="m^2", low=0, high=10
+    )
+    agreeing: float = setting(
+        0.6, "Share of points in known space that must lie at its surface.", low=0, high=1
+    )
+    overlap: float = setting(0.25, "Share of points that must lie in known space.", low=0, high=1)
+    unsure: float = setting(
+        0.05,
+        "Standard deviation of the camera's place beyond which it is not known.",
+        unit="m",
+        low=1e-3,
+        high=1,
+    )
+    independent: float = setting(
+        0.02, "Share of the points whose noise counts as independent of their neighbours'.", low=1e-4, high=1
+    )
+
+
+@dataclass(frozen=True)
+class CutOutSettings:
+    """How what stands on the floor is taken out of a scan."""
+
+    thickness: float = setting(
+        0.02, "Faces so near to a plane may be of the floor.", unit="m", low=1e-3, high=0.2
+    )
+    clearance: float = setting(
+        0.012, "What is lower than this above the floor is the floor's noise.", unit="m", low=1e-3, high=0.2
+    )
+    about: float = setting(
+        0.7, "How far what is meant may lie from where was looked.", unit="m", low=0.05, high=5
+    )
+    least_area: float = setting(0.02, "Surface of the smallest thing.", unit="m^2", low=1e-4, high=1)
+    hole: float = setting(0.15, "Longest rim of a hole that is closed.", unit="m", low=0, high=10)
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """A scan."""
+
+    volume: VolumeSettings = setting(VolumeSettings, "How images become a surface.")
+    tracking: TrackingSettings = setting(TrackingSettings, "How the camera is found.")
+    cut_out: CutOutSettings = setting(CutOutSettings, "How what stands on the floor is taken out.")
+    least_depth: float = setting(0.05, "Share of an image that must show a surface.", low=0, high=1)

@@ -1,0 +1,178 @@
+"""Scanning on two threads: times of fusion and tracking, and how near camera and surface come to the truth.
+
+The chair is rendered with a Kinect's noise from a path of a hand; its truth is known. The kitchen (7-Scenes)
+has the poses of another fusion, KinectFusion's, so some of the difference is theirs; it is left out where the
+recordings are not here. Open3D's VoxelBlockGrid fuses the same images of the chair, where it is installed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from enliven_edge.importing.posed_depth import PosedDepthReader
+from figure import Figure
+from scipy.spatial import cKDTree
+
+from enliven.frames import DepthFrame
+from enliven.meshes import Mesh
+from enliven.samples import load_sample
+from enliven.scanning import DepthPreparation, DistanceVolume, Scanner, ScanSettings, VolumeSettings
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+PATH = HandheldPath(target=(0.0, 0.8, 0.15), radius=1.45, height=(0.6, 1.9), turns=1.1, seconds=15.0)
+PERSON = 2.0
+"""Metres within which the images for the fusion alone show anything: the thing, as large as a person."""
+NEAR = 0.005
+"""Metres within which a point of the truth counts as scanned."""
+
+
+def figures() -> Iterator[Figure]:
+    """The fusion alone, the whole loop on the chair, and the camera's way in the kitchen."""
+    scan = HandheldScan(load_sample("chair"), load_profile("kinect1"), PATH)
+    frames, truth = list(scan), [scan.pose(n) for n in range(scan.frames)]
+    yield from _fusion(frames[::15], truth[::15])
+    yield from _chair(scan, frames, truth)
+    folder = DATA / "scans" / "sevenscenes_kitchen"
+    if folder.is_dir():
+        posed = list(itertools.islice(PosedDepthReader().read(sorted(folder.iterdir())), 300))
+        settings = ScanSettings(volume=VolumeSettings(voxel=0.01, reach=5.0))
+        found, _ = _way(Scanner(settings), posed, posed[0].world_from_camera)
+        yield Figure(
+            "scanning.ate_mm_kitchen", 1e3 * _apart(found, [f.world_from_camera for f in posed]), "mm"
+        )
+
+
+def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figure]:
+    """Milliseconds to fuse an image at 5 mm, preparation included; ours and Open3D's in turn."""
+    depths = [np.where(frame.depth < 1000 * PERSON, frame.depth, 0).astype(np.uint16) for frame in frames]
+    camera, settings = frames[0].intrinsics, VolumeSettings(voxel=0.005)
+    volume = DistanceVolume(settings)
+    preparation = DepthPreparation(camera, settings.noise, settings.near, settings.far)
+    peer, ours, theirs = _open3d(camera), list[float](), list[float]()
+    for depth, pose in zip(depths, truth, strict=True):
+        start = time.perf_counter()
+        volume.integrate(preparation.prepare(depth), pose)
+        ours.append(time.perf_counter() - start)
+        if peer is not None:
+            start = time.perf_counter()
+            peer(depth, pose)
+            theirs.append(time.perf_counter() - start)
+    # The first images bring most of the blocks, and compile.
+    took = float(np.median(ours[3:]))
+    ratio = float(np.median(theirs[3:])) / took if theirs else None
+    yield Figure(
+        "scanning.integrate_ms", 1e3 * took, "ms", "Open3D VoxelBlockGrid" if theirs else None, ratio
+    )
+
+
+def _open3d(camera):
+    """A function that fuses an image with Open3D's defaults at 5 mm; None where it is not installed."""
+    try:
+        import open3d as o3d
+    except (ImportError, OSError):
+        return None
+    core = o3d.core
+    lens = [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]]
+    intrinsic = core.Tensor(lens, core.float64)
+    grid = o3d.t.geometry.VoxelBlockGrid(
+        ("tsdf", "weight"), (core.float32, core.float32), ((1), (1)), 0.005, 16, 20_000
+    )
+
+    def fuse(depth, pose) -> None:
+        image = o3d.t.geometry.Image(core.Tensor(depth))
+        extrinsic = core.Tensor(np.linalg.inv(pose), core.float64)
+        blocks = grid.compute_unique_block_coordinates(image, intrinsic, extrinsic, 1000.0, PERSON)
+        grid.integrate(blocks, image, intrinsic, extrinsic, 1000.0, PERSON)
+
+    return fuse
+
+
+def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figure]:
+    """The whole loop: times, the camera's error, and the surface's."""
+    scanner = Scanner()
+    tracked = list[float]()
+    align = scanner.tracker.align
+
+    def timed(*arguments, **named):
+        start = time.perf_counter()
+        try:
+            return align(*arguments, **named)
+        finally:
+            tracked.append(time.perf_counter() - start)
+
+    scanner.tracker.align = timed
+    found, took = _way(scanner, frames, truth[0])
+    yield Figure("scanning.track_ms", 1e3 * float(np.median(tracked)), "ms")
+    yield Figure("scanning.fps", 1.0 / float(np.median(took)), "1/s")
+    yield Figure("scanning.ate_mm_object", 1e3 * _apart(found, truth), "mm")
+    start = time.perf_counter()
+    thing = scanner.thing()
+    yield Figure("scanning.mesh_s", time.perf_counter() - start, "s")
+    yield Figure("scanning.triangles", float(len(thing.faces)), "triangles")
+    yield Figure("scanning.mb", scanner.megabytes, "MB")
+    turn, move = _laid(np.array([p[:3, 3] for p in found]), np.array([p[:3, 3] for p in truth]))
+    whole = scanner.surface()
+    near = _near(Mesh(whole.vertices @ turn.T + move, whole.faces), scan.thing)
+    points = _sampled(scan.thing, 600_000)
+    surface = _sampled(near, 100_000)
+    distance, at = cKDTree(points[0]).query(surface[0])
+    flat = np.abs(((surface[0] - points[0][at]) * points[1][at]).sum(1))
+    # Samples of the truth lie 2 mm apart: near it, its planes tell more than its points.
+    error = np.where(distance < 0.006, np.minimum(flat, distance), distance)
+    yield Figure("scanning.surface_mm", 1e3 * float(error.mean()), "mm")
+    yield Figure("scanning.surface_mm_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
+    seen, _ = cKDTree(surface[0]).query(points[0][::12])
+    yield Figure("scanning.completeness", float((seen < NEAR).mean()), "of the surface, undersides included")
+
+
+def _way(
+    scanner: Scanner, frames: list[DepthFrame], first: np.ndarray
+) -> tuple[list[np.ndarray], list[float]]:
+    """The poses found for frames that do not tell theirs, but for the first, and the seconds each took."""
+    found, took = [], []
+    for n, frame in enumerate(frames):
+        told = DepthFrame(
+            frame.depth, frame.intrinsics, frame.time_ns, frame.sensor, world_from_camera=None if n else first
+        )
+        start = time.perf_counter()
+        step = scanner.add(told)
+        took.append(time.perf_counter() - start)
+        found.append(step.world_from_camera)
+    return found, took
+
+
+def _laid(these: np.ndarray, those: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The turn and the move that lay points (N, 3) onto others (Kabsch)."""
+    a, b = these - these.mean(0), those - those.mean(0)
+    u, _, v = np.linalg.svd(b.T @ a)
+    turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    return turn, those.mean(0) - turn @ these.mean(0)
+
+
+def _apart(found: list[np.ndarray], truth: list[np.ndarray]) -> float:
+    """Metres, root mean square of the cameras' places after the ways are laid onto one another."""
+    these, those = (np.array([pose[:3, 3] for pose in poses]) for poses in (found, truth))
+    turn, move = _laid(these, those)
+    return float(np.sqrt(np.square(these @ turn.T + move - those).sum(1).mean()))
+
+
+def _near(mesh: Mesh, thing: Mesh) -> Mesh:
+    """The faces of a scan about the thing, and not of the floor."""
+    low, high = thing.bounds
+    inside = ((mesh.vertices > low - [0.05, -0.02, 0.05]) & (mesh.vertices < high + 0.05)).all(1)
+    return mesh.with_faces(inside[mesh.faces].all(1))
+
+
+def _sampled(mesh: Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points that lie evenly on a surface, and the normals there."""
+    random, areas = np.random.default_rng(0), np.linalg.norm(mesh.face_vectors(), axis=1)
+    face = random.choice(len(areas), count, p=areas / areas.sum())
+    root, other = np.sqrt(random.random((count, 1))), random.random((count, 1))
+    shares = np.concatenate([1 - root, root * (1 - other), root * other], 1)
+    return (mesh.vertices[mesh.faces[face]] * shares[..., None]).sum(1), mesh.face_normals()[face]

@@ -1,0 +1,144 @@
+"""``enliven scan``: a carried camera's recording becomes a mesh; what cannot be is refused in words."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from PIL import Image
+from typer.testing import CliRunner
+
+from enliven.errors import InputError
+from enliven.frames import BodyFrame
+from enliven.meshes import Mesh, load_mesh
+from enliven.recording import Recorder
+from enliven.scanning import Alignment, ScanState, ScanStep
+from enliven_edge.commands.scan import scan
+from enliven_edge.scanning import ScanDiary, sheet_of
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "synthesis"))
+from test_handheld import box_mesh
+
+from enliven_synthesis.sensor.scene import Box
+
+app = typer.Typer(pretty_exceptions_enable=False)
+app.command()(scan)
+PATH = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.25, height=(0.8, 1.0), turns=1.0, seconds=6.0)
+"""Once round in six seconds: a fifth of a metre a second."""
+THING = box_mesh(Box((-0.2, 0.0, -0.15), (0.2, 0.5, 0.15)))
+
+
+def run(*words) -> str:
+    result = CliRunner().invoke(app, [str(word) for word in words])
+    if isinstance(result.exception, InputError):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+@pytest.fixture(scope="module")
+def carried(tmp_path_factory):
+    """A recording of a camera that was carried round a box."""
+    path = tmp_path_factory.mktemp("scan") / "carried.mcap"
+    take = HandheldScan(THING, load_profile("kinect1"), PATH, width=320, colour=True)
+    with Recorder(path) as recorder:
+        for index in range(0, take.frames, 2):
+            recorder.write_frame(take.frame(index))
+    return path
+
+
+def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
+    made, sheet = tmp_path / "box.glb", tmp_path / "box.png"
+    said = run("--recording", carried, "-o", made, "--sheet", sheet, "--voxel", 8)
+    assert "90 frames" in said and "triangles" in said
+    mesh = load_mesh(made).mesh
+    size = mesh.bounds[1] - mesh.bounds[0]
+    assert mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
+    # Which way it faces is the first camera's choice: its diagonal lies between its sides and their sum.
+    assert size[1] == pytest.approx(0.5, abs=0.02) and 0.3 < size[0] < 0.56 and 0.3 < size[2] < 0.56
+    assert mesh.colours is not None and np.abs(np.median(mesh.colours, axis=0) - 90).max() < 12
+    picture = np.asarray(Image.open(sheet))
+    assert picture.shape == (720, 1080, 3) and (picture != picture[0, 0]).any(-1).mean() > 0.05
+
+
+def test_what_cannot_be_scanned_is_refused(carried, tmp_path):
+    made = tmp_path / "made.glb"
+    with pytest.raises(InputError, match="give a recording or a sensor"):
+        run("-o", made)
+    with pytest.raises(InputError, match=r"cannot write \.doc"):
+        run("--recording", carried, "-o", tmp_path / "made.doc")
+    made.write_bytes(b"kept")
+    with pytest.raises(InputError, match="exists already"):
+        run("--recording", carried, "-o", made)
+    assert made.read_bytes() == b"kept"
+    with Recorder(tmp_path / "bodies.mcap") as recorder:
+        recorder.write_frame(BodyFrame([], 0, "none"))
+    with pytest.raises(InputError, match="no depth images"):
+        run("--recording", tmp_path / "bodies.mcap", "-o", tmp_path / "other.glb")
+
+
+def test_a_camera_that_stands_still_is_refused(tmp_path):
+    take = HandheldScan(THING, load_profile("kinect1"), PATH, width=320)
+    with Recorder(tmp_path / "still.mcap") as recorder:
+        for _ in range(3):
+            recorder.write_frame(take.frame(0))
+    with pytest.raises(InputError, match="the camera moved 0 cm"):
+        run("--recording", tmp_path / "still.mcap", "-o", tmp_path / "still.glb", "--voxel", 8)
+    assert not (tmp_path / "still.glb").exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to whole groups of processes")
+def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
+    made, add = tmp_path / "part.glb", ScanDiary.add
+
+    def interrupted(diary, step, time_ns):
+        add(diary, step, time_ns)
+        if diary.frames == 30:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(ScanDiary, "add", interrupted)
+    before = signal.getsignal(signal.SIGINT)
+    # A camera that never ends.
+    camera = ["--sensor", "replay", "--set", f"path={carried}", "--set", "loop=true", "--set", "speed=0"]
+    said = run(*camera, "-o", made, "--voxel", 8)
+    assert "of 30 frames" in said and made.stat().st_size > 1000
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def step(state, place=0.0, room=True):
+    pose = np.eye(4)
+    pose[0, 3] = place
+    return ScanStep(state, pose, Alignment(pose, 1.0, 1.0, 0.0, np.eye(6)), room)
+
+
+def test_the_diary_counts_the_way_and_says_what_to_do_better():
+    diary = ScanDiary()
+    for n in range(10):
+        diary.add(step(ScanState.SCANNING, 0.02 * n), n * 33_000_000)
+    assert diary.way == pytest.approx(0.18) and not diary.advice()
+    for n in range(10):
+        diary.add(step(ScanState.LOST), (10 + n) * 33_000_000)
+    diary.add(step(ScanState.SCANNING, 3.0, room=False), 900_000_000)
+    assert diary.way == pytest.approx(0.18)  # what lies between a loss and the camera found again is no way
+    said = " ".join(diary.advice())
+    assert "10 of 21 frames" in said and "memory" in said and "1 m/s" not in said
+    quick = ScanDiary()
+    for n in range(5):
+        quick.add(step(ScanState.SCANNING, 0.1 * n), n * 33_000_000)
+    assert "1 m/s" in " ".join(quick.advice())
+    with pytest.raises(InputError, match="no frame shows enough depth"):
+        ScanDiary().refuse("here")
+
+
+def test_the_sheet_shows_the_colours_and_where_a_mesh_is_open():
+    mesh = Mesh(THING.vertices, THING.faces, colours=np.tile(np.array([[40, 200, 60]], np.uint8), (8, 1)))
+    sheet = sheet_of(mesh).astype(int)
+    green = (sheet[..., 1] > sheet[..., 0] + 30) & (sheet[..., 1] > sheet[..., 2] + 30)
+    red = (sheet[..., 0] > 100) & (sheet[..., 1] < 60)
+    assert green.mean() > 0.1 and not red.any()
+    opened = sheet_of(mesh.with_faces(np.arange(2, 12))).astype(int)
+    assert ((opened[..., 0] > 100) & (opened[..., 1] < 60)).any()

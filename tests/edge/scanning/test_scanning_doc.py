@@ -1,0 +1,46 @@
+"""docs/scanning.md keeps its promises: options are there, refusals are said, numbers are right."""
+
+import re
+from pathlib import Path
+
+import typer
+from typer.testing import CliRunner
+
+from enliven.scanning import VolumeSettings
+from enliven_edge.commands.scan import scan
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "scanning.md").read_text(encoding="utf-8")
+app = typer.Typer(pretty_exceptions_enable=False)
+app.command()(scan)
+
+
+def test_its_options_are_those_of_the_command():
+    said = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output
+    named = set(re.findall(r"--[a-z]+", PAGE)) - {"--help"}
+    assert {"--voxel", "--reach", "--whole", "--sheet", "--seconds", "--sensor", "--recording"} <= named
+    assert all(option in said for option in named)
+
+
+def test_its_refusals_are_in_the_code():
+    folders = (ROOT / "edge" / "enliven_edge", ROOT / "shared" / "enliven" / "scanning")
+    code = "".join(
+        path.read_text(encoding="utf-8")
+        for path in [
+            *folders[0].glob("commands/scan.py"),
+            *folders[0].glob("scanning/*.py"),
+            *folders[1].glob("*.py"),
+        ]
+    )
+    table = PAGE.split("## What is refused")[1].split("## In a program")[0]
+    quoted = re.findall(r"`([^`-][^`]*)`", table)
+    assert len(quoted) == 5
+    for sentence in quoted:
+        assert re.sub(r"\d+", "", sentence).split("  ")[0] in re.sub(r"\{[^}]*\}", "", code), sentence
+
+
+def test_its_numbers_are_the_defaults():
+    settings = VolumeSettings()
+    assert "Voxels of 4 mm" in PAGE and settings.voxel == 0.004
+    assert "4 voxels before a surface and\n   3 behind it" in PAGE
+    assert (settings.truncation, settings.behind, settings.reach) == (4.0, 3.0, 2.2)

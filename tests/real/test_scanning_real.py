@@ -1,0 +1,53 @@
+"""Scanning on a real recording: a camera that was carried through a kitchen (7-Scenes).
+
+Settings were chosen on its first 150 frames, of which these tests see 60; the poses that they are compared
+with are another fusion's."""
+
+import os
+from dataclasses import replace
+from functools import cache
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from enliven_edge.importing.posed_depth import PosedDepthReader
+
+from enliven.camera import LEVEL_WORLD_FROM_CAMERA
+from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground
+
+DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
+KITCHEN = DATA / "scans" / "sevenscenes_kitchen"
+pytestmark = [
+    pytest.mark.real,
+    pytest.mark.skipif(not KITCHEN.is_dir(), reason="the real recordings (ENLIVEN_DATA) are not here"),
+]
+
+
+@cache
+def scanned():
+    """The scanner after 60 frames, what became of each, and the recorded poses."""
+    frames = list(islice(PosedDepthReader().read(sorted(KITCHEN.iterdir())), 60))
+    scanner = Scanner(ScanSettings(volume=VolumeSettings(voxel=0.015, reach=5.0)))
+    told = [frames[0], *(replace(frame, world_from_camera=None) for frame in frames[1:])]
+    return scanner, [scanner.add(frame) for frame in told], [frame.world_from_camera for frame in frames]
+
+
+def test_the_camera_is_found_in_a_real_kitchen():
+    _, steps, truth = scanned()
+    assert all(step.state is ScanState.SCANNING for step in steps)
+    found = np.array([step.world_from_camera[:3, 3] for step in steps])
+    those = np.array([pose[:3, 3] for pose in truth])
+    a, b = found - found.mean(0), those - those.mean(0)
+    u, _, v = np.linalg.svd(b.T @ a)
+    turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    assert np.sqrt(np.square(a @ turn.T - b).sum(1).mean()) < 0.02
+    assert np.linalg.norm(np.diff(those, axis=0), axis=1).sum() > 0.5
+
+
+def test_the_floor_of_the_kitchen_is_level():
+    scanner, _, _ = scanned()
+    down = np.loadtxt(KITCHEN / "gravity-direction.txt").reshape(-1)[:3]
+    up = -LEVEL_WORLD_FROM_CAMERA[:3, :3] @ down / np.linalg.norm(down)
+    ground = find_ground(scanner.surface(), up)
+    assert ground.normal @ up > np.cos(np.radians(4.0)) and ground.area > 0.3

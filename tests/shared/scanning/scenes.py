@@ -1,0 +1,59 @@
+"""Depth images of simple surfaces whose distance is known, and what is fused from them."""
+
+import numpy as np
+
+from enliven import rotation
+from enliven.camera import Intrinsics, rays
+from enliven.scanning import DepthNoiseModel, DepthPreparation, DistanceVolume, VolumeSettings
+
+CAMERA = Intrinsics(96, 72, 90.0, 90.0, 47.5, 35.5)
+EVEN = DepthNoiseModel(quadratic=0.0)
+"""Depth that is worth the same at every distance."""
+SETTINGS = VolumeSettings(voxel=0.02, noise=EVEN, reach=5.0)
+
+
+def prepared(depth, camera=CAMERA, settings=SETTINGS, colour=None):
+    """The view of (H, W) metres, inf where there is nothing."""
+    millimetres = np.where(np.isfinite(depth), depth * 1000.0, 0.0).astype(np.float32)
+    return DepthPreparation(camera, settings.noise, settings.near, settings.far).prepare(millimetres, colour)
+
+
+def plane_depth(normal, distance, pose, camera=CAMERA):
+    """(H, W) metres at which rays meet the plane normal . x = distance, world."""
+    ray = np.concatenate([rays(camera), np.ones((camera.height, camera.width, 1))], -1) @ pose[:3, :3].T
+    with np.errstate(divide="ignore"):
+        depth = (distance - normal @ pose[:3, 3]) / (ray @ normal)
+    return np.where(depth > 0, depth, np.inf)
+
+
+def sphere_depth(centre, radius, pose, camera=CAMERA):
+    """(H, W) metres at which rays meet a sphere first, inf where they miss it."""
+    ray = np.concatenate([rays(camera), np.ones((camera.height, camera.width, 1))], -1)
+    to = pose[:3, :3].T @ (np.asarray(centre, float) - pose[:3, 3])
+    a, b, c = (ray * ray).sum(-1), ray @ to, to @ to - radius**2
+    under = b * b - a * c
+    return np.where(under > 0, (b - np.sqrt(np.maximum(under, 0))) / a, np.inf)
+
+
+def looking(angle, distance=1.0, tilt=0.0):
+    """(4, 4) pose of a camera that looks at the origin from a level circle about it."""
+    pose = np.eye(4)
+    turn = rotation.to_matrix(rotation.from_rotation_vector([0.0, angle, 0.0]))
+    turn = turn @ rotation.to_matrix(rotation.from_rotation_vector([tilt, 0.0, 0.0]))
+    pose[:3, :3] = turn
+    pose[:3, 3] = -distance * turn[:, 2]
+    return pose
+
+
+def fused_sphere(radius=0.25, count=8, settings=SETTINGS, move=None):
+    """Views of a sphere about the origin from all around, fused; the world is moved by ``move`` (4, 4)."""
+    volume, move = DistanceVolume(settings), np.eye(4) if move is None else move
+    poses = [looking(2 * np.pi * k / count) for k in range(count)]
+    poses += [looking(0.0, tilt=1.4), looking(0.0, tilt=-1.4)]
+    for pose in poses:
+        view = prepared(sphere_depth((0, 0, 0), radius, pose), settings=settings)
+        volume.allocate(view, move @ pose)
+    for pose in poses:
+        view = prepared(sphere_depth((0, 0, 0), radius, pose), settings=settings)
+        volume.integrate(view, move @ pose)
+    return volume

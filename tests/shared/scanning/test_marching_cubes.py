@@ -1,0 +1,79 @@
+"""Marching cubes over blocks: no crack whatever the signs, and the surface lies where distances are 0."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.scanning import DistanceVolume, VolumeSettings, surface_of
+from enliven.scanning.blocks import SIDE, VOXELS
+from enliven.scanning.cube_table import triangle_table
+
+sys.path.insert(0, str(Path(__file__).parent))
+from scenes import SETTINGS, fused_sphere
+
+
+def filled(distance, voxel=1.0):
+    """A volume of 2 x 2 x 2 blocks with (16, 16, 16) distances, z first, all of them seen."""
+    volume = DistanceVolume(VolumeSettings(voxel=0.01), voxel=voxel)
+    volume.blocks.places[:8] = [(k & 1, k >> 1 & 1, k >> 2) for k in range(8)]
+    volume.blocks.count = 8
+    volume.blocks.keep(np.arange(8))
+    for k, (x, y, z) in enumerate(volume.blocks.places[:8] * SIDE):
+        part = distance[z : z + SIDE, y : y + SIDE, x : x + SIDE].reshape(VOXELS)
+        volume.distance[k], volume.weight[k], volume.solid[k] = part, 1.0, (part < 0).any()
+    return volume
+
+
+def sides(faces):
+    """How often each directed side of the faces occurs."""
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return np.unique(pairs, axis=0, return_counts=True)
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**6), share=st.floats(0.05, 0.95))
+def test_a_surface_of_any_signs_is_closed(seed, share):
+    random = np.random.default_rng(seed)
+    distance = np.ones((16, 16, 16), np.float32)
+    inner = random.uniform(0.1, 1.0, (12, 12, 12))
+    distance[2:14, 2:14, 2:14] = np.where(random.random((12, 12, 12)) < share, -inner, inner)
+    mesh = surface_of(filled(distance))
+    pairs, counts = sides(mesh.faces)
+    # Each side is met once from either face: no hole, no side of three faces, no face turned round.
+    assert (counts == 1).all()
+    there = set(map(tuple, pairs))
+    assert all((b, a) in there for a, b in there)
+    assert len(np.unique(mesh.faces)) == len(mesh.vertices)
+
+
+def test_each_crossing_is_where_the_distance_is_nothing():
+    z, y, x = np.mgrid[0:16, 0:16, 0:16].astype(float)
+    distance = np.sqrt((x - 7.3) ** 2 + (y - 7.9) ** 2 + (z - 8.2) ** 2) - 5.1
+    mesh = surface_of(filled(distance.astype(np.float32)))
+    radius = np.linalg.norm(mesh.vertices - [7.3, 7.9, 8.2], axis=1)
+    assert np.abs(radius - 5.1).max() < 0.05  # linear between voxels of a field that is not quite
+    outward = (mesh.face_normals() * (mesh.vertices[mesh.faces].mean(1) - [7.3, 7.9, 8.2])).sum(1)
+    assert (outward > 0).all()
+    assert len(mesh.vertices) - 1.5 * len(mesh.faces) + len(mesh.faces) == 2  # Euler: one ball
+
+
+def test_cases_that_mirror_one_another_have_no_surface_or_as_much():
+    table = triangle_table()
+    assert (table[0] == -1).all() and (table[255] == -1).all()
+    assert all((table[case] >= 0).any() for case in range(1, 255))
+    single = [(table[1 << k] >= 0).sum() for k in range(8)]
+    assert single == [3] * 8
+
+
+def test_a_fused_ball_is_one_closed_ball_and_what_was_not_seen_stays_open():
+    mesh = surface_of(fused_sphere())
+    assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 0.25).mean() < 0.02 * SETTINGS.voxel * 5
+    normals = (mesh.face_normals() * mesh.vertices[mesh.faces].mean(1)).sum(1)
+    assert (normals > 0).mean() > 0.999
+    half = fused_sphere(count=1)
+    half.weight[half.blocks.places[:, 2].argmax()] = 0.0
+    _, counts = sides(surface_of(half).faces)
+    assert (counts == 1).all()

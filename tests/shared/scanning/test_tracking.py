@@ -1,0 +1,153 @@
+"""The camera of a scan: found where it is, said to be unsure or lost where it is not, and found again."""
+
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven import rotation
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
+
+sys.path.insert(0, str(Path(__file__).parent))
+from scenes import EVEN, plane_depth, sphere_depth
+
+CAMERA = Intrinsics(160, 120, 150.0, 150.0, 79.5, 59.5)
+SETTINGS = ScanSettings(volume=VolumeSettings(voxel=0.015, reach=2.0, noise=EVEN))
+FLOOR, WALL, SIDE = (np.array(n, float) for n in ([0, 1, 0], [0, 0, 1], [1, 0, 0]))
+BALLS = (((0.0, 0.25, 0.0), 0.25), ((0.45, 0.15, 0.3), 0.15), ((-0.4, 0.5, -0.3), 0.2))
+
+
+def room_depth(pose):
+    """(H, W) metres of a corner of a room with three balls."""
+    planes = (FLOOR, 0.0), (WALL, -1.2), (SIDE, -1.4)
+    depths = [plane_depth(normal, offset, pose, CAMERA) for normal, offset in planes]
+    depths += [sphere_depth(centre, radius, pose, CAMERA) for centre, radius in BALLS]
+    return np.min(depths, axis=0)
+
+
+def frame_of(depth, index=0, pose=None):
+    millimetres = np.where(depth < 5.0, np.rint(np.minimum(depth, 5.0) * 1000), 0).astype(np.uint16)
+    return DepthFrame(millimetres, CAMERA, index * 33_333_333, "room", world_from_camera=pose)
+
+
+def carried(angle, height=0.9):
+    """(4, 4) pose of an upright camera on a circle about the balls that looks at them."""
+    eye = np.array([1.5 * np.sin(angle), height, 1.5 * np.cos(angle)])
+    ahead = rotation.unit(np.array([0.0, 0.25, 0.0]) - eye)
+    right = rotation.unit(np.cross(ahead, [0.0, 1.0, 0.0]))
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(ahead, right), ahead, eye
+    return pose
+
+
+def scan(angles, scanner=None):
+    scanner = scanner or Scanner(SETTINGS)
+    first = not scanner.poses
+    steps = [
+        scanner.add(frame_of(room_depth(carried(a)), n, carried(a) if first and n == 0 else None))
+        for n, a in enumerate(angles)
+    ]
+    return scanner, steps
+
+
+@cache
+def scanned():
+    """A scan of the room by a camera that went a sixth of a circle; not to be added to."""
+    return scan(np.linspace(0.0, 1.0, 26))
+
+
+def apart(a, b):
+    """Metres and radians between two poses."""
+    turn = rotation.to_rotation_vector(rotation.from_matrix(a[:3, :3].T @ b[:3, :3]))
+    return np.linalg.norm(a[:3, 3] - b[:3, 3]), np.linalg.norm(turn)
+
+
+def test_a_carried_camera_is_found_on_its_whole_way():
+    _, steps = scanned()
+    assert all(step.state is ScanState.SCANNING for step in steps)
+    errors = [
+        apart(step.world_from_camera, carried(a))
+        for step, a in zip(steps, np.linspace(0, 1, 26), strict=True)
+    ]
+    assert np.max(errors, axis=0)[0] < 0.008 and np.max(errors, axis=0)[1] < 0.006
+    # What is said of the error is no promise that it does not keep.
+    assert all(
+        error[0] < 4 * step.alignment.deviation for error, step in zip(errors[1:], steps[1:], strict=True)
+    )
+
+
+@settings(max_examples=15)
+@given(vector=st.tuples(*[st.floats(-1, 1)] * 6))
+def test_a_pose_that_is_off_is_brought_back(vector):
+    scanner, _ = scanned()
+    view = scanner._prepared(frame_of(room_depth(carried(0.5))))
+    start = carried(0.5)
+    move, turn = np.array(vector[:3]) * 0.04, np.array(vector[3:]) * 0.04
+    start[:3, 3] += move
+    start[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector(turn)) @ start[:3, :3]
+    found = scanner.tracker.align(view, start)
+    metres, radians = apart(found.world_from_camera, carried(0.5))
+    assert metres < 0.006 and radians < 0.005
+    assert found.agreeing > 0.9 and found.overlap > 0.8
+
+
+def test_a_blank_wall_is_unsure_and_not_fused():
+    scanner, pose = Scanner(SETTINGS), np.eye(4)
+    wall = plane_depth(np.array([0.0, 0.0, -1.0]), -1.0, pose, CAMERA)
+    assert scanner.add(frame_of(wall)).state is ScanState.SCANNING
+    before = scanner.volumes[0].weight.sum()
+    step = scanner.add(frame_of(wall, 1))
+    assert step.state is ScanState.UNSURE and step.alignment.deviation > 1.0
+    assert scanner.volumes[0].weight.sum() == before
+    values, vectors = np.linalg.eigh(step.alignment.covariance[:3, :3])
+    # Along the wall's normal the place is known, beside it is not.
+    normal = np.abs(step.world_from_camera[:3, 2])
+    assert np.abs(vectors[:, 0]) @ normal > 0.99 and values[0] < 1e-4 < values[1]
+
+
+def test_an_image_without_depth_does_nothing():
+    scanner, _ = scan([0.0])
+    step = scanner.add(frame_of(np.full((120, 160), np.inf), 1))
+    assert step.state is ScanState.EMPTY and len(scanner.poses) == 1
+
+
+def test_a_lost_camera_fuses_nothing_and_is_found_where_it_was():
+    scanner, _ = scan(np.linspace(0.0, 0.8, 21))
+    before = [volume.weight.sum() for volume in scanner.volumes]
+    # It is put down before something else.
+    elsewhere = np.minimum(
+        plane_depth(np.array([0.0, 0.6, -0.8]), -1.1, np.eye(4), CAMERA),
+        sphere_depth((0.1, 0.05, 0.8), 0.2, np.eye(4), CAMERA),
+    )
+    for n in range(3):
+        step = scanner.add(frame_of(elsewhere, 30 + n))
+        assert step.state is ScanState.LOST
+    assert [volume.weight.sum() for volume in scanner.volumes] == before
+    back = [scanner.add(frame_of(room_depth(carried(0.2 + 0.02 * n)), 40 + n)) for n in range(4)]
+    assert back[0].state is ScanState.FOUND and back[-1].state is ScanState.SCANNING
+    assert apart(back[-1].world_from_camera, carried(0.26))[0] < 0.01
+
+
+def test_a_felt_direction_up_holds_what_the_image_leaves_open():
+    scanner, _ = scan([0.0])
+    view = scanner._prepared(frame_of(plane_depth(FLOOR, 0.0, carried(0.0), CAMERA)))
+    start = carried(0.0)
+    start[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector([0.0, 0.0, 0.03])) @ start[:3, :3]
+    felt = carried(0.0)[:3, :3].T @ [0.0, 1.0, 0.0]
+    held = scanner.tracker.align(view, start, felt).world_from_camera
+    assert (held[:3, :3] @ felt)[1] > np.cos(0.003)
+
+
+def test_another_camera_is_refused():
+    scanner, _ = scan([0.0])
+    other = replace(frame_of(room_depth(carried(0.0))), intrinsics=replace(CAMERA, fx=140.0))
+    with pytest.raises(InputError, match="not that of the first"):
+        scanner.add(other)
