@@ -15,8 +15,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
-
 from enliven.errors import InputError
 from enliven.files import read_file
 
@@ -152,6 +150,8 @@ _WRONG = object()
 
 def _converted(hint: Any, value: Any) -> Any:
     """``value`` as ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or _WRONG."""
+    import msgspec
+
     try:
         made = msgspec.convert(value, hint)
     except msgspec.ValidationError:

@@ -17,7 +17,6 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.progress import interruptible
-from enliven_edge.sensors import sensor_options
 
 if TYPE_CHECKING:
     from enliven_edge.fusion.calibration import Calibration, Collector, SensorPair
@@ -62,6 +61,7 @@ def calibrate(
       enliven calibrate --settings TWO-SENSORS.toml
       enliven edge --recording left=ONE.mcap --recording right=TWO.mcap --space space.toml
     """
+    from enliven_edge.sensors import sensor_options
     from enliven_edge.settings import EdgeSettings
     from enliven_edge.sources import opened, source_of, sources_of
 

@@ -117,8 +117,11 @@ def test_a_pedal_goes_through_the_matches_takes_what_is_shown_and_lets_go(outlet
         second = house.shown
         assert second != first
         pedal.send(b"A\n")
-        house.until(lambda: house.actor.holds)
-        assert house.driven == [(1, second)]
+        # The chosen place lapses after seconds of the sensor's clock, which runs fast here: what counts is
+        # the match that is shown as the pedal is heard.
+        shown = [second]
+        house.until(lambda: house.actor.holds or shown.append(house.shown))
+        assert house.driven == [(1, shown[-1])]
         pedal.send(b"C\n")
         house.until(lambda: not house.actor.holds)
     pedal.close()

@@ -42,6 +42,7 @@ def examples(folder, *words):
 
 
 def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
+    (folder / "s").mkdir()
     assert (
         examples(folder, "new", "stool.ply", "walk.enliven", "-o", "s/made.toml", "--points", 8, "--poses", 3)
         == 0

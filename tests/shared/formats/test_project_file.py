@@ -172,7 +172,7 @@ def spoiled(change):
         (lambda h, a: first_layer(h).pop("take"), "'take' is missing", "layers[0]"),
         (lambda h, a: first_layer(h).update(speed="fast"), "'fast' where a float", "speed"),
         (lambda h, a: first_layer(h).update(loop=1), "where a bool", "loop"),
-        (lambda h, a: first_shape(h).update(kind="cage"), "kind 'cage' is not known", "shape 0"),
+        (lambda h, a: first_shape(h).update(kind="lattice"), "kind 'lattice' is not known", "shape 0"),
         (lambda h, a: first_shape(h).pop("kind"), "kind None is not known", "shape 0"),
         (lambda h, a: h["project"]["takes"].pop("walk"), "there is no take 'walk'", "shape"),
     ],

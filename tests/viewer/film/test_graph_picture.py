@@ -35,7 +35,7 @@ def close_to(pixels, colour, tolerance=60):
 @pytest.mark.usefixtures("gl")
 def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
     save_mesh(balls, tmp_path / "balls.obj")
-    picture = tmp_path / "new folder" / "graph.png"
+    picture = tmp_path / "graph of balls.png"
     arguments = ["graph", str(tmp_path / "balls.obj"), "-o", str(picture), "--nodes", "40", "--height", "0"]
     assert run([*arguments, "--size", str(SIZE)]) == 0
     assert "1 bridges and 2 cut vertices" in capsys.readouterr().out
@@ -99,4 +99,4 @@ def test_a_place_that_cannot_be_written(tmp_path, capsys):
     (tmp_path / "tri.obj").write_text("v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n")
     arguments = [str(tmp_path / "tri.obj"), "-o", str(tmp_path / "file" / "out.png"), "--nodes", "5"]
     assert run(["graph", *arguments, "--size", "160", "--height", "0"]) == 4
-    assert "cannot be written" in capsys.readouterr().err
+    assert "there is no folder" in capsys.readouterr().err
