@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from enliven_edge.importing.posed_depth import PosedDepthReader
 from figure import Figure
 from scipy.spatial import cKDTree
 
@@ -22,6 +21,7 @@ from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.samples import load_sample
 from enliven.scanning import DepthPreparation, DistanceVolume, Scanner, ScanSettings, VolumeSettings
+from enliven_edge.importing.placed_images import PosedDepthReader
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))

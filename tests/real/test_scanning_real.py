@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from enliven_edge.importing.posed_depth import PosedDepthReader
 
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA
 from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground
+from enliven_edge.importing.placed_images import PosedDepthReader
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 KITCHEN = DATA / "scans" / "sevenscenes_kitchen"
