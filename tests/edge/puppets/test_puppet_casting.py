@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.example_sessions.text import write_session
 from enliven.formats.project.file import write_project
 from enliven.meshes.mesh import Mesh
-from enliven_edge.stage.puppet.puppet_actor import cast_puppet
+from enliven_edge.stage.puppet.casting import cast_puppet
 from enliven_edge.stage.puppet.spec import is_puppet
 
 CACTUS = cactus_project(0.05)

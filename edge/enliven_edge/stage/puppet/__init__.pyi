@@ -1,4 +1,3 @@
-from .casting import cast_from_project as cast_from_project
-from .puppet_actor import cast_puppet as cast_puppet
+from .casting import cast_from_project as cast_from_project, cast_puppet as cast_puppet
 from .settings import PuppetSettings as PuppetSettings
 from .spec import is_puppet as is_puppet

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
-from enliven.document import Pose, Project, Puppet, character_of_puppet, unused
+from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
-from enliven.example_sessions import read_session
-from enliven.examples import ExampleMap, State, examples_of, missing, pose_of_state, reference_of
-from enliven.formats.project import read_project
+from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of
 from enliven.person import MIRROR, Body, parts_named
 from enliven.possession import Actor, Cues, Easing, Mode, cues_of
 from enliven.rotation import rotate
-from enliven.wire import character_to_message
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.hold import ControlPointHold
 from enliven_edge.stage.puppet.live import Live, Sample
 from enliven_edge.stage.puppet.locomotion import Feet, Locomotion, side_of_foot
 from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.stage.puppet.settings import PuppetSettings
-from enliven_edge.stage.puppet.spec import MADE, file_of
 
 _STEP = 33_333_333
 """Nanoseconds between the frames of a rehearsal."""
@@ -233,53 +227,3 @@ class PuppetActor(Actor):
         along = body.joints[0, 2] - (low[2] + high[2]) / 2
         place = np.array([across, self._puppet.place[1], along])
         self._puppet = self._puppet.with_changes(place=place)
-
-
-log = logging.getLogger(__name__)
-
-
-def cast_puppet(
-    spec: str,
-    settings: PuppetSettings | None = None,
-    name: str = "",
-    taken: Mapping[str, object] | None = None,
-) -> PuppetActor:
-    """Returns the actor of a puppet, ready to be moved.
-
-    Args:
-        spec: a name of ``MADE``, a session (.toml), or a project (.enliven);
-            "#" and a name behind a project with several puppets.
-        name: the character's id; empty: the puppet's.
-        taken: ids that others have; a number behind the own one tells them apart.
-
-    Raises:
-        InputError: for a file that cannot be read, and for a puppet that cannot move yet, with what it lacks.
-    """
-    project, puppet = _read(spec)
-    lacking = missing(project, puppet)
-    if lacking:
-        mend = f"{' '.join(lacking)} Do so in enliven studio, or in the session's file."
-        raise InputError("it cannot move yet", where=f"puppet {puppet.id!r} of {spec}", mend=mend)
-    actor = PuppetActor(project, puppet.with_changes(id=unused(name or puppet.id, taken or {})), settings)
-    character_to_message(actor.character, 0)  # what no viewer can be sent is said now
-    return actor
-
-
-def _read(spec: str) -> tuple[Project, Puppet]:
-    if spec in MADE:
-        made = MADE[spec]()
-        return made, made.puppet(spec)
-    file, name = file_of(spec)
-    if file.lower().endswith(".toml"):
-        session = read_session(Path(file))
-        for note in session.notes:
-            log.info("%s: %s", file, note)
-        return session.project, session.project.puppet(name or session.puppet)
-    project = read_project(Path(file))
-    if not project.puppets:
-        mend = "Make one in enliven studio, or give a session (.toml)."
-        raise InputError("it has no puppet", where=file, mend=mend)
-    if not name and len(project.puppets) > 1:
-        mend = f"Name one: {file}#{next(iter(project.puppets))}."
-        raise InputError(f"it has {len(project.puppets)} puppets", where=file, mend=mend)
-    return project, project.puppet(name or next(iter(project.puppets)))
