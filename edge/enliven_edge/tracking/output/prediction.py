@@ -52,10 +52,11 @@ class Predictor:
         """
         self._learn(joints, turns, time_ns)
         ahead = seconds + delay * _moving(self._speed, _MOVES)
-        turns_ahead = seconds + turn_delay * _moving(self._spin, _TURNS)
         moved = moved_on(joints, self._speed, ahead) if ahead.any() else joints
-        turning = turns is not None and turns_ahead.any()
-        return moved, turned_on(turns, self._spin, turns_ahead) if turning else turns
+        if turns is None:
+            return moved, None
+        ahead = seconds + turn_delay * _moving(self._spin, _TURNS)
+        return moved, turned_on(turns, self._spin, ahead) if ahead.any() else turns
 
     def _learn(self, joints: Float, turns: Float | None, time_ns: int) -> None:
         """Updates the speeds by this frame and the last."""

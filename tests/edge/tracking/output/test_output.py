@@ -128,6 +128,12 @@ def lag_of(made: list[Body], bodies: list[Body]) -> float:
     return float(((true - got) * speed).sum(2)[moves].sum() / (speed**2).sum(2)[moves].sum())
 
 
+def test_bodies_without_orientations_are_smoothed_and_predicted_too():
+    bodies = [dataclasses.replace(body, orientations=None) for body in truth("walk", 20)]
+    made = run(Output(settings_of(1.0, predict=0.05)), bodies)
+    assert all(body.orientations is None and np.isfinite(body.joints).all() for body in made)
+
+
 @pytest.mark.parametrize("choreography", ["walk", "wave"])
 def test_what_the_filter_lags_is_made_up_for_where_a_joint_moves(choreography):
     """At least a third of it; and 0 takes it as it is."""
