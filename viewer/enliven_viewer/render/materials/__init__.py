@@ -1,0 +1,5 @@
+"""The materials of characters as the GPU draws them: what a material says, its faces in groups, its textures."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
