@@ -38,14 +38,16 @@ class RenderSettings:
     backdrop: str = setting("", "Colour of the backdrop, such as '#22334a'; empty: the look's own.")
     brightness: float = setting(1.0, "All light, times this.", low=0.1, high=10)
     light_around: float = setting(
-        37.4, "Where the key light comes from: 0 is the front, 90 the right.", unit="degrees", low=-180, high=180
+        37.4,
+        "Where the key light comes from: 0 is the front, 90 the right.",
+        unit="degrees",
+        low=-180,
+        high=180,
     )
     light_up: float = setting(
         55.3, "How high the key light is above the horizon.", unit="degrees", low=15, high=90
     )
-    texture_size: int = setting(
-        2048, "Larger textures are made smaller.", unit="pixels", low=16, high=16384
-    )
+    texture_size: int = setting(2048, "Larger textures are made smaller.", unit="pixels", low=16, high=16384)
     anisotropy: int = setting(4, "Sharpness of textures seen at a slant; 1 is least.", low=1, high=16)
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Characters into a picture: solid, with holes, or seen through, and clear where a performer is inside them."""
+"""Characters into a picture: solid, with holes, seen through, and clear where a performer is inside them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The materials of characters as the GPU draws them: what a material says, its faces in groups, its textures."""
+"""Materials as the GPU draws them: what a material says, faces that are drawn together, and textures."""
 
 import lazy_loader
 

@@ -70,7 +70,11 @@ def painted(character: Character, surface: DrawnSurface) -> PaintedFaces:
 
 
 def _paint(
-    rows: Float32, own: MeshMaterials, materials: list[SurfaceMaterial], parts: list[Part], surface: DrawnSurface
+    rows: Float32,
+    own: MeshMaterials,
+    materials: list[SurfaceMaterial],
+    parts: list[Part],
+    surface: DrawnSurface,
 ) -> None:
     """Fill the rows of the corners that have a material."""
     face, corner = np.divmod(surface.corner, 3)

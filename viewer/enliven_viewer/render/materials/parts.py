@@ -1,4 +1,4 @@
-"""The faces of a mesh in groups that are drawn in one call each: what differs at every vertex is in buffers."""
+"""Faces that are drawn in one call; numbers in which their materials differ are kept with the vertices."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class Part:
         places = ("uv.xy", "uv.zw")
         named = tuple(f"{name.upper()}_MAP {places[at]}" for name, _, at in self.maps)
         flags = ("UNLIT",) * self.unlit + ("EMISSIVE",) * self.glows
-        return named + flags + (() if self.alpha == "OPAQUE" else (self.alpha,))
+        return named + flags + (self.alpha,) * (self.alpha != "OPAQUE")
 
     @property
     def cutter(self) -> tuple[str, ...]:
         """What the shader of its shadow is told: its opacity alone counts."""
-        return tuple(one for one in self.defines if one.startswith("BASE_MAP")) + (self.alpha,)
+        return (*(one for one in self.defines if one.startswith("BASE_MAP")), self.alpha)
 
 
 def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets: int) -> list[Part]:
