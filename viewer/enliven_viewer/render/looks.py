@@ -17,7 +17,7 @@ _WHITEST = 0.97
 
 
 @dataclass(frozen=True)
-class Look:
+class StageLook:
     """The light of a stage.
 
     Attributes:
@@ -25,6 +25,7 @@ class Look:
         horizon, zenith: the backdrop at eye level and above; the floor fades into the first.
         floor: the floor's paint.
         grid: strength of the lines on the floor.
+        pool: how much darker the floor is away from the middle, 0..1.
     """
 
     key: Light
@@ -35,10 +36,11 @@ class Look:
     zenith: Light
     floor: Light
     grid: float = 1.0
+    pool: float = 1.0
 
 
 LOOKS = {
-    "studio": Look(
+    "studio": StageLook(
         key=(3.05, 2.74, 2.34),
         sky=(0.34, 0.41, 0.56),
         bounce=(0.26, 0.22, 0.20),
@@ -47,7 +49,7 @@ LOOKS = {
         zenith=(0.006, 0.0075, 0.0125),
         floor=(0.122, 0.122, 0.130),
     ),
-    "night": Look(
+    "night": StageLook(
         key=(3.30, 2.72, 1.98),
         sky=(0.10, 0.13, 0.22),
         bounce=(0.075, 0.060, 0.055),
@@ -57,17 +59,18 @@ LOOKS = {
         floor=(0.050, 0.050, 0.056),
         grid=0.0,
     ),
-    "white": Look(
+    "white": StageLook(
         key=(2.30, 2.24, 2.14),
         sky=(0.88, 0.92, 1.00),
         bounce=(0.66, 0.65, 0.63),
         rim=(0.30, 0.33, 0.38),
-        horizon=(1.30, 1.31, 1.33),
-        zenith=(1.05, 1.08, 1.14),
+        horizon=(1.62, 1.63, 1.66),
+        zenith=(1.20, 1.22, 1.27),
         floor=(0.84, 0.84, 0.85),
         grid=0.0,
+        pool=0.0,
     ),
-    "dawn": Look(
+    "dawn": StageLook(
         key=(3.40, 2.20, 1.38),
         sky=(0.38, 0.36, 0.56),
         bounce=(0.34, 0.22, 0.18),
@@ -76,8 +79,9 @@ LOOKS = {
         zenith=(0.075, 0.070, 0.160),
         floor=(0.170, 0.130, 0.120),
         grid=0.0,
+        pool=0.25,
     ),
-    "garden": Look(
+    "garden": StageLook(
         key=(3.30, 3.10, 2.60),
         sky=(0.50, 0.64, 0.86),
         bounce=(0.26, 0.30, 0.17),
@@ -86,6 +90,7 @@ LOOKS = {
         zenith=(0.13, 0.28, 0.58),
         floor=(0.150, 0.185, 0.085),
         grid=0.0,
+        pool=0.1,
     ),
 }
 """A dusky studio, a spotlight in the dark, a white cyclorama, low sun, and a lawn at noon."""
@@ -98,13 +103,14 @@ def to_key(settings: RenderSettings) -> Float:
     return np.array([math.sin(around) * level, math.sin(up), math.cos(around) * level])
 
 
-def look_rows(look: Look, settings: RenderSettings) -> Float:
+def look_rows(look: StageLook, settings: RenderSettings) -> Float:
     """(7, 4) the vectors of the uniform block Frame that hold a look."""
     bright = settings.brightness
     lights = [look.key, look.sky, look.bounce, look.rim, look.horizon, look.zenith, look.floor]
     rows = np.zeros((7, 4))
     rows[:, :3] = lights
     rows[:6, :3] *= bright
+    rows[5, 3] = look.pool
     rows[6, 3] = look.grid if settings.grid else 0.0
     if settings.backdrop:
         rows[4:6, :3] = light_shown_as(settings.backdrop)

@@ -1,5 +1,5 @@
 from .material import SurfaceMaterial as SurfaceMaterial, material_of as material_of
-from .painted import (
+from .paint import (
     PaintedFaces as PaintedFaces,
     linear_from_srgb as linear_from_srgb,
     paint_keys as paint_keys,

@@ -19,8 +19,12 @@ _MOST_PIXELS = 1 << 26
 """Pixels of one picture, 8192 x 8192: a few kilobytes can state more than the memory holds."""
 _SRGB8_ALPHA8 = 0x8C43
 """GL_SRGB8_ALPHA8: read as linear light, filtered in it."""
-_NEAREST, _CLAMP, _MIRROR = 9728, 33071, 33648
-"""OpenGL's names in a glTF sampler: no smoothing between texels, edges that go on, edges that mirror."""
+_NEAREST = 9728
+"""OpenGL's number in a glTF sampler: no smoothing between texels."""
+_CLAMP = 33071
+"""OpenGL's number in a glTF sampler: the edge goes on."""
+_MIRROR = 33648
+"""OpenGL's number in a glTF sampler: the picture goes on mirrored."""
 _COLOURS = ("base", "emissive")
 """Textures of colours, which are in sRGB; the others are numbers."""
 _WHITE = np.full((1, 1, 4), 255, np.uint8)

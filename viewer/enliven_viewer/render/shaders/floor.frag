@@ -24,7 +24,7 @@ void main() {
     vec2 pixel = fwidth(position.xz);
     float grid = ground.a * (0.045 * lines(position.xz, pixel, 0.5, 0.006) + 0.070 * lines(position.xz, pixel, 1.0, 0.010));
     vec3 albedo = ground.rgb + grid;
-    float pool = 1.0 / (1.0 + 0.35 * far * far);
+    float pool = mix(1.0, 1.0 / (1.0 + 0.35 * far * far), zenith.a);
 #ifdef SHADED
     float visible = key_visibility_at(on_light);
     float open = 1.0 - 0.75 * floor_contact_at(on_contact);

@@ -13,6 +13,6 @@ layout(std140) uniform Frame {
     vec4 bounce_light;  // from below
     vec4 rim_light;     // from behind
     vec4 horizon;
-    vec4 zenith;
+    vec4 zenith;        // a: how much darker the floor is away from the middle
     vec4 ground;        // rgb of the floor's paint, a strength of its grid
 };
