@@ -185,7 +185,7 @@ def main() -> None:
         while wanted:
             keep(wanted.pop(), window.pixels())
 
-    window.run(seconds=120, after=after, register_tests=register)
+    window.run(seconds=380, after=after, register_tests=register)
     said["all"] = [[action.id, bool(action.keys)] for action in workspace.actions]
     said["needs"] = sorted(NEEDS)
     said["pictures"] = window.pictures

@@ -106,6 +106,7 @@ def main() -> None:
     folder = Path(sys.argv[1])
     os.chdir(folder)
     workspace = acting_stage(folder / "own", 700, 520)
+    workspace.preferences.recent.clear()
     limb = performance_of(workspace.editor.project, workspace.editor.project.characters["limb"])
     exporter_of("limb.glb").write(Path("limb.glb"), [limb], "limb")
     window = StudioWindow(workspace)

@@ -1,7 +1,7 @@
-"""Works in a studio that is killed at random moments, again and again; prints what each next studio recovered.
+"""Works in studios that are killed at random moments; prints what each next one recovered.
 
-A clock of its own ticks 7 seconds for every edit, so that a kill comes minutes into the work. Each studio is a
-forked process: the modules are imported once.
+A clock of its own ticks 7 seconds for every edit, so that a kill comes minutes into the work. Each studio
+is a forked process: the modules are imported once.
 """
 
 from __future__ import annotations
@@ -86,7 +86,9 @@ def killed(folder: Path, moment: float) -> tuple[int, int]:
 def main() -> None:
     folder, chance = Path(sys.argv[1]), random.Random(9)
     results = [killed(folder, chance.uniform(0.0, LONGEST)) for _ in range(KILLS)]
-    print(json.dumps({"results": results, "tick": TICK, "left": sorted(path.name for path in folder.iterdir())}))
+    print(
+        json.dumps({"results": results, "tick": TICK, "left": sorted(path.name for path in folder.iterdir())})
+    )
 
 
 if __name__ == "__main__":

@@ -20,7 +20,6 @@ from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-
 FILES = Path(__file__).parents[1] / "studio_files_session.py"
 KILLED = Path(__file__).parents[1] / "studio_killed.py"
 
