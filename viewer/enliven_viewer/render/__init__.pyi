@@ -13,4 +13,5 @@ from .scene import (
     SceneStyle as SceneStyle,
     scene_of as scene_of,
 )
+from .showing import Showing as Showing
 from .materials import linear_from_srgb as linear_from_srgb

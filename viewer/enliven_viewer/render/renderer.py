@@ -21,6 +21,7 @@ from enliven_viewer.render.gl import (
     set_uniform,
 )
 from enliven_viewer.render.ground import STAGE_RADIUS, GroundPass, Patch
+from enliven_viewer.render.held import held_light
 from enliven_viewer.render.lights import contact_from_world, light_from_world
 from enliven_viewer.render.looks import LOOKS, look_rows, to_key
 from enliven_viewer.render.materials import Textures
@@ -138,6 +139,7 @@ class Renderer:
     def _skinned(self, scene: Scene) -> list[SkinnedMesh]:
         """The meshes of the scene in their poses; new characters are loaded, gone ones released."""
         names = {actor.character.id for actor in scene.actors}
+        glow, bodies = self.settings.held_light * scene.style.held, [body.id for body in scene.bodies]
         for gone in set(self._meshes) - names:
             self._meshes.pop(gone).release()
         for actor in scene.actors:
@@ -149,6 +151,7 @@ class Renderer:
                     known.release()  # after the new one has taken the textures that both have
                 known = made
                 self._meshes[actor.character.id] = made
+            known.hold(held_light(actor, glow, bodies))
             if actor.vertices is None:
                 known.skin(actor.pose)
             else:
