@@ -5,6 +5,8 @@ from .camera import (
     FilmCamera as FilmCamera,
     OrbitCamera as OrbitCamera,
 )
+from .camera_moves import CameraMoves as CameraMoves
+from .looks import LOOKS as LOOKS
 from .renderer import EMPTY_BOX as EMPTY_BOX, Renderer as Renderer
 from .scene import (
     PLAIN as PLAIN,

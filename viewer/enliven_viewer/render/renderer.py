@@ -54,6 +54,7 @@ class Renderer:
     def __init__(self, ctx: moderngl.Context, size: Size, settings: RenderSettings | None = None) -> None:
         self.ctx = ctx
         self.settings = settings or RenderSettings()
+        self.look = self.settings.look
         self.picture = RenderTarget(ctx, size, self.settings.samples)
         self._shadow = SoftMap(ctx, self.settings.shadow_size)
         self._contact = SoftMap(ctx, self.settings.contact_size)
@@ -171,7 +172,7 @@ class Renderer:
         self._light, self._below = light_from_world(box, self._to_key), contact_from_world(box)
         matrices = [view.clip_from_world, np.linalg.inv(view.clip_from_world), self._light, self._below]
         where = [[*view.eye, 1.0], [*self._to_key, 0.0], [*self._stage, STAGE_RADIUS], [*self.size, 0.0, 0.0]]
-        look = look_rows(LOOKS[self.settings.look], self.settings)
+        look = look_rows(LOOKS[self.look], self.settings)
         values = np.concatenate([*(m.T.ravel() for m in matrices), np.ravel(where), look.ravel()])
         self._frame.write(values.astype("f4").tobytes())
         self._frame.bind_to_uniform_block(BLOCKS["Frame"])
