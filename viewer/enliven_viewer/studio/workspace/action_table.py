@@ -271,7 +271,35 @@ def _view(c: Commands) -> Iterator[Action]:
 
 def _cameras(c: Commands) -> Iterator[Action]:
     editor, right = c.editor, np.pi / 2
-    yield Action("view.all", "View", "Frame everything", ("f",), editor.frame_all, apart=True)
+    yield Action(
+        "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
+    )
+    yield Action(
+        "view.follow",
+        "View",
+        "Follow what moves",
+        ("shift+f",),
+        editor.moves.toggle_follow,
+        on=lambda: editor.moves.follow,
+        about="The view goes along with the chosen character, or with all, from the side that you chose.",
+    )
+    yield Action(
+        "view.turntable",
+        "View",
+        "Turntable",
+        ("shift+t",),
+        editor.moves.toggle_turntable,
+        on=lambda: editor.moves.turntable,
+        about="The view goes around slowly.",
+    )
+    yield Action(
+        "view.look",
+        "View",
+        "Next look",
+        ("shift+l",),
+        editor.next_look,
+        about="Another light, backdrop and floor: studio, night, white, dawn, garden.",
+    )
     sides = (
         ("front", "1", 0.0, 0.0),
         ("back", "2", np.pi, 0.0),
