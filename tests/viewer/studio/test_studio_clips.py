@@ -25,6 +25,7 @@ from enliven.modeling.edits import (
 )
 from enliven_viewer.studio.timeline.clip_pictures import POSES, TILE, ClipPictures
 from enliven_viewer.studio.timeline.layout import HEAD, LABELS, LANE, RULER, TimelineLayout
+from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 RIGS = ("bones", "graph", "points")
@@ -163,7 +164,7 @@ def test_a_drag_sticks_to_what_is_near_and_to_whole_frames_else(tmp_path: Path) 
 
 def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
     workspace = desk(tmp_path)
-    editor, timeline, clips = workspace.editor, workspace.timeline, workspace.input.commands.clips
+    editor, timeline, clips = workspace.editor, workspace.timeline, ClipCommands(workspace.editor)
     for time in (0.5, 1.25):
         editor.scrub(time)
         clips.mark()
@@ -228,7 +229,7 @@ def test_every_end_of_every_clip_is_found_where_it_is_drawn(share, blend, width)
 def test_keys_split_blend_reverse_and_remove_what_is_under_the_playhead(rig: str, tmp_path: Path) -> None:
     name = NAMES[rig]
     workspace = desk(tmp_path)
-    editor, press = workspace.editor, workspace.input.key
+    editor, press = workspace.editor, workspace.actions.press
     editor.choose(name)
     editor.select(layer=0)
     bar = bar_of(workspace, name)

@@ -78,15 +78,15 @@ def _transport(workspace: Workspace) -> None:
 
 def _buttons(workspace: Workspace) -> None:
     """The buttons of the clips, at the right."""
-    timeline, commands = workspace.timeline, workspace.input.commands
+    timeline = workspace.timeline
     imgui.same_line(imgui.get_window_width() - 4 * 42 - 12)
     if imgui.button(_SPLIT + "##split", ImVec2(34, 0)):
-        commands.clips.split()
+        workspace.actions.do("clip.split")
     workspace.remember("split")
     told("Split the clip under the playhead  (Shift+S)")
     imgui.same_line()
     if imgui.button(_FLAG + "##marker", ImVec2(34, 0)):
-        commands.clips.mark()
+        workspace.actions.do("clip.mark")
     workspace.remember("add marker")
     told("A marker at the playhead  (Shift+M); double-click one to name it")
     imgui.same_line()
