@@ -10,6 +10,7 @@ from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.workspace.clip_actions import clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import exportable
 from enliven_viewer.studio.workspace.input import ViewportInput
@@ -28,6 +29,7 @@ def studio_actions(
     yield from _motion(commands)
     yield from _shape(commands)
     yield from _tools(user_input)
+    yield from clip_actions(commands.clips)
     yield from _view(commands)
     yield from _cameras(commands)
     yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
