@@ -11,6 +11,7 @@ from imgui_bundle import hello_imgui, imgui
 
 from enliven.arrays import UInt8
 from enliven_viewer.render.gl import window_context
+from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.panels import (
     apply_style,
     draw_dialogs,
@@ -35,24 +36,6 @@ _LONGEST_STEP = 0.1
 _SAMPLES = 0
 """A pixel, of the window's own buffer; 8 where nothing is said. Panels smooth their edges themselves and the
 picture behind them has its own samples, so that more would only take a third of the time of a picture."""
-KEYS = {
-    **{letter: getattr(imgui.Key, letter) for letter in "abcdefghijklmnopqrstuvwxyz"},
-    **{str(k): getattr(imgui.Key, f"_{k}") for k in range(1, 10)},
-    "space": imgui.Key.space,
-    "left": imgui.Key.left_arrow,
-    "right": imgui.Key.right_arrow,
-    "home": imgui.Key.home,
-    "end": imgui.Key.end,
-    "delete": imgui.Key.delete,
-    "backspace": imgui.Key.backspace,
-    "escape": imgui.Key.escape,
-    "enter": imgui.Key.enter,
-    "f1": imgui.Key.f1,
-    "up": imgui.Key.up_arrow,
-    "down": imgui.Key.down_arrow,
-    "equal": imgui.Key.equal,
-    "minus": imgui.Key.minus,
-}
 
 
 class StudioWindow:
@@ -276,7 +259,7 @@ class StudioWindow:
         if free and io.mouse_wheel:
             user_input.wheel(io.mouse_wheel)
         if not io.want_text_input and not self.workspace.asking:
-            modifiers = "ctrl+" * io.key_ctrl + "shift+" * io.key_shift
+            modifiers = held_keys()
             for name, key in KEYS.items():
                 if imgui.is_key_pressed(key, repeat=name in ("left", "right")):
                     user_input.key(modifiers + name)
