@@ -60,6 +60,7 @@ class Workspace:
         self.editor = editor
         self.preferences = Preferences(folder)
         self.actions = ActionTable(editor.toasts, self.preferences)
+        editor.less_motion = lambda: self.preferences.less_motion
         self.commands = Commands(editor)
         self.input = ViewportInput(editor, self.actions)
         self.actions.add(*studio_actions(self.commands, self.input, self.ask, self.preferences))
