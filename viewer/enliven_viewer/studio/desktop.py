@@ -56,7 +56,7 @@ class Desktop:
         io.display_framebuffer_scale = view.framebuffer_scale = density
 
     def _density(self) -> float:
-        """Pixels of the window over usual pixels; 1 on Macs, whose windows count in usual pixels already."""
+        """Pixels of the window over usual pixels; 1 on Macs, where windows count in usual pixels anyway."""
         dense = glfw.get_window_content_scale(self._window)[0]
         across = glfw.get_window_size(self._window)[0]
         return dense * across / max(glfw.get_framebuffer_size(self._window)[0], 1) if across else 1.0

@@ -11,7 +11,7 @@ from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace.commands import Commands
-from enliven_viewer.studio.workspace.files import exportable
+from enliven_viewer.studio.workspace.files import SAMPLES, add_sample, exportable
 from enliven_viewer.studio.workspace.input import ViewportInput
 
 Ask = Callable[[str], None]
@@ -32,6 +32,20 @@ def studio_actions(
     yield from _cameras(commands)
     yield from _reading(preferences)
     yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
+    yield Action(
+        "help.tour",
+        "Help",
+        "Take the tour",
+        (),
+        lambda: ask("tour"),
+        about="Three minutes: each step sees what you do, and goes on.",
+    )
+    yield Action(
+        "help.start", "Help", "Start page", (), lambda: ask("start"), about="While nothing is there."
+    )
+    for name, label in SAMPLES.items():
+        do = lambda name=name: add_sample(commands.editor, name)  # noqa: E731
+        yield Action(f"sample.{name}", "Help", label, (), do, about="A sample.", apart=name == "cactus")
     yield Action("help.keys", "Help", "Keys", ("f1", "h"), lambda: ask("help"))
 
 
