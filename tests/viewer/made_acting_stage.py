@@ -77,4 +77,9 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id == "motion.paste":
         editor.select(**CHAIN)
         workspace.commands.copy_motion()
+    if action.id.startswith("clip."):
+        editor.scrub(0.5)
+    if action.id == "clip.blend":
+        workspace.commands.clips.do("split")
+        editor.scrub(0.4)
     editor.select(**NEEDS.get(action.id, LIMB))

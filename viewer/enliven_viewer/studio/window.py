@@ -180,6 +180,7 @@ class StudioWindow:
         scale = imgui.get_io().display_framebuffer_scale.y
         size = max(round(area.width * scale), 1), max(round(area.height * scale), 1)
         renderer = self._viewport.renderer
+        renderer.look = editor.look
         renderer.resize(size)
         self._viewport.draw(
             editor.standing,

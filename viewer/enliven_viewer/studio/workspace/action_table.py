@@ -10,6 +10,7 @@ from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.workspace.clip_actions import clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, add_sample, exportable
 from enliven_viewer.studio.workspace.input import ViewportInput
@@ -28,6 +29,7 @@ def studio_actions(
     yield from _motion(commands)
     yield from _shape(commands)
     yield from _tools(user_input)
+    yield from clip_actions(commands.clips)
     yield from _view(commands)
     yield from _cameras(commands)
     yield from _reading(preferences)
@@ -320,7 +322,35 @@ def _reading(preferences: Preferences) -> Iterator[Action]:
 
 def _cameras(c: Commands) -> Iterator[Action]:
     editor, right = c.editor, np.pi / 2
-    yield Action("view.all", "View", "Frame everything", ("f",), editor.frame_all, apart=True)
+    yield Action(
+        "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
+    )
+    yield Action(
+        "view.follow",
+        "View",
+        "Follow what moves",
+        ("shift+f",),
+        editor.moves.toggle_follow,
+        on=lambda: editor.moves.follow,
+        about="The view goes along with the chosen character, or with all, from the side that you chose.",
+    )
+    yield Action(
+        "view.turntable",
+        "View",
+        "Turntable",
+        ("shift+t",),
+        editor.moves.toggle_turntable,
+        on=lambda: editor.moves.turntable,
+        about="The view goes around slowly.",
+    )
+    yield Action(
+        "view.look",
+        "View",
+        "Next look",
+        ("shift+l",),
+        editor.next_look,
+        about="Another light, backdrop and floor: studio, night, white, dawn, garden.",
+    )
     sides = (
         ("front", "1", 0.0, 0.0),
         ("back", "2", np.pi, 0.0),
