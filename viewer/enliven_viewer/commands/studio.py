@@ -47,6 +47,7 @@ def studio(
     workspace = Workspace.new(Editor(chosen))
     for file in files or []:
         workspace.open(file)
+    workspace.starting = not files
     if workspace.store.recoverable():
         workspace.ask("recover")
     StudioWindow(workspace).run(seconds=seconds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from typing import TypeVar
@@ -44,6 +45,7 @@ class Editor:
         self.toasts = Toasts(self.settings.toast)
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.show_bones, self.show_meshes = True, True
+        self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
         self.beside = BackgroundTask(self.toasts, "Something is still being made")
@@ -147,7 +149,7 @@ class Editor:
     def advance(self, seconds: float) -> None:
         """Let time pass: the playhead, the camera, the messages."""
         self.moves.advance(self.camera, self._followed(), seconds)
-        self.camera.advance(seconds)
+        self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
         self.puppets.advance()
         self.beside.poll()
