@@ -11,6 +11,7 @@ from pathlib import Path
 
 from enliven.errors import EnlivenError, InputError
 from enliven.recording import DEPTH_TOPIC, Recording
+from enliven.takes import clips_of_recording
 from enliven.wire import BODIES, POSE
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
@@ -92,10 +93,13 @@ class DepthTracking:
                 mend = f"Try it in a terminal: enliven track {name} -o bodies.mcap"
                 self._editor.toasts.complain(InputError(said, where=name, mend=mend))
                 return
+            made = Path(folder.name) / name
             try:
-                add_file(self._editor, Path(folder.name) / name)
+                clips_of_recording(made)
+                add_file(self._editor, made)
             except EnlivenError as error:
-                self._editor.toasts.tell(error)
+                mend = f"See what the tracker sees: enliven inspect {name} -o film.mp4"
+                self._editor.toasts.complain(InputError(error.what, where=name, mend=mend))
 
     def cancel(self) -> None:
         """Stop it; nothing is added."""
