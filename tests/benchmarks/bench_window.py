@@ -1,7 +1,8 @@
-"""From an edit in the window to the stage of a running edge: a mesh of 20,000 vertices that is held.
+"""The window: from an edit to the stage of a running edge, and a scrub along the timeline.
 
-A real edge replays the shipped recording and its performer holds the chair, which is put again and again, a
-little taller each time, by a client in this process.
+An edit is of a mesh of 20,000 vertices that is held. A real edge replays the shipped recording and its
+performer holds the chair, which is put again and again, a little taller each time, by a client in this
+process.
 """
 
 from __future__ import annotations
@@ -13,17 +14,31 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 from figure import Figure
 
+sys.path += [str(Path(__file__).parents[1] / part) for part in ("helpers", "shared", "shared/modeling")]
+sys.path.append(str(Path(__file__).parents[2] / "scripts"))
+from test_character_laws import graph_world, skeleton_world
+
+from enliven.document import Project
 from enliven.formats.project import project_of_mesh
 from enliven.meshes import refine
-from enliven.samples import load_sample
+from enliven.modeling.edits import paste_character
+from enliven.modeling.puppet import play_take
+from enliven.motion.layers import bind_chain
+from enliven.samples import cactus_project, load_sample
 from enliven.wire import CUES, POSE, Done
 from enliven.wire.ports import free_ports
 from enliven.wire.sockets import Endpoint
 from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.timeline import RULER
+from enliven_viewer.studio.workspace import Workspace
 
+LAYERS = 10
+SCRUBS = 80
 VERTICES = 20_000
 LAPS = 9
 PATIENCE = 120.0
@@ -35,7 +50,8 @@ TURN = 0.002
 
 
 def figures() -> Iterator[Figure]:
-    """window.edit_to_stage_ms and window.put_latency_ms."""
+    """window.scrub_ms, window.edit_to_stage_ms and window.put_latency_ms."""
+    yield _scrub()
     pose, control = free_ports()[:2]
     words = ["--possess-at", "0.5", "--loop", "--port", str(pose), "--control-port", str(control)]
     command = [sys.executable, "-m", "enliven", "edge", *words, "--name", f"bench-{os.getpid()}"]
@@ -47,6 +63,42 @@ def figures() -> Iterator[Figure]:
         link.close()
         edge.terminate()
         edge.wait()
+
+
+def _scrub() -> Figure:
+    """Milliseconds of this thread from a place of the pointer on the ruler to all characters there.
+
+    A skeleton with eight layers, a possessed mesh and a puppet with one each; drawing is apart.
+    """
+    project, names = Project(), []
+    for source, name in (skeleton_world(), graph_world(), (_acting(), "cactus")):
+        project, pasted = paste_character(project, source, name)
+        names.append(pasted)
+    arm = project.shape(names[0])
+    for number in range(LAYERS - 2 - len(arm.layers)):
+        take, chain = arm.layers[0].take, range(len(arm.skeleton))
+        project = bind_chain(project, arm.id, chain, take, arm.layers[0].chain, offset=0.1 * number)
+    workspace = Workspace(Editor(project=project))
+    workspace.editor.solving.settle(project, names[2])
+    surfaces, puppet = workspace.puppets.stage.surfaces, project.puppet(names[2])
+    while not surfaces.prepared(puppet):
+        time.sleep(TURN)
+    timeline, layout, took = workspace.timeline, workspace.timeline.layout, list[float]()
+    timeline.press(layout.x(0.0), RULER / 2)
+    for step in range(SCRUBS):
+        x = layout.x((0.137 * step) % layout.length)
+        began = time.thread_time()
+        timeline.drag(x)
+        timeline.layout.lanes()
+        assert len(workspace.editor.standing) == 3
+        took.append(1e3 * (time.thread_time() - began))
+    return Figure("window.scrub_ms", statistics.median(took[SCRUBS // 4 :]), "ms")
+
+
+def _acting() -> Project:
+    """The cactus that ships, with its take."""
+    project = cactus_project()
+    return play_take(project, "cactus", next(iter(project.takes)))
 
 
 def _measured(link: EdgeClient) -> Iterator[Figure]:

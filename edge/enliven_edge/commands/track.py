@@ -25,6 +25,9 @@ def track(
         Path | None, typer.Option(help="A TOML file of settings, as enliven edge takes it.")
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
+    lines: Annotated[
+        bool, typer.Option("--lines", help="Say how far it is line by line, for a program that waits.")
+    ] = False,
 ) -> None:
     """Find the people in a recording of depth, and write where their joints were: a take for everything.
 
@@ -43,8 +46,11 @@ def track(
         mend = "Give a recording of a depth camera; one of bodies is a take as it is."
         raise InputError("there are no depth images in it", where=str(recording), mend=mend)
     chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
+    found_in = tracked(source.frames(), chosen.tracker)
+    if lines:
+        found_in = _counted(found_in, source.info.topics[DEPTH_TOPIC].count)
     found = write_recording(
-        tracked(source.frames(), chosen.tracker),
+        found_in,
         output,
         task="Tracking",
         facts=("track", {"recording": recording.name}),
@@ -55,6 +61,13 @@ def track(
     typer.echo(f"{output}: {found.summary}")
     if not found.seen:
         typer.echo("Note: no person was found; see what the tracker sees: enliven inspect, with -o film.mp4.")
+
+
+def _counted(frames: Iterator[BodyFrame], total: int) -> Iterator[BodyFrame]:
+    """Yields the same, and says each time how many of how many there were."""
+    for number, frame in enumerate(frames, 1):
+        print(f"{number} of {total}", flush=True)
+        yield frame
 
 
 def tracked(frames: Iterable[Frame], settings: TrackerSettings) -> Iterator[BodyFrame]:

@@ -6,9 +6,16 @@ from collections.abc import Container
 
 
 def unused(stem: str, taken: Container[str], between: str = " ") -> str:
-    """``stem``, or ``stem 2``, ``stem 3``, ...: the first that is not taken."""
-    number, name = 1, stem
+    """``stem``, or the first of ``stem 2``, ``stem 3``, ... that is not taken.
+
+    A stem that has a number counts on from it: after "part 2" comes "part 3".
+    """
+    if stem not in taken:
+        return stem
+    before, _, last = stem.rpartition(between)
+    number = int(last) if before and last.isdecimal() else 1
+    plain, name = (before if number > 1 else stem), stem
     while name in taken:
         number += 1
-        name = f"{stem}{between}{number}"
+        name = f"{plain}{between}{number}"
     return name

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from enliven.document.clip import Clip
 from enliven.document.layers import Layer
+from enliven.document.naming import unused
 from enliven.document.possessed import GraphPart
 from enliven.document.puppet import PuppetLayer
 from enliven.document.skeleton import Skeleton
@@ -115,3 +116,13 @@ def test_the_layers_of_all_rigs_are_time_maps(make):
     for wrong in ({"speed": 0.0}, {"speed": np.nan}, {"offset": np.inf}):
         with pytest.raises(InputError, match="cannot be played"):
             make(**wrong)
+
+
+def test_names_count_on_from_the_number_that_they_have():
+    assert unused("part", {}) == "part"
+    assert unused("part", {"part", "part 2"}) == "part 3"
+    assert unused("part 2", {"part", "part 2"}) == "part 3"
+    assert unused("part 2", {"part 2", "part 3"}) == "part 4"
+    assert unused("part 1", {"part 1"}) == "part 1 2", "the first of some parts stays the first"
+    assert unused("2", {"2"}) == "2 2"
+    assert unused("take-2", {"take-2"}, "-") == "take-3"

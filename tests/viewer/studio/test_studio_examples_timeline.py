@@ -207,3 +207,21 @@ def test_the_found_contacts_are_shown_as_soon_as_it_moves(tmp_path) -> None:
     assert bands and bands[0][0].frame == 0
     starts, ends = np.array([b[1] for b in bands]), np.array([b[2] for b in bands])
     np.testing.assert_allclose(ends[:-1], starts[1:])
+
+
+def test_a_scrub_ends_in_the_surface_that_its_time_has_whatever_came_before(tmp_path) -> None:
+    project = posed((0.0, 0.75, 2.25))
+    scrubbed, fresh = desk_with(tmp_path / "one", project), desk_with(tmp_path / "other", project)
+    timeline, layout = scrubbed.timeline, scrubbed.timeline.layout
+    for each in (scrubbed, fresh):
+        each.editor.solving.settle(project, "star")
+    timeline.press(layout.x(0.1), RULER / 2)
+    for time in (0.4, 1.9, 0.2, 2.2, 1.1):
+        timeline.drag(layout.x(time))
+        hasty = scrubbed.puppets.stage.standing[0].surface
+    fresh.editor.scrub(1.1)
+    settled = fresh.puppets.stage.standing[0].surface
+    assert scrubbed.editor.scrubbing and np.abs(hasty - settled).max() > 1e-6, "it was solved in haste"
+    timeline.release(layout.x(1.1))
+    assert not scrubbed.editor.scrubbing
+    np.testing.assert_allclose(scrubbed.puppets.stage.standing[0].surface, settled, atol=1e-9)

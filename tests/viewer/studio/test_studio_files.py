@@ -280,3 +280,42 @@ def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -
     workspace.ask("save")
     workspace.chosen(tmp_path / "work.enliven")
     assert not workspace.ended and not workspace.store.dirty
+
+
+def depth_recording(folder, frames: int):  # type: ignore[no-untyped-def]
+    """The first images of the shipped recording of depth."""
+    from itertools import islice
+
+    from enliven.recording import Recorder, Recording
+    from enliven_edge.doctor import shipped_recording
+
+    path = folder / "person.mcap"
+    with Recorder(path) as recorder:
+        for frame in islice(Recording(shipped_recording()).frames(), frames):
+            recorder.write_frame(frame)
+    return path
+
+
+def test_depth_that_is_opened_is_tracked_beside_the_window_and_becomes_a_take(workspace, tmp_path) -> None:
+    path, editor = depth_recording(tmp_path, 40), workspace.editor
+    workspace.open(path)
+    assert (
+        workspace.depth.busy
+        and workspace.depth.name == "person.mcap"
+        and "person" not in editor.project.takes
+    )
+    with pytest.raises(InputError, match="still being tracked"):
+        workspace.open(path)
+    workspace.depth.finish()
+    assert "person" in editor.project.takes and workspace.depth.share == 1.0 and not workspace.depth.busy
+    assert editor.project.takes["person"].duration > 0.9
+    editor.undo()
+    assert "person" not in editor.project.takes
+    workspace.open(path)
+    workspace.depth.cancel()
+    workspace.depth.poll()
+    assert not workspace.depth.busy and "person" not in editor.project.takes
+    (tmp_path / "short").mkdir()
+    workspace.open(depth_recording(tmp_path / "short", 3))
+    workspace.depth.finish()
+    assert any(toast.bad and "long enough" in toast.text for toast in editor.toasts.shown)

@@ -44,6 +44,7 @@ class Editor:
         self.selection = Selection()
         self.toasts = Toasts(self.settings.toast)
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
+        self.scrubbing = False
         self.show_bones, self.show_meshes = True, True
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
@@ -163,6 +164,12 @@ class Editor:
         """Show a time, and stay there."""
         self.playing = False
         self.time = min(max(time, 0.0), self.length)
+
+    def finish_scrubbing(self) -> None:
+        """The playhead was let go: surfaces that were solved in haste meanwhile are settled."""
+        if self.scrubbing:
+            self.scrubbing = False
+            self.puppets.stage.surfaces.settle()
 
     def frame_all(self, *, at_once: bool = False, reset: bool = True) -> None:
         """Bring every character into the picture."""

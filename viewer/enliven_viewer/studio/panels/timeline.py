@@ -73,7 +73,22 @@ def _transport(workspace: Workspace) -> None:
     if changed:
         editor.speed = speed
     told("Drag: how fast it plays here; nothing is changed by it")
+    _tracking(workspace)
     _buttons(workspace)
+
+
+def _tracking(workspace: Workspace) -> None:
+    """How far the tracker is with depth that was opened, and a button that stops it."""
+    depth = workspace.depth
+    depth.poll()
+    if not depth.busy:
+        return
+    imgui.same_line(0.0, 18.0)
+    imgui.progress_bar(depth.share, ImVec2(220, 0), f"{depth.name}  {100 * depth.share:.0f} %")
+    imgui.same_line()
+    if imgui.button("Stop##tracking"):
+        depth.cancel()
+    workspace.remember("stop tracking")
 
 
 def _buttons(workspace: Workspace) -> None:

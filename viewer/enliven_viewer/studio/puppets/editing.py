@@ -20,6 +20,7 @@ class Editing(Protocol):
 
     time: float
     playing: bool
+    scrubbing: bool
     selection: Selection
     toasts: Toasts
     solving: Solving

@@ -86,6 +86,10 @@ class Solver:
         """Whether the preparation has finished and was not taken yet."""
         return self._work is not None and self._work.done()
 
+    def forget(self) -> None:
+        """Forget at which places it is, so that it is settled at the next ones whatever came before."""
+        self._places, self._rounds = None, 0
+
     def improve(self) -> bool:
         """One more frame towards where it comes to rest; whether anything moved."""
         if self._rounds <= 0 or self._surface is None or self._places is None or self._work is not None:

@@ -138,7 +138,7 @@ class PuppetStage:
             state = State(places, way.yaw, way.root)
         else:
             puppet, state = played_state(editor, puppet)
-        warm = editor.playing or posing.dragging
+        warm = editor.playing or editor.scrubbing or posing.dragging
         return self._standing(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
 
     def _standing(self, puppet: Puppet, state: State, surface: Float) -> StandingPuppet:

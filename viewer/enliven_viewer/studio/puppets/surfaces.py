@@ -59,6 +59,12 @@ class PuppetSurfaces:
         moved = [solver.improve() or solver.came() for solver in self._known.values()]
         self.version += any(moved)
 
+    def settle(self) -> None:
+        """Settle each surface from anew where it is asked for next: after a drag over many moments."""
+        for solver in self._known.values():
+            solver.forget()
+        self.version += 1
+
     def prepared(self, puppet: Puppet) -> bool:
         """Whether the surface is prepared; asking begins the preparation."""
         return self._solver(puppet).ready(puppet) is not None

@@ -114,6 +114,7 @@ class TimelineInput:
     def drag(self, x: float) -> None:
         """The pointer moved."""
         if self._handle.kind == "ruler":
+            self.editor.scrubbing = True
             self.editor.scrub(self._held_layout.time(x))
         elif self._dragged is not None and x != self._from:
             if self.editor.puppets.posing:
@@ -129,6 +130,7 @@ class TimelineInput:
             self.rows.edit_pose(handle.item)
         elif handle.kind == "marker":
             self.editor.scrub(self.editor.project.markers[handle.name].seconds)
+        self.editor.finish_scrubbing()
         self._handle, self._drag, self.stuck = _NOTHING, None, None
 
     def double(self, x: float, y: float) -> bool:

@@ -17,6 +17,7 @@ from enliven_viewer.studio.start import Tour, Toured
 from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.workspace.action_table import studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
+from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.files import (
     EXPORTS,
@@ -47,6 +48,7 @@ class Workspace:
         preferences: what the artist chose once and for all.
         actions: everything that can be done, for menus, keys, buttons and the palette.
         commands: what the studio's own actions do.
+        depth: the tracker of depth that was opened.
         widgets: where each widget was drawn last, by name, so that a session can click on it.
         asking: the dialogue that is open, or empty.
         browser: what a dialogue about files shows.
@@ -71,7 +73,7 @@ class Workspace:
         self.input.first = self.timeline.rows.type
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
-        self.store = ProjectStore(editor, folder)
+        self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
@@ -119,7 +121,9 @@ class Workspace:
         Raises:
             InputError: where the file cannot be read.
         """
-        if path.suffix.lower() != PROJECT:
+        if lacks_tracking(path):
+            self.depth.begin(path)
+        elif path.suffix.lower() != PROJECT:
             add_file(self.editor, path)
         elif self.store.dirty:
             self._after, self._wanted, self.asking = "open", path, "unsaved"

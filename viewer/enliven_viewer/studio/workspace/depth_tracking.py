@@ -1,0 +1,123 @@
+"""Depth that is opened in the studio: ``enliven track`` finds the people in it, beside the window."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import threading
+from collections import deque
+from pathlib import Path
+
+from enliven.errors import EnlivenError, InputError
+from enliven.recording import DEPTH_TOPIC, Recording
+from enliven.takes import clips_of_recording
+from enliven.wire import BODIES, POSE
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.workspace.files import add_file
+
+_LINES = 20
+"""Lines of what the tracker said that are kept: the last says what went wrong."""
+
+
+def lacks_tracking(path: Path) -> bool:
+    """Whether a file is a recording of depth without the bodies of the people in it.
+
+    Raises:
+        InputError: where it cannot be read as a recording.
+    """
+    if path.suffix.lower() != ".mcap":
+        return False
+    topics = Recording(path).info.topics
+    return DEPTH_TOPIC in topics and not any(one.name in topics for one in (BODIES, POSE))
+
+
+class DepthTracking:
+    """A run of the tracker in a process of its own; what it finds becomes takes of the project.
+
+    Attributes:
+        name: of the file, or empty while nothing is tracked.
+        share: of the file that is done, from 0 to 1.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self._editor = editor
+        self.name, self.share = "", 0.0
+        self._child: subprocess.Popen[str] | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._said: deque[str] = deque(maxlen=_LINES)
+        self._reader: threading.Thread | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is tracked."""
+        return self._child is not None
+
+    def begin(self, path: Path) -> None:
+        """Track a recording; the window goes on meanwhile.
+
+        Raises:
+            InputError: while another one is tracked.
+        """
+        if self.busy:
+            mend = "Wait until it is done, or stop it."
+            raise InputError(f"{self.name} is still being tracked", where=str(path), mend=mend)
+        self._folder = tempfile.TemporaryDirectory()
+        made = Path(self._folder.name) / path.name
+        words = [sys.executable, "-m", "enliven", "track", str(path), "-o", str(made), "--lines"]
+        pipe = subprocess.PIPE
+        self._child = subprocess.Popen(words, stdout=pipe, stderr=subprocess.STDOUT, text=True)
+        self.name, self.share = path.name, 0.0
+        self._said.clear()
+        self._reader = threading.Thread(target=self._read, args=(self._child,), daemon=True)
+        self._reader.start()
+        self._editor.toasts.say(f"Finding the people in {path.name} ...", "You can go on working.")
+
+    def poll(self) -> None:
+        """Take what was found, or tell what went wrong; to be called once a picture."""
+        if self._child is None or self._child.poll() is None:
+            return
+        self.finish()
+
+    def finish(self) -> None:
+        """Wait for it, and take what was found."""
+        child, folder, name = self._child, self._folder, self.name
+        if child is None or folder is None or self._reader is None:
+            return
+        child.wait()
+        self._reader.join()
+        self._child, self._folder, self.name = None, None, ""
+        with folder:
+            if child.returncode:
+                said = self._said[-1] if self._said else "it did not start"
+                mend = f"Try it in a terminal: enliven track {name} -o bodies.mcap"
+                self._editor.toasts.complain(InputError(said, where=name, mend=mend))
+                return
+            made = Path(folder.name) / name
+            try:
+                clips_of_recording(made)
+                add_file(self._editor, made)
+            except EnlivenError as error:
+                mend = f"See what the tracker sees: enliven inspect {name} -o film.mp4"
+                self._editor.toasts.complain(InputError(error.what, where=name, mend=mend))
+
+    def cancel(self) -> None:
+        """Stop it; nothing is added."""
+        child, folder = self._child, self._folder
+        if child is None or folder is None:
+            return
+        child.terminate()
+        child.wait()
+        self._editor.toasts.say(f"{self.name} is no longer tracked")
+        self._child, self._folder, self.name = None, None, ""
+        folder.cleanup()
+
+    def _read(self, child: subprocess.Popen[str]) -> None:
+        """Follow what the tracker says, in a thread of its own."""
+        assert child.stdout is not None
+        for line in child.stdout:
+            done, slash, total = line.strip().partition(" of ")
+            if slash and done.isdigit() and total.isdigit():
+                self.share = int(done) / max(int(total), 1)
+            elif line.strip():
+                self._said.append(line.strip())
