@@ -45,7 +45,13 @@ def test_a_window_shows_the_scene_and_heeds_its_keys() -> None:
         ["possess", "box", 7, "legs", "extend"],
         ["release", "box", 7],
     ]
-    assert said["help"] and said["look"] == {"body": 0.0, "reveal": 0.0, "cues": 0.0, "graph": 1.0}
+    assert said["help"] and said["look"] == {
+        "body": 0.0,
+        "reveal": 0.0,
+        "cues": 0.0,
+        "graph": 1.0,
+        "held": 1.0,
+    }
     assert not said["live"] and said["paused"] and said["speed"] == 2.0
     assert said["sizes"] == [400, 260] and said["notice"] == ""
 

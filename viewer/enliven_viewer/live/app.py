@@ -17,7 +17,7 @@ from enliven_viewer.live.match_cards import cards_of
 from enliven_viewer.live.possession_choice import PossessionChoice
 from enliven_viewer.live.view_report import ViewReporter, hidden, turn_to_bones
 from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
-from enliven_viewer.render import OrbitCamera, Renderer, Scene, SceneStyle, scene_of
+from enliven_viewer.render import OrbitCamera, Renderer, Scene, SceneStyle, Showing, scene_of
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.window import open_window
@@ -51,6 +51,7 @@ class App:
         self.camera = OrbitCamera(self.settings.render.opening)
         self.style, self.help, self.scale = SceneStyle(), False, 1.0
         self._take, self._with_hud = take, hud
+        self._showing = Showing(self.settings.render, self.settings.film.overlay_seconds)
         self.possession = PossessionChoice()
         self._view_reporter = ViewReporter()
         self._surfaces = SolvedSurfaces()
@@ -171,7 +172,9 @@ class App:
             return
         self._fps += (1 / max(elapsed, 1e-3) - self._fps) * min(elapsed * 2, 1.0)
         renderer.resize(self._size)
-        self._scene = scene_of(self.document, self.playhead.moment(), self.style, self._surfaces)
+        moment = self.playhead.moment()
+        style = self._showing.style(self.style, moment, self.playhead.time_ns / NS)
+        self._scene = scene_of(self.document, moment, style, self._surfaces)
         self._frame_new_subjects()
         self.report_view()
         renderer.draw(self._scene, self.camera.view(self._aspect))

@@ -12,6 +12,7 @@ from imgui_bundle import hello_imgui, imgui
 from enliven.arrays import UInt8
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.studio.actions import KEYS, held_keys
+from enliven_viewer.studio.desktop import Desktop
 from enliven_viewer.studio.panels import (
     apply_style,
     draw_dialogs,
@@ -53,6 +54,7 @@ class StudioWindow:
         self._source: Viewport | None = None
         self._performer: PerformerPicture | None = None
         self._thumbnails: Thumbnails | None = None
+        self._desktop: Desktop | None = None
         self._screen: Any = None
         self._last = time.monotonic()
         self._framed = False
@@ -153,6 +155,7 @@ class StudioWindow:
         self._source = Viewport(context, (64, 64), settings.render)
         self._performer = PerformerPicture(self._source.renderer)
         self._thumbnails = Thumbnails(context, self.workspace.puppets.stage.surfaces)
+        self._desktop = Desktop(self.workspace)
 
     def _framebuffer_size(self) -> tuple[int, int]:
         io = imgui.get_io()
@@ -175,6 +178,7 @@ class StudioWindow:
         scale = imgui.get_io().display_framebuffer_scale.y
         size = max(round(area.width * scale), 1), max(round(area.height * scale), 1)
         renderer = self._viewport.renderer
+        renderer.look = editor.look
         renderer.resize(size)
         self._viewport.draw(
             editor.standing,
@@ -239,6 +243,8 @@ class StudioWindow:
         draw_dialogs(self.workspace)
         self._listen(places.viewport)
         self.workspace.store.autosave()
+        if self._desktop is not None:
+            self._desktop.follow()
         if self.workspace.ended:
             self.workspace.store.close()
             self.close()
