@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA
-from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground
+from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground, largest_part
+from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -43,6 +44,21 @@ def test_the_camera_is_found_in_a_real_kitchen():
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
     assert np.sqrt(np.square(a @ turn.T - b).sum(1).mean()) < 0.02
     assert np.linalg.norm(np.diff(those, axis=0), axis=1).sum() > 0.5
+
+
+def test_a_real_person_who_turns_once_is_scanned_all_round():
+    frames = list(OpenCvDepthReader().read(sorted((DATA / "depth" / "uva_cv2_person_turn").iterdir())))
+    volume = VolumeSettings(voxel=0.01, reach=1.6, far=1.6)
+    scanner = Scanner(ScanSettings(volume=volume, least_depth=0.01))
+    steps = [scanner.add(replace(frame, world_from_camera=None)) for frame in frames]
+    assert len(steps) == 100 and all(step.state is ScanState.SCANNING for step in steps)
+    ahead = np.array([step.world_from_camera[:3, 2] for step in steps])
+    turned = np.degrees(np.unwrap(np.arctan2(ahead[:, 0], ahead[:, 2])))
+    assert 330 < abs(turned[-1] - turned[0]) < 360  # about 345, by the recording of the same person's chest
+    person = largest_part(scanner.surface())
+    assert person.area > 0.9 * scanner.surface().area
+    # A head and shoulders, as wide as a person, and one of them.
+    assert 0.3 < np.ptp(person.vertices[:, 0]) < 0.8 and 0.5 < np.ptp(person.vertices[:, 1]) < 1.0
 
 
 def test_the_floor_of_the_kitchen_is_level():

@@ -23,6 +23,9 @@ log = logging.getLogger(__name__)
 _PATIENCE = 0.25
 """Seconds to wait for a frame before an end is looked for."""
 
+_LEAST_ALONE = 0.01
+"""Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
+
 
 def scan(
     output: Annotated[
@@ -37,6 +40,10 @@ def scan(
     reach: Annotated[
         float, typer.Option(min=0.3, max=10, help="Metres up to which surfaces are kept.")
     ] = 2.2,
+    within: Annotated[
+        float | None,
+        typer.Option(min=0.3, max=10, help="Metres; with what is farther left out, the thing may be turned."),
+    ] = None,
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Stop after so many seconds of the sensor's clock.")
     ] = None,
@@ -55,11 +62,13 @@ def scan(
     """Scan a thing: carry a depth camera round it, until the recording ends, the time is up, or Ctrl-C.
 
     What stands on the floor where the camera looked is cut out, put upright and written in metres. Where the
-    camera is lost, nothing is added; look again at what was scanned already, and it goes on.
+    camera is lost, nothing is added; look again at what was scanned already, and it goes on. With --within,
+    the camera may stand still, and the thing or the person turn: only how they move to one another counts.
 
     \b
       enliven scan --sensor realsense -o chair.glb --sheet chair.png
       enliven scan --sensor realsense -o chair.glb --edge 192.168.1.20
+      enliven scan --sensor realsense -o me.glb --within 1.5
       enliven scan --recording TAKE.mcap -o room.glb --whole --voxel 10 --reach 5
     """
     from enliven.scanning import Scanner, ScanSettings, VolumeSettings
@@ -69,7 +78,11 @@ def scan(
     if edge is not None:
         stage_command()  # what is missing for it is said before the scan
     console, diary = Console(), ScanDiary()
-    scanner = Scanner(ScanSettings(volume=VolumeSettings(voxel=voxel * 1e-3, reach=reach)))
+    if within is None:
+        scanner = Scanner(ScanSettings(volume=VolumeSettings(voxel=voxel * 1e-3, reach=reach)))
+    else:
+        volume = VolumeSettings(voxel=voxel * 1e-3, reach=min(reach, within), far=within)
+        scanner = Scanner(ScanSettings(volume=volume, least_depth=_LEAST_ALONE))
     where = str(recording or sensor)
     with interruptible() as stop, frame_progress(console) as progress:
         task = progress.add_task("Scanning", total=None, count=0)
@@ -81,7 +94,8 @@ def scan(
             diary.add(scanner.add(frame), frame.time_ns)
             progress.update(task, count=diary.frames, description=f"Scanning, {diary.now}")
     diary.refuse(where)
-    made = finished(scanner, whole, triangles, output.stem)
+    kept = "all" if whole else "thing" if within is None else "alone"
+    made = finished(scanner, kept, triangles, output.stem)
     write_scan(made, output)
     if sheet is not None:
         _write_sheet(made.mesh, sheet)

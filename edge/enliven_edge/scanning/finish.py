@@ -6,12 +6,13 @@ import contextlib
 from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import Literal
 
 import typer
 
 from enliven.errors import InputError, ResourceError
 from enliven.meshes import WRITABLE, save_mesh
-from enliven.scanning import Decimated, Scanner, decimated, find_ground, levelled
+from enliven.scanning import Decimated, Scanner, decimated, find_ground, largest_part, levelled
 
 PROJECT = ".enliven"
 """Ending of a project; the scan is a character in it that can be possessed."""
@@ -19,20 +20,24 @@ ENDINGS = (*WRITABLE, PROJECT)
 """Endings of the files that a scan is written to."""
 
 
-def finished(scanner: Scanner, whole: bool, triangles: int, name: str) -> Decimated:
-    """Returns what was scanned, of at most so many triangles; 0 keeps all.
+Kept = Literal["thing", "alone", "all"]
+"""What is kept of a scan: what stands on the floor; the largest part, of which no floor was seen; or all."""
 
-    Args:
-        whole: keeps all that was scanned, level where a floor was, and not what stands on the floor.
+
+def finished(scanner: Scanner, kept: Kept, triangles: int, name: str) -> Decimated:
+    """Returns what was scanned, on y = 0, of at most so many triangles; 0 keeps all.
 
     Raises:
         InputError: where there is nothing.
     """
-    if whole:
+    if kept != "thing":
         mesh = scanner.surface()
         if not len(mesh.faces):
             mend = "Scan for longer, and nearer."
             raise InputError("no surface was seen often enough", where="scan", mend=mend)
+    if kept == "alone":
+        mesh = largest_part(mesh)
+    elif kept == "all":
         with contextlib.suppress(InputError):  # Without a floor it lies as the first camera saw it.
             mesh = levelled(mesh, find_ground(mesh, settings=scanner.settings.cut_out))
     else:

@@ -4,6 +4,7 @@ from .ground import (
     cut_out as cut_out,
     find_ground as find_ground,
     focus_of as focus_of,
+    largest_part as largest_part,
     levelled as levelled,
 )
 from .decimation import Decimated as Decimated, decimated as decimated

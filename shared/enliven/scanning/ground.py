@@ -137,6 +137,15 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
     return _closed(replace(thing, vertices=vertices), feet, s)
 
 
+def largest_part(mesh: Mesh) -> Mesh:
+    """Returns the connected part with the most surface, standing on y = 0, its box centred on x and z."""
+    label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
+    areas = np.linalg.norm(mesh.face_vectors(), axis=1)
+    part = submesh(mesh, label == np.bincount(label, areas).argmax())
+    up = np.array([0.0, 1.0, 0.0])
+    return levelled(part, Ground(up, float(part.vertices[:, 1].min()), 0.0))
+
+
 def levelled(mesh: Mesh, ground: Ground) -> Mesh:
     """Returns the mesh turned upright and moved so that the ground is y = 0, its box centred on x and z."""
     turn = rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0])))

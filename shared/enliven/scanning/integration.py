@@ -257,7 +257,9 @@ def _paint(pixel, shown, before, worth, near, picture, weight, hue):  # type: ig
         if shown[i] == 0.0 or worth[i] == 0.0 or abs(before[i]) > near:
             continue
         share = worth[i] / (min(weight[i], np.float32(_FIRM)) + worth[i])
+        # Looks without a colour may have come before; 0 is no colour, and black is 1.
+        share = np.float32(1.0) if hue[i, 0] == 0 else share
         for c in range(3):
             now = np.float32(hue[i, c])
             now += (np.float32(256.0) * np.float32(picture[3 * pixel[i] + c]) - now) * share
-            hue[i, c] = np.uint16(now + np.float32(0.5))
+            hue[i, c] = np.uint16(max(now + np.float32(0.5), np.float32(1.0)))

@@ -37,7 +37,7 @@ class VoxelArrays(NamedTuple):
         distance: (C, 512) float32 metres before the surface, averages.
         weight: (C, 512) float32 sums of weights; 0 where nothing was seen.
         solid: (C,) whether a block has voxels behind the surface.
-        hue: (C, 512, 3) uint16 averages of sRGB in 256ths, or (0, 512, 3) without colours.
+        hue: (C, 512, 3) uint16 averages of sRGB in 256ths, 0 for none; (0, 512, 3) without colours.
     """
 
     distance: Float32

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit
 from enliven.meshes import Mesh
 from enliven.scanning.blocks import SIDE, VOXELS
@@ -36,12 +38,20 @@ def surface_of(volume: DistanceVolume, support: float = _SUPPORT) -> Mesh:
     faces_count, vertices_count = _number_vertices(*arguments, rows, numbers)
     vertices, faces = np.empty((vertices_count, 3)), np.empty((faces_count, 3), np.int32)
     colours = np.zeros((vertices_count if len(volume.hue) else 0, 3), np.uint8)
+    told = np.zeros(len(colours), np.bool_)
     _place_vertices(
         owners, numbers, beside, volume.blocks.places, volume.distance, volume.hue, volume.band.voxel,
-        vertices, colours,
+        vertices, colours, told,
     )  # fmt: skip
     _write_faces(*arguments, rows, numbers, faces)
-    return Mesh(vertices, faces, "scan", colours if len(volume.hue) else None)
+    return Mesh(vertices, faces, "scan", _filled(vertices, colours, told) if len(volume.hue) else None)
+
+
+def _filled(vertices: Float, colours: UInt8, told: Bool) -> UInt8:
+    """Returns the colours with those that no image told taken from the nearest that are told."""
+    if told.any() and not told.all():
+        colours[~told] = colours[told][cKDTree(vertices[told]).query(vertices[~told])[1]]
+    return colours
 
 
 @njit(cache=True, nogil=True)
@@ -102,8 +112,8 @@ def _number_vertices(blocks, beside, distance, weight, support, table, rows, num
 
 
 @njit(cache=True, nogil=True)
-def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, vertices, colours):  # type: ignore[no-untyped-def]
-    """Fills where the surface crosses the numbered edges, and its colours there, if there are any."""
+def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, vertices, colours, told):  # type: ignore[no-untyped-def]
+    """Fills where the surface crosses the numbered edges, its colours there, and which were told."""
     for row in range(len(owners)):
         b = owners[row]
         for i in range(VOXELS):
@@ -122,8 +132,12 @@ def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, verti
                 vertices[number, 1] = voxel * (SIDE * places[b, 1] + y + share * (axis == 1))
                 vertices[number, 2] = voxel * (SIDE * places[b, 2] + z + share * (axis == 2))
                 for c in range(len(colours) and 3):
-                    mixed = hue[b, i, c] + share * (float(hue[other, beyond, c]) - hue[b, i, c])
+                    # Where only one end has a colour, it is the vertex's; 0 is none.
+                    one = hue[b, i, c] if hue[b, i, c] > 0 else hue[other, beyond, c]
+                    two = hue[other, beyond, c] if hue[other, beyond, c] > 0 else one
+                    mixed = one + share * (float(two) - one)
                     colours[number, c] = np.uint8(min(mixed / 256.0 + 0.5, 255.0))
+                    told[number] = one > 0
 
 
 @njit(cache=True, nogil=True)

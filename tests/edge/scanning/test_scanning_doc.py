@@ -19,7 +19,7 @@ def test_its_options_are_those_of_the_command():
     said = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output
     named = set(re.findall(r"--[a-z]+", PAGE)) - {"--help"}
     assert {"--voxel", "--reach", "--whole", "--sheet", "--seconds", "--sensor", "--recording"} <= named
-    assert {"--triangles", "--edge"} <= named
+    assert {"--triangles", "--edge", "--within"} <= named
     assert all(option in said for option in named)
 
 

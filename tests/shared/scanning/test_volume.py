@@ -194,6 +194,21 @@ def test_colours_are_those_of_the_image():
     assert np.abs(mesh.colours[right & inside].astype(int) - (20, 220, 60)).max() <= 1
 
 
+def test_looks_without_a_colour_do_not_darken_and_what_none_told_takes_the_nearest():
+    volume, pose = DistanceVolume(SETTINGS), looking(0.0)
+    wall = plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose)
+    for _ in range(5):
+        volume.integrate(prepared(wall), pose)
+    colour = np.full((CAMERA.height, CAMERA.width, 3), (180, 0, 90), np.uint8)
+    half = np.where(np.arange(CAMERA.width) < CAMERA.width // 2, wall, np.inf)
+    volume.integrate(prepared(half, colour=colour), pose)
+    volume.integrate(prepared(wall), pose)
+    mesh = surface_of(volume)
+    # The right half was seen without colours only; black in the image stays black.
+    assert (mesh.vertices[:, 0] < -0.1).any() and (mesh.vertices[:, 0] > 0.1).any()
+    assert np.abs(mesh.colours.astype(int) - (180, 0, 90)).max() <= 1
+
+
 @settings(max_examples=20)
 @given(places=st.sets(st.tuples(*[st.integers(-40, 40)] * 3), min_size=1, max_size=60))
 def test_every_block_is_found_again_also_after_others_are_gone(places):

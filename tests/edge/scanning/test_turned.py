@@ -1,0 +1,71 @@
+"""A chair that turns before a camera that stands still, a wall behind it: all its sides are scanned."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from enliven import rotation
+from enliven.meshes import load_mesh
+from enliven.recording import Recorder
+from enliven.samples import load_sample
+from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
+from enliven.scanning.decimation import distances
+from enliven_edge.commands.scan import scan
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.scene import Box
+
+WALL = (Box((-3.0, -1.0, -2.4), (3.0, 3.0, -2.0)),)
+STILL = HandheldPath(target=(0.0, 0.88, 0.0), radius=1.45, height=(1.4, 1.4), turns=0.0, sway=0.0, shake=0.0)
+FRAMES = 72
+STEP = 2.2 * np.pi / FRAMES
+"""Radians from a frame to the next: round in little more than two seconds, and a tenth more."""
+CHAIR = load_sample("chair")
+THING = replace(CHAIR, vertices=CHAIR.vertices - np.mean(CHAIR.bounds, axis=0) * [1, 0, 1])
+
+
+def turn(index):
+    """(3, 3) how the thing is turned in a frame."""
+    return rotation.to_matrix(rotation.from_rotation_vector([0.0, STEP * index, 0.0]))
+
+
+@pytest.fixture(scope="module")
+def frames():
+    """The still camera's pose, and what it sees."""
+    take = HandheldScan(THING, load_profile("kinect1"), STILL, room=WALL, width=320)
+    turned = (replace(THING, vertices=THING.vertices @ turn(index).T) for index in range(FRAMES))
+    return take.pose(0), [take.frame(index, thing) for index, thing in enumerate(turned)]
+
+
+def test_what_turns_before_a_wall_is_scanned_from_all_sides(frames):
+    pose, images = frames
+    volume = VolumeSettings(voxel=0.008, reach=2.2, far=2.2)
+    scanner = Scanner(ScanSettings(volume=volume, least_depth=0.01))
+    steps = [scanner.add(image) for image in [replace(images[0], world_from_camera=pose), *images[1:]]]
+    assert all(step.state is ScanState.SCANNING for step in steps)
+    # As the thing sees it, the camera went round it the other way.
+    apart = [
+        np.linalg.norm(turn(n).T @ pose[:3, 3] - step.world_from_camera[:3, 3])
+        for n, step in enumerate(steps)
+    ]
+    assert max(apart) < 0.025 and apart[-1] < 0.015, "the way closes"
+    surface = scanner.surface()
+    error = distances(THING, surface.vertices)
+    assert error.mean() < 0.004 and np.quantile(error, 0.95) < 0.012
+
+
+def test_the_command_cuts_it_free_of_what_is_behind(frames, tmp_path):
+    app, made = typer.Typer(pretty_exceptions_enable=False), tmp_path / "thing.glb"
+    app.command()(scan)
+    with Recorder(tmp_path / "turned.mcap") as recorder:
+        for frame in frames[1][:12]:
+            recorder.write_frame(frame)
+    words = ["--recording", str(tmp_path / "turned.mcap"), "-o", str(made), "--voxel", "10"]
+    said = CliRunner().invoke(app, [*words, "--within", "2.2"])
+    assert said.exit_code == 0 and "of 12 frames" in said.output, said.output
+    mesh = load_mesh(made).mesh
+    assert mesh.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-6)
+    size = np.ptp(mesh.vertices, axis=0)
+    assert np.abs(mesh.vertices).max() < 2.0 and size[0] < 1.0 and size[2] < 1.0, "the wall is not in it"
