@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from enliven_viewer.live.app import App
 from patience import PATIENCE
 
 from enliven.frames import BodyFrame, Frame
@@ -22,7 +23,6 @@ from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.link.edges import EdgeClient
-from enliven_viewer.live.app import App
 from enliven_viewer.live.match_cards import cards_of
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.overlay.match_lines import match_rows

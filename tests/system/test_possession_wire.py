@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from enliven_viewer.live.app import App
 from patience import PATIENCE
 from sample_meshes.chair import make_chair
 
@@ -25,7 +26,6 @@ from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.link.edges import EdgeClient
-from enliven_viewer.live.app import App
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.scene import scene_of
 

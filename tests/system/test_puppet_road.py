@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from enliven_viewer.live.app import App
 from patience import PATIENCE
 from PIL import Image
 from sample_meshes.cactus_puppet import cactus_project
@@ -35,7 +36,6 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.link.take_feed import TakeFeed
-from enliven_viewer.live.app import App
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.playback.timeline import Timeline

@@ -8,11 +8,11 @@ import sys
 import glfw
 import msgspec
 import numpy as np
+from enliven_viewer.live.app import App
+from enliven_viewer.live.keys import KeyBindings
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.person.body import Body
-from enliven_viewer.live.app import App
-from enliven_viewer.live.keys import KeyBindings
 from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import NS
 from enliven_viewer.settings import RenderSettings, ViewerSettings

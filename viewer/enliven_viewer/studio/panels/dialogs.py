@@ -18,6 +18,7 @@ _TITLES = {
     "open": "Open",
     "save as": "Save the project",
     "export": "Export GLB",
+    "perform": "Play a recording on the stage",
     "session": "Save the examples",
 }
 

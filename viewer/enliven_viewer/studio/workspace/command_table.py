@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from enliven_viewer.studio.perform import PERFORM_ACTIONS
 from enliven_viewer.studio.workspace.commands import Commands
 
 
@@ -63,6 +64,10 @@ MENU_COMMANDS = (
     MenuCommand("View", "Bones", ("b",), Commands.bones),
     MenuCommand("View", "Outline of the key pose before", ("o",), lambda d: d.puppets.outline()),
     MenuCommand("View", "Faces that pass through one another", ("w",), lambda d: d.puppets.warn()),
+    *(
+        MenuCommand("Perform", one.shown, one.keys, lambda d, one=one: one.do(d.perform))
+        for one in PERFORM_ACTIONS
+    ),
     MenuCommand("Help", "Keys", ("f1", "h"), lambda d: d.ask("help")),
 )
 """Every command."""

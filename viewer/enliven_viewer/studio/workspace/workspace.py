@@ -10,6 +10,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.perform import Performance, pressed
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.workspace.commands import Commands
@@ -48,10 +49,11 @@ class Workspace:
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
-        self.input = ViewportInput(editor, Commands(editor, self.ask))
+        self.perform = Performance(editor, folder)
+        self.input = ViewportInput(editor, Commands(editor, self.ask, self.perform))
         self.timeline = TimelineInput(editor)
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
-        self.input.first = self.timeline.rows.type
+        self.input.first = lambda key: pressed(self.perform, key) or self.timeline.rows.type(key)
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
         self.store = ProjectStore(editor, folder)
@@ -81,7 +83,7 @@ class Workspace:
             self.attempt(self.store.save)
         elif dialogue == "session" and self.editor.puppets.puppet is None:
             self.editor.toasts.say("No puppet is chosen", "Click the one whose examples are to be saved.")
-        elif dialogue in ("open", "save", "save as", "export", "session"):
+        elif dialogue in ("open", "save", "save as", "export", "session", "perform"):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
             self.asking = dialogue
@@ -110,6 +112,8 @@ class Workspace:
             self.open(path)
         elif dialogue == "export":
             self._export(path)
+        elif dialogue == "perform":
+            self.perform.connect_nearby("--loop", "--recording", str(path))
         elif dialogue == "session":
             save_session(self.editor.project, self.editor.selection.character or "", path)
             self.editor.toasts.say(f"Saved {path.name}", "`enliven examples fit` plays it without a window.")
@@ -222,13 +226,15 @@ class Workspace:
             "save as": (PROJECT,),
             "export": (".glb",),
             "session": SESSIONS,
+            "perform": PERFORMANCES,
         }[dialogue]
         puppet, unnamed = self.editor.puppets.puppet, self.store.path is None
         about_it = dialogue == "session" or (dialogue == "export" and unnamed)
         stem = puppet.id if puppet is not None and about_it else self.store.name
-        name = "" if dialogue == "open" else f"{stem}{endings[0]}"
+        opens = dialogue in ("open", "perform")
+        name = "" if opens else f"{stem}{endings[0]}"
         own = self.store.path if dialogue == "save as" else None
-        self.browser = FileBrowser(folder, endings, name, dialogue != "open", own)
+        self.browser = FileBrowser(folder, endings, name, not opens, own)
         self.asking = dialogue
 
     def _go_on(self) -> None:
