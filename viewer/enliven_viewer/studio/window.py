@@ -257,7 +257,7 @@ class StudioWindow:
             over=self.workspace.input.tool.picture(),
             meshes=editor.show_meshes,
             bones=editor.show_bones and perform.room in ("Animate", "Model"),
-            live=None if perform.live is None else perform.live.scene,
+            live=perform.scene,
         )
         bottom = self._framebuffer_size()[1] - round((area.y + area.height) * scale)
         renderer.present(self._screen, (round(area.x * scale), bottom))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -11,6 +12,7 @@ from enliven.takes import with_performed
 from enliven_viewer.link import EdgeClient, EdgeFeed, StageLink, TakeFeed
 from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import Document, Timeline
+from enliven_viewer.render import Scene
 from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.addresses import Addresses
@@ -144,9 +146,23 @@ class Performance:
     @property
     def hidden(self) -> frozenset[str]:
         """Characters of the project whose live twin is seen in their place: they play nothing just now."""
-        if self._client is None or self.editor.playing or not self.connected:
+        if self._client is None or self.editor.playing or not (self.connected and self._performing):
             return frozenset()
-        return frozenset(name for name in self.sender.states if name in self._client.characters)
+        return frozenset(self.editor.project.characters.keys() & self._client.characters.keys())
+
+    @property
+    def scene(self) -> Scene | None:
+        """What is live, without the twins of characters that are edited or play; None without a link."""
+        if self.live is None:
+            return None
+        scene, own = self.live.scene, self.editor.project.characters.keys()
+        if self._performing and (self.phase == "recording" or not self.editor.playing):
+            return scene
+        return replace(scene, actors=tuple(one for one in scene.actors if one.character.id not in own))
+
+    @property
+    def _performing(self) -> bool:
+        return self.room in ("Perform", "Play")
 
     # Once a picture ---------------------------------------------------------------------------------------
 
@@ -162,7 +178,7 @@ class Performance:
             if self.editor.draft is None:
                 self.sender.advance(self._client.stage, self.editor.project)
             self._go_on(seconds)
-        if self.room in ("Perform", "Play") and self.live.present != self._framed and self.live.scene.box:
+        if self._performing and self.live.present != self._framed and self.live.scene.box:
             self.editor.frame_all(at_once=not self._framed, reset=not self._framed)
             self._framed = self.live.present
 
@@ -187,7 +203,8 @@ class Performance:
             if self._left <= 0.0:
                 self._begin()
         elif self.phase == "recording":
-            self.editor.growing = self._start + self.recorder.seconds
+            # What plays keeps step with the sensor's clock, however many pictures a second there are.
+            self.editor.growing = self.editor.time = self._start + self.recorder.seconds
             if self.recorder.cut or not self.connected:
                 self.stop()
                 self.editor.toasts.say(

@@ -12,7 +12,7 @@ from enliven.wire import Answer, Done, Refused
 from enliven_viewer.link import StageLink
 
 _REST = 0.25
-"""Seconds without another edit after which an edited character is sent: a slider that is dragged is one edit."""
+"""Seconds without another edit after which an edited character is sent: a dragged slider is one edit."""
 
 
 class StageSender:

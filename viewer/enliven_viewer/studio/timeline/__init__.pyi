@@ -1,5 +1,6 @@
 from .drag import TimelineInput as TimelineInput
 from .layout import (
+    GAP as GAP,
     LABELS as LABELS,
     LANE as LANE,
     RULER as RULER,
