@@ -295,8 +295,9 @@ class StudioWindow:
         if not self.opening.bare:
             self._panels(places)
             draw_live(self.workspace, places.viewport, self.pace)
+        asking = self.workspace.asking  # Escape closes the dialogue, and not what is behind it as well
         draw_dialogs(self.workspace)
-        self._listen(places.viewport)
+        self._listen(places.viewport, keys=not asking)
         self.workspace.store.autosave()
         if self.workspace.ended:
             self.workspace.store.close()
@@ -331,7 +332,7 @@ class StudioWindow:
             draw_timeline(self.workspace, places.timeline)
         draw_overlay(self.workspace, places.viewport, tool=room in ("Animate", "Model"))
 
-    def _listen(self, area: Area) -> None:
+    def _listen(self, area: Area, *, keys: bool = True) -> None:
         """Passes pointer, buttons, wheel and keys over the viewport on."""
         io, user_input = imgui.get_io(), self.workspace.input
         at = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
@@ -346,7 +347,7 @@ class StudioWindow:
                 user_input.release(at, button, **held)
         if free and io.mouse_wheel:
             user_input.wheel(io.mouse_wheel)
-        if not io.want_text_input and not self.workspace.asking:
+        if keys and not io.want_text_input and not self.workspace.asking:
             modifiers = "ctrl+" * io.key_ctrl + "shift+" * io.key_shift
             for name, key in KEYS.items():
                 if imgui.is_key_pressed(key, repeat=name in ("left", "right")):
