@@ -1,6 +1,7 @@
 """An edge as a program of its own that replays a performer for ever, with a chair that the performer holds.
 
-Says its ports (free ones, or those that it is given), serves until SIGTERM, and then says the longest frame: its milliseconds of processor time.
+Says its ports (free ones, or those that it is given), serves until SIGTERM, and then says the longest frame:
+its milliseconds of processor time.
 """
 
 import logging
@@ -46,9 +47,8 @@ def main(name: str, folder: Path, rate: float, port: int = 0, control_port: int 
     with Recorder(path, overwrite=True) as recorder:
         for i in range(FRAMES):
             recorder.write_frame(BodyFrame([performer(i)], i * STEP_NS, "kinect2"))
-    chosen = EdgeSettings(
-        nodes=64, wire=WireSettings(name=name, port=port, control_port=control_port, rate=rate)
-    )
+    wire = WireSettings(name=name, port=port, control_port=control_port, rate=rate)
+    chosen = EdgeSettings(nodes=64, wire=wire)
     actor = cast_mesh(load_sample("chair"), "chair", chosen.nodes, fit=False)
     actor.warm_up()
     stage = Stage([actor])

@@ -29,6 +29,7 @@ EDGE = Path(__file__).parents[1] / "system" / "staged_edge.py"
 PATIENCE = 60.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
 said: dict[str, object] = {"done": False}
+wanted: list[str] = []
 
 
 class RealEdge:
@@ -59,13 +60,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
         while not done():
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
-                said["missing"] = [
-                    what,
-                    perform.sender.states,
-                    editor.selection.character,
-                    perform.live and vars(perform.live.document.edge)["message"],
-                    toasts,
-                ]
+                said["missing"] = [what, perform.sender.states, toasts]
                 raise TimeoutError(what)
             ctx.yield_()
 
@@ -77,9 +72,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
         ctx.yield_()
 
     def shot(name: str) -> None:
-        ctx.yield_(2)
-        if len(sys.argv) > 2:
-            Image.fromarray(window.pixels()).save(Path(sys.argv[2]) / f"{name}.png")
+        wanted.append(name)
+        until(lambda: not wanted, "a picture")
 
     click("room Perform")
     ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
@@ -152,6 +146,10 @@ def main() -> None:
         imgui.test_engine.queue_test(engine, test)
 
     def after(window: StudioWindow) -> None:
+        while wanted:
+            name = wanted.pop()
+            if len(sys.argv) > 2:
+                Image.fromarray(window.pixels()).save(Path(sys.argv[2]) / f"{name}.png")
         if "missing" in said:
             workspace.store.forget()
             window.close()

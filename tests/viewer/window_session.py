@@ -15,7 +15,7 @@ from enliven.person.body import Body
 from enliven_viewer.live.stage import LiveStage
 from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import NS
-from enliven_viewer.settings import Opening, RenderSettings
+from enliven_viewer.settings import RenderSettings, WindowStart
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
@@ -60,7 +60,7 @@ def main() -> None:
     workspace = Workspace.new(Editor(settings), Path(sys.argv[1]))
     live = workspace.perform.live = LiveStage(feed, Document())
     workspace.perform.room = "Play"
-    window = StudioWindow(workspace, opening=Opening(bare="bare" in sys.argv, escape_ends=True))
+    window = StudioWindow(workspace, opening=WindowStart(bare="bare" in sys.argv, escape_ends=True))
 
     def after(window: StudioWindow) -> None:
         said["frames"] += 1

@@ -91,7 +91,7 @@ class ViewerSettings:
 
 
 @dataclass(frozen=True)
-class Opening:
+class WindowStart:
     """How the window begins.
 
     Attributes:

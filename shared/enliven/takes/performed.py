@@ -122,9 +122,8 @@ def _layered(
     linear = between(np.array([pose.linear for pose in kept], np.float64), seconds, grid)
     root = between(np.array([pose.positions[0] for pose in kept], np.float64), seconds, grid)
     own = _own_turns(shape, from_matrix(linear))
-    moved = [
-        j for j in range(len(shape.skeleton)) if 2 * np.arccos(min(np.abs(own[:, j, 0]).min(), 1.0)) > _TURNED
-    ]
+    angles = 2 * np.arccos(np.minimum(np.abs(own[:, :, 0]).min(0), 1.0))
+    moved = np.flatnonzero(angles > _TURNED).tolist()
     travels = bool(np.ptp(root, axis=0).max() > _STILL)
     chains = [(int(shape.skeleton.parents[j]), j) if j else (0,) for j in moved]
     take = Clip(

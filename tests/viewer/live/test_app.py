@@ -55,7 +55,7 @@ def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
 
 def test_a_window_without_an_edge_says_where_it_waits(tmp_path: Path) -> None:
     said = in_a_window(str(tmp_path), "empty")
-    assert said["notice"] == "waiting for an edge at tcp://127.0.0.1:5580"
+    assert said["notice"] == "Waiting for a stage at 127.0.0.1:5580"
     assert said["spread"] > 3 and said["errors"] == []
 
 

@@ -10,7 +10,7 @@ from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.overlay.marks import CUE_TINT, CUE_TINTS, cue_rows
 from enliven_viewer.render.scene import SceneCharacter
 from enliven_viewer.studio.perform.actions import PERFORM_ACTIONS
-from enliven_viewer.studio.perform.performance import ROOMS
+from enliven_viewer.studio.perform.session import ROOMS
 
 
 def test_every_key_names_parts_that_there_are() -> None:
@@ -27,7 +27,7 @@ def test_the_choice_goes_round_those_in_view() -> None:
         possession.next_performer(present)
         seen.append(possession.body)
     assert seen == [3, 7, None, 3, None, 5]
-    assert possession.words == "P takes hold: the whole of performer 5"
+    assert possession.words == "P steps in: the whole body of performer 5"
 
 
 def test_smoothing_is_asked_for_whom_it_is_meant_and_ends_at_off() -> None:

@@ -10,7 +10,7 @@ import typer
 from enliven.errors import ResourceError
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
-from enliven_viewer.settings import Opening
+from enliven_viewer.settings import WindowStart
 
 
 def studio(
@@ -52,4 +52,4 @@ def studio(
         workspace.open(file)
     if workspace.store.recoverable():
         workspace.ask("recover")
-    StudioWindow(workspace, opening=Opening(full_screen=fullscreen)).run(seconds=seconds)
+    StudioWindow(workspace, opening=WindowStart(full_screen=fullscreen)).run(seconds=seconds)

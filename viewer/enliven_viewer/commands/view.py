@@ -14,7 +14,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.files import need_folder
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
-from enliven_viewer.settings import Opening, ViewerSettings, sized
+from enliven_viewer.settings import ViewerSettings, WindowStart, sized
 
 LOCAL = "127.0.0.1"
 
@@ -68,7 +68,7 @@ def view(
         if filming:
             _film(take, address, film, sheet, chosen, seconds, hud)
         else:
-            _window(take, address, chosen, seconds, Opening(_title(take), not hud, fullscreen, True))
+            _window(take, address, chosen, seconds, WindowStart(_title(take), not hud, fullscreen, True))
 
 
 _OTHERS = {
@@ -111,7 +111,7 @@ def _film(
 
 
 def _window(
-    take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, opening: Opening
+    take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, opening: WindowStart
 ) -> None:
     """Opens the window in its Play workspace."""
     from enliven_viewer.studio import StudioSettings, StudioWindow

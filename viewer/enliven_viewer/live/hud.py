@@ -154,7 +154,8 @@ def _headline(state: HudState) -> str:
     if state.edge is None:
         return state.title
     phase = f" · {state.edge.phase}" if state.edge.phase else ""
-    return f"{state.edge.address}{phase}" if state.edge.connected else f"no edge at {state.edge.address}"
+    where = state.edge.address.removeprefix("tcp://")
+    return f"Stage at {where}{phase}" if state.edge.connected else f"No stage at {where}"
 
 
 def _signal_word(edge: EdgeState | None) -> str:

@@ -118,7 +118,7 @@ class LiveStage:
         if self.take:
             return ""
         if hidden(self.scene, view):
-            return "some bones point at you: V shows more of them"
+            return "Some bones point at you: V shows more of them"
         return self.possession.words
 
     @property
@@ -128,8 +128,8 @@ class LiveStage:
             return ""
         edge = self.document.edge
         if edge.connected:
-            return "waiting for the edge's characters"
-        return edge.message or f"waiting for an edge at {edge.address}"
+            return "Waiting for the characters of the stage"
+        return edge.message or f"Waiting for a stage at {edge.address.removeprefix('tcp://')}"
 
     def close(self) -> None:
         """Let the feed go."""

@@ -14,7 +14,7 @@ from enliven.arrays import UInt8
 from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
 from enliven_viewer.render.gl import window_context
-from enliven_viewer.settings import Opening
+from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.panels import (
     apply_style,
     draw_dialogs,
@@ -73,6 +73,8 @@ _WITHOUT: dict[str, tuple[str, ...]] = {
     "Play": ("tools", "side"),
 }
 """The panels that each workspace puts out of reach."""
+_USUAL = WindowStart()
+"""With panels, in a window, which asks before it throws work away."""
 _MINIMISED_PAUSE = 0.05
 """Seconds of sleep a picture while the window is minimised and nothing of it is seen."""
 
@@ -86,7 +88,9 @@ class StudioWindow:
         opening: how it begins.
     """
 
-    def __init__(self, workspace: Workspace, step: float | None = None, opening: Opening = Opening()) -> None:
+    def __init__(
+        self, workspace: Workspace, step: float | None = None, opening: WindowStart = _USUAL
+    ) -> None:
         self.workspace, self.step, self.opening = workspace, step, opening
         self.pace = 0.0  # pictures a second of late
         self._windowed: Place | None = None

@@ -10,7 +10,7 @@ from enliven_viewer.live import Hud, HudState, LiveStage, cards_of, time_text, t
 from enliven_viewer.playback import NS
 from enliven_viewer.render.overlay import CUE_TINTS, Pen
 from enliven_viewer.studio.panels.style import packed
-from enliven_viewer.studio.perform import Performance
+from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD, GLASS, INK, Colour
@@ -76,7 +76,7 @@ def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
         live.playhead.scrub(along if along is not None else float(x > size[0] / 2))
 
 
-def _holders(perform: Performance, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _holders(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """Draw who holds what, a line each, with the colour of the performer's skeleton."""
     bottom = area.y + area.height - _BELOW
     for holder in reversed(perform.holders):
@@ -99,7 +99,7 @@ def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> float:  #
     return top
 
 
-def _recording(perform: Performance, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """Draw the beat of the count-in in the middle, or how long is recorded at the top."""
     if perform.counted:
         text = str(perform.counted)

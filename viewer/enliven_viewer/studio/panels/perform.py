@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.live import PARTS, time_text
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
-from enliven_viewer.studio.perform import Performance
+from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD, GOOD, QUIET, WAIT, Colour
@@ -32,7 +32,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         _performers(workspace, perform)
 
 
-def stage_words(perform: Performance) -> tuple[str, Colour]:
+def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     """The state of the link in plain words, and its colour."""
     live = perform.live
     if live is None:
@@ -61,7 +61,7 @@ def _plain(address: str) -> str:
     return address.removeprefix("tcp://") or "the address"
 
 
-def _stage(workspace: Workspace, perform: Performance) -> None:
+def _stage(workspace: Workspace, perform: PerformSession) -> None:
     heading("Stage")
     words, colour = stage_words(perform)
     at = imgui.get_cursor_screen_pos()
@@ -108,7 +108,7 @@ def _stage(workspace: Workspace, perform: Performance) -> None:
     told("A figure that waves and walks, for trying things out")
 
 
-def _recording(workspace: Workspace, perform: Performance) -> None:
+def _recording(workspace: Workspace, perform: PerformSession) -> None:
     heading("Record")
     if perform.phase == "recording":
         with tinted(BAD, imgui.Col_.button):
@@ -129,7 +129,7 @@ def _recording(workspace: Workspace, perform: Performance) -> None:
     workspace.remember("replaces")
 
 
-def _characters(workspace: Workspace, perform: Performance) -> None:
+def _characters(workspace: Workspace, perform: PerformSession) -> None:
     heading("Characters on the stage")
     standing = perform.standing
     if not standing:
@@ -153,7 +153,7 @@ def _characters(workspace: Workspace, perform: Performance) -> None:
             told("A person can step into it then. It follows every edit  (Ctrl+Enter)")
 
 
-def _character(workspace: Workspace, perform: Performance, name: str) -> None:
+def _character(workspace: Workspace, perform: PerformSession, name: str) -> None:
     who = [one for one in perform.holders if one.character == name]
     label = f"{name}  ·  {'held' if who else 'free'}"
     own = name in workspace.editor.project.characters
@@ -167,13 +167,13 @@ def _character(workspace: Workspace, perform: Performance, name: str) -> None:
         workspace.remember(f"remove {name}")
 
 
-def _performers(workspace: Workspace, perform: Performance) -> None:
+def _performers(workspace: Workspace, perform: PerformSession) -> None:
     heading("Performers")
     live = perform.live
     assert live is not None
     present, choice = perform.performers, live.possession
     if not present:
-        quiet("Nobody is in view. Step in front of the camera.")
+        quiet("" if not perform.connected else "Nobody is in view. Step in front of the camera.")
         return
     names = ["Whoever is free", *(f"Performer {one}" for one in present)]
     at = 1 + present.index(choice.body) if choice.body in present else 0

@@ -101,7 +101,8 @@ def _caption(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no
 
 
 def _toasts(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
-    bottom = area.y + area.height - 14
+    live = workspace.perform.room == "Play" and workspace.perform.live is not None
+    bottom = area.y + area.height - (70 if live else 14)  # above the live timeline
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8
 

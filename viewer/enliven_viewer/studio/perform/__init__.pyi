@@ -4,4 +4,4 @@ from .actions import (
     pressed as pressed,
 )
 from .holders import Holder as Holder
-from .performance import ROOMS as ROOMS, Performance as Performance
+from .session import ROOMS as ROOMS, PerformSession as PerformSession

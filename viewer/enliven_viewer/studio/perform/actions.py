@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from enliven_viewer.live import PARTS, LiveStage
-from enliven_viewer.studio.perform.performance import ROOMS, Performance
+from enliven_viewer.studio.perform.session import ROOMS, PerformSession
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class PerformAction:
 
     label: str
     key: str
-    do: Callable[[Performance], object]
+    do: Callable[[PerformSession], object]
     rooms: tuple[str, ...] = ()
 
     @property
@@ -36,21 +36,21 @@ _SIGNS = {"comma": ",", "period": "."}
 """Keys that are read as signs."""
 
 
-def _live(act: Callable[[LiveStage], object]) -> Callable[[Performance], object]:
+def _live(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
     """An action on what is followed; without a link it does nothing."""
     return lambda performance: act(performance.live) if performance.live is not None else None
 
 
-def _go(room: str) -> Callable[[Performance], object]:
+def _go(room: str) -> Callable[[PerformSession], object]:
     return lambda performance: setattr(performance, "room", room)
 
 
 _HERE = ("Perform", "Play")
 PERFORM_ACTIONS = (
     *(PerformAction(f"Workspace: {room}", f"ctrl+{n + 1}", _go(room)) for n, room in enumerate(ROOMS)),
-    PerformAction("Put the chosen character on the stage", "ctrl+enter", Performance.put),
-    PerformAction("Take the chosen character from the stage", "", Performance.take_off),
-    PerformAction("Record, or end the recording", "ctrl+r", Performance.record),
+    PerformAction("Put the chosen character on the stage", "ctrl+enter", PerformSession.put),
+    PerformAction("Take the chosen character from the stage", "", PerformSession.take_off),
+    PerformAction("Record, or end the recording", "ctrl+r", PerformSession.record),
     PerformAction("Possess alone", "p", _live(LiveStage.possess), _HERE),
     PerformAction("Possess beside others", "j", _live(lambda live: live.possess("join")), _HERE),
     PerformAction("Hold with these parts as well", "e", _live(lambda live: live.possess("extend")), _HERE),
@@ -82,7 +82,7 @@ PERFORM_ACTIONS = (
 """Every action, the ones of all workspaces first."""
 
 
-def pressed(performance: Performance, key: str) -> bool:
+def pressed(performance: PerformSession, key: str) -> bool:
     """Do what a key means in the workspace; returns whether it meant something."""
     for action in PERFORM_ACTIONS:
         if action.key != key or (action.rooms and performance.room not in action.rooms):

@@ -79,7 +79,7 @@ class LiveRecorder:
                 self._kept.events.append(value)
 
     def restarted(self) -> None:
-        """Another clock begins, and nobody holds anything."""
+        """Another clock begins, and all holds are over."""
         self.newest_ns, self.cut = None, self.recording
         self._frames.clear()
         self.holders.forget()

@@ -23,7 +23,7 @@ from enliven.motion.contact import pin_feet, unpin
 from enliven.motion.layers import clear_chain, copy_motion
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform import Performance
+from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove_joint
 from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, aside
@@ -41,10 +41,10 @@ class Commands:
         self,
         editor: Editor,
         ask: Callable[[str], None] = lambda dialogue: None,
-        perform: Performance | None = None,
+        perform: PerformSession | None = None,
     ) -> None:
         self.editor, self.ask = editor, ask
-        self.perform = perform or Performance(editor)
+        self.perform = perform or PerformSession(editor)
         self._copied: tuple[Project, str] | None = None
         self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None

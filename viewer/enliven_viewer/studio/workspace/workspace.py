@@ -10,7 +10,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.perform import Performance, pressed
+from enliven_viewer.studio.perform import PerformSession, pressed
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.workspace.commands import Commands
@@ -49,7 +49,7 @@ class Workspace:
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
-        self.perform = Performance(editor, folder)
+        self.perform = PerformSession(editor, folder)
         self.input = ViewportInput(editor, Commands(editor, self.ask, self.perform))
         self.timeline = TimelineInput(editor)
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose

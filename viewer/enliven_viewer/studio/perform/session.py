@@ -28,7 +28,7 @@ _COUNT = 3.0
 Phase = Literal["idle", "counting", "recording"]
 
 
-class Performance:
+class PerformSession:
     """The link of a window to one edge, or to a take, and the recording from it.
 
     Args:
@@ -145,7 +145,7 @@ class Performance:
 
     @property
     def hidden(self) -> frozenset[str]:
-        """Characters of the project whose live twin is seen in their place: they play nothing just now."""
+        """Characters of the project that are at rest, and seen as they stand on the edge's stage instead."""
         if self._client is None or self.editor.playing or not (self.connected and self._performing):
             return frozenset()
         return frozenset(self.editor.project.characters.keys() & self._client.characters.keys())
