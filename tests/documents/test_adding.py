@@ -42,6 +42,19 @@ def test_a_reader_is_one_class(with_wall_reader, tmp_path, capsys):
     assert "line 2 is no whole number" in capsys.readouterr().err
 
 
+def test_an_action_is_one_line(tmp_path):
+    names: dict = {}
+    exec(compile(next(code for code in CODE if "add_slow" in code), "CONTRIBUTING.md", "exec"), names)
+    workspace = Workspace.new(Editor(), tmp_path)
+    names["add_slow"](workspace)
+    workspace.input.key("ctrl+f9")
+    assert workspace.editor.speed == 1.0 and "Nothing is there" in workspace.editor.toasts.shown[-1].text
+    bone = Skeleton(("a", "b"), np.array([-1, 0]), np.array([[0, 0.5, 0], [0, 1.5, 0.0]]))
+    workspace.store.new(Project().with_characters(still_shape("bone", bone)))
+    workspace.input.key("ctrl+f9")
+    assert workspace.editor.speed == 0.5 and workspace.actions.find("half")[0].id == "view.slow"
+
+
 def test_a_tool_is_one_class_and_one_line(tmp_path, monkeypatch):
     names: dict = {}
     exec(compile(next(code for code in CODE if "FloorTool" in code), "CONTRIBUTING.md", "exec"), names)

@@ -82,10 +82,11 @@ class CageRig(RigEdits):
         corners = cage.corners + cage.bent
         for layer in cage.layers:
             stream = project.streams[layer.take]
-            frame = (0.0 if layer.muted else layer.played(time, stream.duration)[0]) / stream.step
-            first = min(int(frame), len(stream.positions) - 2)
-            ways = stream.positions[first : first + 2]
-            corners = corners + ways[0] + (frame - first) * (ways[1] - ways[0])
+            at = layer.moment(time, stream.duration)
+            weight = 0.0 if layer.muted else at.weight
+            ways = [_way(stream, second) for second in (0.0, at.second, at.other)]
+            played = ways[1] + at.share * (ways[2] - ways[1])
+            corners = corners + ways[0] + weight * (played - ways[0])
         return corners @ cage.linear.T + cage.place
 
     def centre(self, cage: Cage) -> Float:
@@ -155,6 +156,14 @@ class CageRig(RigEdits):
         faces = np.concatenate([host.mesh.faces, graft.mesh.faces + len(host.mesh.vertices)])
         mesh = Mesh(vertices, faces.astype(np.int32), host.mesh.name)
         return project.without(graft.id).with_characters(host.with_changes(mesh=mesh))
+
+
+def _way(stream: PoseStream, second: float) -> Float:
+    """(4, 3) metres, what a stream says at a second of it."""
+    frame = second / stream.step
+    first = min(int(frame), len(stream.positions) - 2)
+    one, other = stream.positions[first : first + 2]
+    return np.asarray(one + (frame - first) * (other - one))
 
 
 def _mapped(cage: Cage, linear: Float, about: Float, to: Float) -> Cage:

@@ -13,6 +13,7 @@ from enliven.settings import setting
 Encoder = Literal[
     "auto", "libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "libvpx-vp9", "mpeg4"
 ]  # of enliven.film_encoders
+LookName = Literal["studio", "night", "white", "dawn", "garden"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,27 @@ class RenderSettings:
         0.10, "Closer to the body's surface than this, the mesh is transparent.", unit="metres", low=0, high=2
     )
     reveal_opacity: float = setting(0.16, "Opacity of the mesh where the body is inside it.", low=0, high=1)
+    look: LookName = setting("studio", "Light, backdrop and floor.")
+    grid: bool = setting(True, "Lines on the floor, half a metre apart, where the look has them.")
+    backdrop: str = setting("", "Colour of the backdrop, such as '#22334a'; empty: the look's own.")
+    brightness: float = setting(1.0, "All light, times this.", low=0.1, high=10)
+    light_around: float = setting(
+        37.4,
+        "Where the key light comes from: 0 is the front, 90 the right.",
+        unit="degrees",
+        low=-180,
+        high=180,
+    )
+    light_up: float = setting(
+        55.3, "How high the key light is above the horizon.", unit="degrees", low=15, high=90
+    )
+    texture_size: int = setting(2048, "Larger textures are made smaller.", unit="pixels", low=16, high=16384)
+    anisotropy: int = setting(4, "Sharpness of textures seen at a slant; 1 is least.", low=1, high=16)
+
+    def __post_init__(self) -> None:
+        if self.backdrop and not re.fullmatch(r"#[0-9a-fA-F]{6}", self.backdrop):
+            mend = "Give six hexadecimal digits, such as '#22334a'."
+            raise InputError(f"{self.backdrop!r} is no colour", where="render.backdrop", mend=mend)
 
     @property
     def opening(self) -> float:

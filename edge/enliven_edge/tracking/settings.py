@@ -108,6 +108,12 @@ class SmoothingSettings:
     turn: float = setting(
         1.5, "How much the cut-off rises with the speed of turning.", unit="Hz/(rad/s)", low=0.0, high=100.0
     )
+    undelayed: float = setting(
+        1.0,
+        "Share of the filter's own delay made up for by prediction where a joint moves.",
+        low=0.0,
+        high=1.0,
+    )
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from enliven.arrays import Float, Int
 from enliven.deformation.constraints import ObservedPoints
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame, Frame
-from enliven.person import Body
+from enliven.person import Body, Joint
 from enliven_edge.landmarks import ColourPoseEstimator
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.fit import Fitter
@@ -24,6 +26,16 @@ _YOUNG = 1.0
 """Seconds of a room's age up to which people may have been learnt as a part of it."""
 _SURFACE = 0.05
 """Metres from a person's surface within which such a part of the room is the person: the fit's error."""
+
+_LEGS_WITHOUT_FLOOR = 0.5
+"""Confidence of a knee, ankle or foot at the most while the floor is not known: where it is guessed, shins
+end on the guess."""
+_AT_FIRST = 0.6
+"""Confidence of a joint at the most in the frame in which its person is found: one look at a pattern on a
+wall may fit a body."""
+_EARNED_NS = 300_000_000
+"""Nanoseconds after which that bound is gone: in some ten frames a pattern has lost its body."""
+_IS_LEG = np.isin(np.arange(len(Joint)), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 
 
 class Tracker:
@@ -164,17 +176,24 @@ class Tracker:
     def _room_of(self, view: FrameView) -> RoomModel:
         """The room model, a new one where the sensor was moved or exchanged."""
         mounting = self._mounting
-        if mounting.new_camera or (mounting.new_place and mounting.far_away):
+        if mounting.new_camera or mounting.levelled or (mounting.new_place and mounting.far_away):
             self._people.sensor_moved(view.time_ns)
         if self._room is None or mounting.new_camera or mounting.new_place:
             self._room = RoomModel(view.z.shape, self.settings.room)
         return self._room
+
+    def _most_sure(self, age_ns: int) -> Float:
+        """(20,) the most confidence of a person's joints who was found so many nanoseconds ago."""
+        earned = min(max(age_ns / _EARNED_NS, 0.0), 1.0)
+        legs = 1.0 if self._mounting.floor_known else _LEGS_WITHOUT_FLOOR
+        return np.minimum(_AT_FIRST + (1.0 - _AT_FIRST) * earned, np.where(_IS_LEG, legs, 1.0))
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:
         """The bodies that leave the tracker: each performer's fit, processed as the settings say."""
         fits = []
         for person in self.performers:
             posture, sure = person.follower.posture, person.follower.confidence
+            sure = np.minimum(sure, self._most_sure(frame.time_ns - person.found_ns))
             turns, stature = posture.orientations(), person.looks.stature
             fits.append(Body(person.id, posture.joints(), sure, turns, stature=stature))
         if self.colour is not None and self.world_from_camera is not None:

@@ -27,7 +27,7 @@ from .possessed import (
     graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_of as graph_shape_of,
 )
-from .project import Project as Project, same as same
+from .project import Marker as Marker, Project as Project, same as same
 from .naming import unused as unused
 from .props import BALL as BALL, BOX as BOX, Props as Props
 from .puppet import (
@@ -42,4 +42,12 @@ from .rig import RigBase as RigBase
 from .rigged import Shape as Shape, character_of as character_of, still_shape as still_shape
 from .skeleton import Skeleton as Skeleton, skeleton_of as skeleton_of
 from .surface_settings import ArapSettings as ArapSettings
-from .time_map import Playing as Playing, TimeMap as TimeMap
+from .smoothing import smoothed as smoothed
+from .time_map import (
+    Moment as Moment,
+    Playing as Playing,
+    Segment as Segment,
+    TimeMap as TimeMap,
+    eased as eased,
+    run_of as run_of,
+)

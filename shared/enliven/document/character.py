@@ -15,6 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int32, UInt8, UInt16
 from enliven.errors import InputError
+from enliven.meshes import MeshMaterials
 
 if TYPE_CHECKING:
     from enliven.document.surface_settings import ArapSettings
@@ -45,6 +46,7 @@ class Character:
         pulls: (J - 1,) float32, how hard each pulls as a soft handle, 0 for a hard one; None: all are hard.
         surface: how the surface follows them; None: as the defaults say.
         names: (J,) of the joints that the bones end at, each once; None where they have none.
+        materials: the materials of the faces with their textures, or None: the colours are all there is.
     """
 
     id: str
@@ -59,6 +61,7 @@ class Character:
     pulls: Float32 | None = None
     surface: ArapSettings | None = None
     names: tuple[str, ...] | None = None
+    materials: MeshMaterials | None = None
 
     def __post_init__(self) -> None:
         problem = _problem_of(self)
@@ -83,6 +86,8 @@ def _problem_of(character: Character) -> str:
         return "it has no vertices, no faces or no pivots"
     if character.skin.indices.shape != (vertices, 4) or character.skin.weights.shape != (vertices, 4):
         return f"the skin weights are {character.skin.indices.shape}, expected ({vertices}, 4)"
+    if character.materials is not None and len(character.materials.of) != len(character.faces):
+        return f"{len(character.materials.of)} faces have materials, expected {len(character.faces)}"
     if character.colours is not None and character.colours.shape != (vertices, 3):
         return f"the colours are {character.colours.shape}, expected ({vertices}, 3)"
     if (character.kind == "points") != (character.held is not None):

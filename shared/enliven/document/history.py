@@ -69,6 +69,30 @@ class History:
         return tuple(step.name for step in self._steps[1 : self._at + 1])
 
     @property
+    def steps(self) -> tuple[str, ...]:
+        """Every step, those that were undone too; the first has no name, and is the project as it began."""
+        return tuple(step.name for step in self._steps)
+
+    @property
+    def at(self) -> int:
+        """The number of the step that made the project as it is now."""
+        return self._at
+
+    def go(self, step: int) -> Project:
+        """The project after a step, back or on.
+
+        Raises:
+            InputError: where there is no such step.
+        """
+        if not 0 <= step < len(self._steps):
+            raise InputError(
+                f"there is no step {step}", where="history", mend=f"The last is {len(self._steps) - 1}."
+            )
+        self.end_drag()
+        self._at = step
+        return self.project
+
+    @property
     def megabytes(self) -> float:
         """Memory of the arrays of all steps, each array counted once."""
         return self._bytes / 1e6

@@ -231,7 +231,8 @@ def graph_shape_of(
     linear = np.array([pose.linear for pose in poses], np.float64)
     positions = np.array([pose.positions for pose in poses], np.float64)
     stream = PoseStream(stream_id, linear, positions, seconds)
-    mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id, character.colours)
+    vertices = np.asarray(character.vertices, np.float64)
+    mesh = Mesh(vertices, character.faces, character.id, character.colours, character.materials)
     part = GraphPart(stream_id, np.arange(len(character.pivots)))
     pivots = np.asarray(character.pivots, np.float64)
     return GraphShape(character.id, pivots, character.edges, mesh, character.skin, (part,)), stream
@@ -248,6 +249,7 @@ def character_of_graph(shape: GraphShape) -> Character:
         shape.edges,
         "graph",
         shape.mesh.colours,
+        materials=shape.mesh.materials,
     )
 
 

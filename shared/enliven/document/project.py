@@ -15,10 +15,29 @@ from enliven.document.possessed import GraphShape, PoseStream
 from enliven.document.puppet import Puppet
 from enliven.document.rig import RigBase
 from enliven.document.rigged import Shape
+from enliven.document.smoothing import smoothed
 from enliven.document.time_map import Playing
 from enliven.errors import InputError
 
 R = TypeVar("R", bound=RigBase)
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A moment of the project with a name.
+
+    Attributes:
+        id: its name.
+        seconds: of the project's time.
+    """
+
+    id: str
+    seconds: float
+
+    def __post_init__(self) -> None:
+        if not (self.id and 0.0 <= self.seconds < float("inf")):
+            what = f"a marker {self.id!r} cannot be at {self.seconds} s"
+            raise InputError(what, where="project", mend="Give a name, and seconds from 0 on.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +49,7 @@ class Project:
         takes: what performers did, as motion of a skeleton.
         streams: what possessed meshes did, as motion of their nodes.
         bodies: what performers did, as it was tracked: possessed meshes are solved from it.
+        markers: moments with names, in the order in which they were made.
 
     Raises:
         InputError: where a character plays a take that is not there.
@@ -39,6 +59,7 @@ class Project:
     takes: Mapping[str, Clip] = field(default_factory=dict)
     streams: Mapping[str, PoseStream] = field(default_factory=dict)
     bodies: Mapping[str, BodyTake] = field(default_factory=dict)
+    markers: Mapping[str, Marker] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for part in fields(self):
@@ -126,8 +147,15 @@ class Project:
 
     def length_of(self, layer: Playing) -> float:
         """Seconds of the take that a layer plays."""
+        return self._recorded(layer).duration
+
+    def take_of(self, layer: Playing) -> Clip | PoseStream:
+        """The take that a layer plays, as smooth as it plays it."""
+        return smoothed(self._recorded(layer), layer.smooth)
+
+    def _recorded(self, layer: Playing) -> Clip | PoseStream:
         held: Mapping[str, Clip | PoseStream] = self.streams if layer.source == "streams" else self.takes
-        return held[layer.take].duration
+        return held[layer.take]
 
     def end_of(self, character: RigBase) -> float:
         """The time at which each of a character's layers that is not muted was played once; 0 without."""

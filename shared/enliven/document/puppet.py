@@ -219,6 +219,7 @@ def character_of_puppet(puppet: Puppet) -> Character:
         held=np.array([point.vertex for point in puppet.points], np.int32),
         pulls=np.array([point.weight or 0.0 for point in puppet.points], np.float32),
         surface=puppet.surface,
+        materials=puppet.mesh.materials,
     )
 
 

@@ -158,6 +158,7 @@ def character_of(shape: Shape) -> Character:
         kind="bones",
         colours=shape.mesh.colours,
         names=skeleton.names,
+        materials=shape.mesh.materials,
     )
 
 

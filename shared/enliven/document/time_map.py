@@ -3,77 +3,216 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 from enliven.errors import InputError
+
+_NEAR = 1e-9
+"""Seconds within which two clips meet: rounding."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of a lane that plays a stretch of a take: what a timeline shows as one clip.
+
+    Attributes:
+        begin, end: seconds of the lane.
+        first: the second of the take that is played at ``begin``; before the take's first and after its last
+            frame these stand.
+        speed: seconds of the take for a second of the lane; below 0 backwards.
+    """
+
+    begin: float
+    end: float
+    first: float = 0.0
+    speed: float = 1.0
+
+    @property
+    def last(self) -> float:
+        """The second of the take that is played at :attr:`end`."""
+        return self.first + (self.end - self.begin) * self.speed
+
+    def second(self, at: float) -> float:
+        """The second of the take at a second of the lane."""
+        return self.first + (at - self.begin) * self.speed
+
+
+class Moment(NamedTuple):
+    """What a layer plays at one time: ``(1 - share)`` of one second of its take and ``share`` of another.
+
+    ``rounds`` is how often the lane was played to its end before; ``weight``, from 0 to 1, how far the layer
+    is heard: 0 where it plays nothing and does not hold.
+    """
+
+    second: float
+    other: float
+    share: float
+    rounds: int
+    weight: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TimeMap:
     """When a take is played; the layers of all rigs are time maps.
 
-    At t seconds of the project, (t - offset) speed seconds of the take are played, counted from its end where
-    the speed is below 0. Before its begin and after its end the take stands still, unless it loops.
+    A layer plays a lane of segments, one after another; two that overlap are blended over the overlap. Its
+    lane without segments is the take once. At t seconds of the project, (t - offset) speed seconds of the
+    lane are played, counted from its end where the speed is below 0. Outside of its segments a layer holds
+    the frame that was played last, or plays nothing; or its lane begins again.
 
     Attributes:
-        offset: seconds of the project's time at which the take begins.
+        offset: seconds of the project's time at which the lane begins.
         speed: 1 as recorded; 0.5 half as fast; below 0 backwards from the end.
-        loop: begin again at the end; otherwise the last frame stays.
+        loop: begin again at the end; otherwise the last frame stays, or nothing does.
+        segments: of the lane, the first from 0 on; none: the take from its first frame to its last.
+        hold: whether the frame at an end stands beyond it; otherwise nothing is played there, as if muted.
+        ease: seconds of the lane over which a layer that does not hold comes in and goes out.
+        smooth: seconds over which the take is smoothed as it is played; 0 plays it as recorded.
     """
 
     offset: float = 0.0
     speed: float = 1.0
     loop: bool = False
+    segments: tuple[Segment, ...] = ()
+    hold: bool = True
+    ease: float = 0.0
+    smooth: float = 0.0
 
     def check_time(self, where: str) -> None:
         """Refuse numbers that cannot be played.
 
         Raises:
-            InputError: where one is not finite, or the speed is 0.
+            InputError: where one is not finite, a speed is 0, or segments do not follow one another.
         """
+        object.__setattr__(self, "segments", tuple(self.segments))
         if self.speed == 0.0 or not (math.isfinite(self.offset) and math.isfinite(self.speed)):
             what = f"offset {self.offset}, speed {self.speed} cannot be played"
             raise InputError(what, where=where, mend="Give seconds, and a speed that is not 0.")
+        if not (0.0 <= self.ease < math.inf and 0.0 <= self.smooth < math.inf):
+            what = f"it cannot come in over {self.ease} s and be smoothed over {self.smooth} s"
+            raise InputError(what, where=where, mend="Give seconds from 0 on.")
+        if problem := _problem_of(self.segments):
+            raise InputError(problem, where=where, mend="Move a clip away, or trim it.")
 
-    def played(self, time: float, length: float) -> tuple[float, int]:
-        """The second of a take of ``length`` seconds that is played at a time of the project.
+    def lane(self, length: float) -> tuple[Segment, ...]:
+        """The segments that are played of a take of ``length`` seconds, at least one."""
+        return self.segments or (Segment(0.0, length),)
+
+    def ends(self, length: float) -> tuple[float, float]:
+        """The seconds of a take of ``length`` seconds that are played at the lane's begin and its end."""
+        lane = self.lane(length)
+        return _within(lane[0].first, length), _within(lane[-1].last, length)
+
+    def extent(self, length: float) -> float:
+        """Seconds of the lane from its begin to its end."""
+        return self.segments[-1].end if self.segments else length
+
+    def moment(self, time: float, length: float) -> Moment:
+        """What is played of a take of ``length`` seconds at a time of the project.
 
         :class:`enliven.motion.layers.timing.Clocks` is the same for many layers and times, compiled.
+        """
+        extent, lane = self.extent(length), self.lane(length)
+        at = (time - self.offset) * self.speed + (extent if self.speed < 0.0 else 0.0)
+        rounds = math.floor(at / extent) if self.loop and extent > 0.0 else 0
+        at -= rounds * extent
+        number = max((k for k, one in enumerate(lane) if one.begin <= at), default=0)
+        now, before = lane[number], lane[max(number - 1, 0)]
+        weight = 1.0
+        if not self.hold:
+            weight = self._weight(at, rounds, lane, number)
+        # A clip that is over holds its last frame until the next begins.
+        second = _within(now.second(min(max(at, now.begin), now.end)), length)
+        if number and at < before.end:
+            share = eased((at - now.begin) / (before.end - now.begin))
+            return Moment(_within(before.second(at), length), second, share, rounds, weight)
+        return Moment(second, second, 0.0, rounds, weight)
+
+    def _weight(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
+        """How far a layer that does not hold is heard at a second of its lane, which is of a round."""
+        begin, end = run_of(lane, number)
+        if self.loop:
+            # Where rounds follow one another without a gap, it comes in once; before the first it is silent.
+            if (rounds < 0 and self.speed > 0.0) or (rounds > 0 and self.speed < 0.0):
+                return 0.0
+            begin = -math.inf if begin <= _NEAR and rounds else begin
+            end = math.inf if end >= lane[-1].end - _NEAR else end
+        if not begin <= at <= end:
+            return 0.0
+        return eased(min((at - begin) / self.ease, (end - at) / self.ease, 1.0)) if self.ease > 0.0 else 1.0
+
+    def played(self, time: float, length: float) -> tuple[float, int]:
+        """The second of a take of ``length`` seconds that is played most at a time of the project.
 
         Returns:
-            The second, within [0, length]; and how many times the take was played to its end before, 0
+            The second, within [0, length]; and how many times the lane was played to its end before, 0
             without a loop.
         """
-        played = (time - self.offset) * self.speed + (length if self.speed < 0.0 else 0.0)
-        rounds = math.floor(played / length) if self.loop and length > 0.0 else 0
-        return min(max(played - rounds * length, 0.0), length), rounds
+        found = self.moment(time, length)
+        return (found.other if found.share > 0.5 else found.second), found.rounds
 
     def time_of(self, second: float, length: float) -> float:
-        """The time of the project at which a second of the take is played first."""
-        return self.offset + (second - (length if self.speed < 0.0 else 0.0)) / self.speed
+        """The time of the project at which a second of the take is played first; or would be, where none of
+        the segments has it."""
+        lane = self.lane(length)
+        places = [one.begin + (second - one.first) / one.speed for one in lane]
+        inside = [at for at, one in zip(places, lane, strict=True) if one.begin <= at <= one.end]
+        at = min(inside) if inside else places[0]
+        return self.offset + (at - (self.extent(length) if self.speed < 0.0 else 0.0)) / self.speed
+
+    def plays(self, second: float, length: float) -> bool:
+        """Whether a second of the take is played at any time: it may have been trimmed off."""
+        ends = (sorted((one.first, one.last)) for one in self.lane(length))
+        return any(low - _NEAR <= second <= high + _NEAR for low, high in ends)
 
     def lasting(self, length: float) -> float:
-        """Seconds of the project that one round of a take of ``length`` seconds lasts."""
-        return length / abs(self.speed)
+        """Seconds of the project that one round with a take of ``length`` seconds lasts."""
+        return self.extent(length) / abs(self.speed)
 
     def end(self, length: float) -> float:
-        """The time of the project at which a take of ``length`` seconds has been played once."""
+        """The time of the project at which a lane with a take of ``length`` seconds has been played once."""
         return self.offset + self.lasting(length)
 
     def later(self, delay: float) -> Self:
         """The same, ``delay`` seconds later."""
         return replace(self, offset=self.offset + delay)
 
-    def ending(self, end: float, length: float, slowest: float, fastest: float) -> Self:
-        """The same way round, at the speed with which a take of ``length`` seconds ends at ``end``.
+    def clips(self, length: float) -> tuple[Segment, ...]:
+        """The segments in seconds of the project, in the order of time."""
+        extent, speed = self.extent(length), self.speed
+        start = self.offset - (extent / speed if speed < 0.0 else 0.0)
+        made = []
+        for one in self.lane(length):
+            low, high = sorted((start + one.begin / speed, start + one.end / speed))
+            made.append(Segment(low, high, one.first if speed > 0.0 else one.last, one.speed * speed))
+        return tuple(sorted(made, key=lambda one: one.begin))
 
-        Args:
-            slowest, fastest: bounds of the speed.
+    def with_clips(self, clips: Sequence[Segment], length: float) -> Self:
+        """The same with other segments, in seconds of the project; one that plays all is no segment.
+
+        Raises:
+            InputError: where they are none, or do not follow one another.
         """
-        speed = min(max(length / max(end - self.offset, 1e-3), slowest), fastest)
-        return replace(self, speed=speed if self.speed > 0.0 else -speed)
+        if not clips:
+            raise InputError("nothing is left to be played", where="clip", mend="Remove the layer instead.")
+        ordered = sorted(clips, key=lambda one: one.begin)
+        first, start = ordered[0], ordered[0].begin
+        low, high = sorted((first.first, first.last))
+        if len(ordered) == 1 and abs(low) < _NEAR and abs(high - length) < _NEAR:
+            return replace(self, offset=start, speed=first.speed, segments=())
+        lane = tuple(replace(one, begin=one.begin - start, end=one.end - start) for one in ordered)
+        return replace(self, offset=start, speed=1.0, segments=lane)
+
+    def when(self) -> tuple[object, ...]:
+        """All that decides when and how its take is played: layers with the same share a bar."""
+        return tuple(getattr(self, one.name) for one in fields(TimeMap))
+
+    def timeless(self) -> Self:
+        """The same as the take is: from 0 on, once, at its own speed, and not smoothed."""
+        return replace(self, **{one.name: one.default for one in fields(TimeMap)})
 
 
 class Playing(TimeMap):
@@ -101,3 +240,37 @@ class Playing(TimeMap):
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
         """The same layer with other ids of what it refers to."""
         return replace(self, take=names[self.source, self.take])  # type: ignore[call-arg]
+
+
+def eased(share: float) -> float:
+    """How far a blend has gone that began and will end without a jump in speed: 3 s^2 - 2 s^3."""
+    return share * share * (3.0 - 2.0 * share)
+
+
+def run_of(lane: Sequence[Segment], number: int) -> tuple[float, float]:
+    """From where to where segments follow one another without a gap, around one of them."""
+    low = high = number
+    while low > 0 and lane[low - 1].end >= lane[low].begin - _NEAR:
+        low -= 1
+    while high + 1 < len(lane) and lane[high].end >= lane[high + 1].begin - _NEAR:
+        high += 1
+    return lane[low].begin, lane[high].end
+
+
+def _within(second: float, length: float) -> float:
+    return min(max(second, 0.0), length)
+
+
+def _problem_of(segments: Sequence[Segment]) -> str:
+    numbers = [x for one in segments for x in (one.begin, one.end, one.first, one.speed)]
+    if not all(math.isfinite(x) for x in numbers) or any(one.speed == 0.0 for one in segments):
+        return "a clip of it has no begin, no end or no speed"
+    if any(one.end <= one.begin for one in segments):
+        return "a clip of it has no length"
+    if segments and abs(segments[0].begin) > _NEAR:
+        return "its first clip does not begin where it begins"
+    if any(b.begin <= a.begin or b.end <= a.end for a, b in pairwise(segments)):
+        return "one clip of it lies within another"
+    if any(c.begin < a.end - _NEAR for a, c in zip(segments, segments[2:], strict=False)):
+        return "three clips of it play at once"
+    return ""

@@ -22,6 +22,7 @@ from enliven.document import (
     Puppet,
     PuppetLayer,
     Skeleton,
+    smoothed,
 )
 from enliven.errors import InputError
 from enliven.examples.performer import performed
@@ -83,9 +84,9 @@ class Material:
 def material_of(project: Project, puppet: Puppet, layer: PuppetLayer) -> Material:
     """The inputs that the motion of a layer depends on."""
     shown = tuple(Weak(project.takes[pose.take]) for pose in puppet.poses)
-    timeless = replace(layer, offset=0.0, speed=1.0, loop=False, muted=False)
+    timeless = replace(layer.timeless(), muted=False)
     values = (puppet.points, puppet.poses, puppet.symmetry, Weak(puppet.mesh), shown)
-    take = Weak(project.takes[layer.take])
+    take = Weak(smoothed(project.takes[layer.take], layer.smooth))
     return Material(*values, take, timeless, puppet.examples, puppet.locomotion, puppet.id)
 
 

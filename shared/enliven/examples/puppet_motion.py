@@ -61,24 +61,32 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
     Raises:
         InputError: as :func:`motion_of` does.
     """
-    places, yaw, root, travels = puppet.rest.copy(), 0.0, np.zeros(3), False
+    places, yaw, root, free = puppet.rest.copy(), 0.0, np.zeros(3), 1.0
     for number, layer in enumerate(puppet.layers):
         if layer.muted or layer.weight == 0.0:
             continue
         motion = motion_of(project, puppet, number)
-        frame, rounds = clock(layer, motion, time)
-        moved = list(motion.points)
-        places[moved] += layer.weight * (motion.places_at(frame)[moved] - places[moved])
-        if motion.travels and not travels:
-            travels = True
-            yaw, root = motion.way_at(frame, rounds)
+        length = (motion.frames - 1) * motion.step
+        at, ends = layer.moment(time, length), layer.ends(length)
+        moved, frames = list(motion.points), [motion.frame_of(at.second)]
+        shares = [1.0]
+        if at.share > 0.0:
+            frames, shares = [*frames, motion.frame_of(at.other)], [1.0 - at.share, at.share]
+        played = sum(share * motion.places_at(frame) for share, frame in zip(shares, frames, strict=True))
+        places[moved] += layer.weight * at.weight * (np.asarray(played)[moved] - places[moved])
+        if motion.travels:
+            # The first that goes through the world decides, as far as it is heard.
+            for share, frame in zip(shares, frames, strict=True):
+                turned, way = motion.way_at(frame, at.rounds, ends)
+                yaw, root = yaw + free * at.weight * share * turned, root + free * at.weight * share * way
+            free *= 1.0 - at.weight
     return State(places, yaw, root)
 
 
 def clock(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
     """The frame (or fraction) of its take that a layer plays, and how often it was gone through before."""
     second, rounds = layer.played(time, (motion.frames - 1) * motion.step)
-    return min(second / motion.step, motion.frames - 1.0), rounds
+    return motion.frame_of(second), rounds
 
 
 def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:

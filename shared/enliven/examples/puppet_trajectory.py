@@ -56,10 +56,17 @@ class PuppetMotion:
         before, after, part = self._between(frame)
         return np.asarray((1.0 - part) * self.places[before] + part * self.places[after])
 
-    def way_at(self, frame: float, rounds: int = 0) -> tuple[float, Float]:
-        """Yaw and root (3,) at a frame or between two, after the take was gone through ``rounds`` times.
+    def frame_of(self, second: float) -> float:
+        """The frame, or fraction of one, of a second of the take."""
+        return min(second / self.step, self.frames - 1.0)
 
-        Between frames the anchor stays where it is, as it does at them.
+    def way_at(
+        self, frame: float, rounds: int = 0, ends: tuple[float, float] | None = None
+    ) -> tuple[float, Float]:
+        """Yaw and root (3,) at a frame or between two, after ``rounds`` times from the first end to the last.
+
+        The ends are seconds of the take; None: its own. Between frames the anchor stays where it is, as it
+        does at them.
         """
         before, after, part = self._between(frame)
         yaw = float((1.0 - part) * self.yaw[before] + part * self.yaw[after])
@@ -72,9 +79,11 @@ class PuppetMotion:
                 _turned(place - self.root[f], -self.yaw[f]) for place, f in ((one, before), (other, after))
             ]
             root = at - _turned((1.0 - part) * turned[0] + part * turned[1], yaw)
-        return self._gone(yaw, np.asarray(root), rounds)
+        return self._gone(yaw, np.asarray(root), rounds, ends)
 
-    def _gone(self, yaw: float, root: Float, rounds: int) -> tuple[float, Float]:
+    def _gone(
+        self, yaw: float, root: Float, rounds: int, ends: tuple[float, float] | None
+    ) -> tuple[float, Float]:
         """The yaw and the root after whole rounds; each round begins where the one before ended.
 
         Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, R the turn of one: a geometric series, which
@@ -82,21 +91,22 @@ class PuppetMotion:
         """
         if rounds == 0 or not self.travels:
             return yaw, root
-        turn, offset = self._round()
+        turn, offset = self._round(ends)
         half = np.sin(0.5 * turn)
         series = rounds if abs(half) < 1e-9 else np.sin(0.5 * rounds * turn) / half
         gone = series * _turned(offset, 0.5 * (rounds - 1) * turn)
         return yaw + rounds * turn, _turned(root, rounds * turn) + gone
 
-    def _round(self) -> tuple[float, Float]:
+    def _round(self, ends: tuple[float, float] | None = None) -> tuple[float, Float]:
         """What a place in the world becomes with the next round: its turn about +Y, and an offset (3,).
 
         The anchor of the last frame stays where it is; in flight the root does. Heights stay.
         """
-        turn, anchor = float(self.yaw[-1] - self.yaw[0]), int(self.anchors[-1])
-        last, first = self.root[-1], self.root[0]
+        a, b = (0, -1) if ends is None else (round(self.frame_of(end)) for end in ends)
+        turn, anchor = float(self.yaw[b] - self.yaw[a]), int(self.anchors[b])
+        last, first = self.root[b], self.root[a]
         if anchor >= 0:
-            last, first = self._standing(-1, anchor), self._standing(0, anchor)
+            last, first = self._standing(b, anchor), self._standing(a, anchor)
         return turn, np.asarray((last - _turned(first, turn)) * [1.0, 0.0, 1.0])
 
     def _standing(self, frame: int, point: int) -> Float:

@@ -62,7 +62,8 @@ class Performance:
         mesh, skin = self.surface
         vertices, pivots = mesh.vertices.astype(np.float32), self.pivots.astype(np.float32)
         kind, edges = "graph" if self.skeleton is None else "bones", np.zeros((0, 2), np.int32)
-        return Character(self.name, vertices, mesh.faces, skin, pivots, edges, kind, mesh.colours)
+        own = self.name, vertices, mesh.faces, skin, pivots, edges, kind, mesh.colours
+        return Character(*own, materials=mesh.materials)
 
     def poses(self) -> Iterator[Pose]:
         """Yields the character's pose in the world at each time, in nanoseconds from 0."""

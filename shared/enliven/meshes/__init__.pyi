@@ -36,3 +36,4 @@ from .materials import (
     renumbered as renumbered,
     textures_in as textures_in,
 )
+from .pictures import opened_picture as opened_picture

@@ -14,6 +14,8 @@ what is farther may be behind another side of a thin part."""
 _SLANT = 8.0
 """Times the band before a surface beyond which a voxel is in free space, however slanted the surface is: the
 inverse of the least cosine that is trusted."""
+_FAINTEST = 0.1
+"""Share of a look's weight that is left at the rims of the band, where it tells the surface's place least."""
 _COLUMN = (np.arange(VOXELS) % SIDE).astype(np.float32)
 """(512,) where each voxel of a block is along x, in voxels; a table, for the loop over it has no branch."""
 _ROW = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
@@ -228,15 +230,16 @@ def _average(sizes, local, shown, before, along, worth, distance, weight):  # ty
     """
     front, behind, free = sizes[0], sizes[1], sizes[2]
     zero, one, deepest = np.float32(0.0), np.float32(1.0), np.float32(_BEHIND_RAY) * behind
-    fade, tiny, inside = one / behind, np.float32(1e-30), np.int32(0)
+    fade, tiny, inside, least = one / behind, np.float32(1e-30), np.int32(0), np.float32(_FAINTEST)
     for i in range(VOXELS):
         d = before[i]
-        # What is behind a surface is guessed, not seen, and the less so the deeper.
-        guessed = one + d * fade
-        more = worth[i] * (guessed if guessed < one else one)
+        # What is behind a surface is guessed, not seen, and the less so the deeper. As much less before, or
+        # noise that falls behind would count less, and surfaces would sink.
+        told = one - abs(d) * fade
+        more = worth[i] * (told if told > least else least)
         more = free if d >= front else more
         # `along` is negative, for the normal faces the camera.
-        known = (guessed > zero) & (d * local[2, i] >= deepest * along[i])
+        known = (d > -behind) & (d * local[2, i] >= deepest * along[i])
         more = (more if known else zero) * shown[i]
         d = front if d >= front else d
         d = d if known else zero

@@ -12,8 +12,8 @@ from enliven.scanning.volume import DistanceVolume
 
 _STARTS = np.array(STARTS, np.int32)
 """(3, 4) by axis, the corners where a cell's edges begin."""
-_SUPPORT = 0.3
-"""Sum of weights below which a voxel counts as not seen: a few looks from near, one of which may be noise."""
+_SUPPORT = 0.1
+"""Sum of weights below which a voxel counts as not seen: a look from near, or two from two metres away."""
 
 
 def surface_of(volume: DistanceVolume, support: float = _SUPPORT) -> Mesh:

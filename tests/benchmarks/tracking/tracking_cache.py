@@ -122,6 +122,14 @@ def _key(sequence: Sequence) -> str:
 def _source() -> str:
     """The text of what makes the pictures; not of what only chooses motions, delays or loses them."""
     folder = Path(enliven_synthesis.__file__).parent
-    others = ("studio.py", "trouble.py", "wander.py", "choreography.py")
-    texts = [p.read_text() for p in sorted(folder.glob("*.py")) if p.name not in others]
+    others = (
+        "studio.py",
+        "stream_faults.py",
+        "wander.py",
+        "choreographies.py",
+        "synthetic.py",
+        "handheld.py",
+    )
+    rooms = (path for room in ("body", "motion", "sensor") for path in sorted((folder / room).glob("*.py")))
+    texts = [p.read_text() for p in rooms if p.name not in others]
     return repr(HOME_Z) + "".join(texts)

@@ -120,7 +120,7 @@ def test_six_people_are_followed(stagecraft):
         for i in range(6)
     ]
     playground = s.Playground(*players)
-    log = s.watch(playground, Tracker(), 1.6)
+    log = s.watch(playground, Tracker(), 1.6, start=4 / 30)
     assert most(log) == 6
     # The back row is half hidden and fitted in turns: where they are counts, not every joint.
     hips = [joints[0] for joints in playground.joints(1.5)]

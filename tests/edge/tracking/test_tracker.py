@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from enliven.camera import Intrinsics, world_from_level_camera
+from enliven.camera import Intrinsics, rays, unproject, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven.person.body import Body
 from enliven.person.joints import Joint
-from enliven_edge.tracking.settings import SmoothingSettings, TrackerSettings
+from enliven_edge.tracking.settings import SceneSettings, SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.scene import cast_room
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
@@ -84,6 +84,40 @@ def test_a_camera_that_starts_with_empty_frames_finds_its_floor_later():
     assert bodies
     assert np.linalg.norm(bodies[0].joints - made[-1][1].joints, axis=1).mean() < 0.15
     assert tracker.world_from_camera[1, 3] == pytest.approx(1.15, abs=0.2)
+
+
+def test_a_body_earns_its_confidence():
+    """In the frame in which it is found 0.6 at the most; after a third of a second what the fit says."""
+    tracker, found = Tracker(), None
+    for frame, _ in recorded("idle", 30):
+        bodies = tracker.track(frame)
+        if bodies and found is None:
+            found = frame.time_ns
+            assert bodies[0].confidence.max() <= 0.6
+    assert bodies[0].confidence.max() > 0.9
+
+
+def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second():
+    """Until then the pose is the settings' guess, and no leg is sure."""
+    made = recorded("idle", 70)
+    with SyntheticSensor(choreography="idle", width=HALF, realtime=False) as sensor:
+        true = sensor.read().world_from_camera
+    tracker = Tracker(TrackerSettings(scene=SceneSettings(height=1.6)))
+    for i, (frame, _) in enumerate(made):
+        depth = frame.depth.copy()
+        if i < 30:
+            points = unproject(depth, rays(frame.intrinsics)) @ true[:3, :3].T + true[:3, 3]
+            depth[(points[..., 1] < 0.1) | (points[..., 2] < -3.6)] = 0
+        bodies = tracker.track(dataclasses.replace(frame, depth=depth))
+        if i == 29:
+            assert bodies and not tracker.state.floor_known
+            assert bodies[0].confidence[[Joint.KNEE_LEFT, Joint.ANKLE_RIGHT, Joint.FOOT_LEFT]].max() <= 0.5
+    assert tracker.state.floor_known
+    np.testing.assert_allclose(tracker.world_from_camera[:3, :3], true[:3, :3], atol=0.01)
+    assert tracker.world_from_camera[1, 3] == pytest.approx(true[1, 3], abs=0.02)
+    (body,) = bodies
+    assert np.linalg.norm(body.joints - made[-1][1].joints, axis=1).mean() < 0.12
+    assert body.confidence[Joint.ANKLE_LEFT] > 0.5
 
 
 def test_a_sensor_that_was_moved_learns_the_room_anew():

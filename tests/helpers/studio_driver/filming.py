@@ -9,8 +9,9 @@ from imgui_bundle import imgui
 
 from enliven.film_writer import FilmWriter
 from enliven_viewer.film import Tiles, write_sheet
+from enliven_viewer.studio.actions import KEYS
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.window import KEYS, StudioWindow
+from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace import Workspace
 from studio_driver import STEP, Action, steps
 

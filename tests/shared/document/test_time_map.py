@@ -1,5 +1,6 @@
 """The time map of layers: one law for all rigs, and its compiled form the same."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -12,7 +13,7 @@ from enliven.document.layers import Layer
 from enliven.document.possessed import GraphPart
 from enliven.document.puppet import PuppetLayer
 from enliven.document.skeleton import Skeleton
-from enliven.document.time_map import TimeMap
+from enliven.document.time_map import Segment, TimeMap
 from enliven.errors import InputError
 from enliven.motion.layers.timing import Clocks
 
@@ -26,6 +27,25 @@ maps = st.builds(
     loop=st.booleans(),
 )
 lengths = st.integers(1, 64).map(lambda n: n / 16)
+
+
+@st.composite
+def lanes(draw):
+    """A time map with some segments, with gaps and overlaps, which holds or does not."""
+    segments, end = [], 0.0
+    for number in range(draw(st.integers(0, 4))):
+        begin = max(end + draw(st.integers(-8, 8)) / 16, 0.0) if number else 0.0
+        before = [one.end for one in segments]
+        begin = max([begin, *(one.begin + 1 / 16 for one in segments[-1:]), *before[-2:-1]])
+        end = max(begin, *before[-1:], 0.0) + draw(st.integers(1, 32)) / 16
+        speed = draw(st.sampled_from([0.5, 1.0, -1.0, 2.0]))
+        segments.append(Segment(begin, end, draw(st.integers(0, 32)) / 16, speed))
+    how = {
+        "segments": tuple(segments),
+        "hold": draw(st.booleans()),
+        "ease": draw(st.sampled_from([0.0, 0.25])),
+    }
+    return replace(draw(maps), **how)
 
 
 def obvious(layer, time, length):
@@ -66,23 +86,20 @@ def test_a_second_is_played_when_it_is_said_to_be(layer, length, share):
 
 
 @laws
-@given(maps, lengths, st.integers(1, 64).map(lambda n: n / 16))
-def test_a_layer_is_made_to_end_at_a_time(layer, length, lasting):
-    made = layer.ending(layer.offset + lasting, length, 0.0, 1e9)
-    assert made.end(length) == pytest.approx(layer.offset + lasting, abs=1e-9)
-    assert (made.speed > 0) == (layer.speed > 0) and made.offset == layer.offset
-
-
-@laws
-@given(st.lists(maps, min_size=1, max_size=4), st.lists(sixteenths, min_size=1, max_size=5), lengths)
+@given(st.lists(lanes(), min_size=1, max_size=4), st.lists(sixteenths, min_size=1, max_size=5), lengths)
 def test_the_compiled_form_plays_the_same(layers, times, length):
     frames = round(length * 16) + 1
     skeleton = Skeleton(("a", "b"), [-1, 0], [[0, 0, 0], [1.0, 0, 0]])
     clip = Clip("take", skeleton, np.tile([1.0, 0, 0, 0], (frames, 2, 1)), np.zeros((frames, 3)), 1 / 16)
-    played, rounds = Clocks.of(layers, [clip] * len(layers)).played(np.array(times))
+    found = Clocks.of(layers, [clip] * len(layers)).played(np.array(times))
     for t, time in enumerate(times):
         for k, layer in enumerate(layers):
-            assert (played[t, k] / 16, rounds[t, k]) == layer.played(time, length)
+            moment = layer.moment(time, length)
+            seconds = [found.frame[t, k] / 16, found.other[t, k] / 16]
+            assert seconds == pytest.approx([moment.second, moment.other], abs=1e-12)
+            assert found.rounds[t, k] == moment.rounds
+            rest = [found.share[t, k], found.weight[t, k]]
+            assert rest == pytest.approx([moment.share, moment.weight], abs=1e-12)
 
 
 @pytest.mark.parametrize(

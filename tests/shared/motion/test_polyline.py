@@ -128,7 +128,7 @@ def test_the_time_of_a_layer(played, seconds, expected):
 def test_one_frame_is_played_for_ever():
     clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3), frames=1)
     layer = Layer("layer", "take", (0, 1), loop=True, speed=-3.0)
-    frames, rounds = Clocks.of([layer], [clip]).played(np.array([-1.0, 0.0, 7.0]))
+    frames, _, _, rounds, _ = Clocks.of([layer], [clip]).played(np.array([-1.0, 0.0, 7.0]))
     assert not frames.any() and not rounds.any()
     knots = turns(Polyline.of(clip, (0, 1)), [0.0])
     assert angle(knots[0, 1], multiply(conjugate(clip.turns[0, 0]), clip.turns[0, 1])) < 1e-9

@@ -12,7 +12,7 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
 from enliven_viewer.film.graph_picture import BRIDGE, HEADER, SIDES, fitted, graph_rows, view_of
-from enliven_viewer.render.skinned import linear_from_srgb
+from enliven_viewer.render.materials import linear_from_srgb
 
 SIZE = 320
 

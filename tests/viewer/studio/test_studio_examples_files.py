@@ -109,7 +109,7 @@ def test_a_session_is_saved_and_opens_beside_what_is_there(tmp_path) -> None:
 
 
 def test_a_session_needs_a_puppet(workspace: Workspace) -> None:
-    workspace.ask("session")
+    workspace.actions.do("file.session")
     assert workspace.asking == "" and "No puppet is chosen" in said(workspace)
 
 

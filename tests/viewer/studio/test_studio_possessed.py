@@ -153,7 +153,7 @@ def test_after_a_cut_its_performers_take_hold_again_and_undo_takes_that_back(tmp
     cut = editor.project
     assert stale(cut, cut.graph(name))
     editor.choose(name)
-    made.input.commands.solve_again()
+    made.commands.solve_again()
     assert not stale(editor.project, editor.project.graph(name))
     assert editor.history.names[-1] == f"solve again {name}"
     editor.undo()

@@ -318,7 +318,7 @@ def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
     for time, way in ((0.0, 0.0), (0.8, 0.3)):
         places = np.add(rest, [[0.0, 0.0, 0.0], [way, 0.0, 0.0]])
         workspace.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "post", "sway", t, q))
-    workspace.input.commands.puppets.bake()
+    workspace.commands.puppets.bake()
     assert "Baking" in workspace.editor.toasts.shown[-1].text and "post" in workspace.editor.project.puppets
     workspace.editor.beside.finish()
     assert (
@@ -328,7 +328,7 @@ def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
     )
     play([Key("ctrl+z")], stage)
     workspace.editor.choose("post")
-    workspace.input.commands.puppets.bake()
+    workspace.commands.puppets.bake()
     workspace.puppets.add_point(20)
     workspace.editor.beside.finish()
     assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
@@ -336,6 +336,6 @@ def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
 
 def test_what_cannot_move_cannot_be_baked(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", take="sway")
-    workspace.input.commands.puppets.bake()
+    workspace.commands.puppets.bake()
     workspace.editor.beside.finish()
     assert bad(workspace) and "star" in workspace.editor.project.puppets

@@ -13,4 +13,4 @@ from .scene import (
     SceneStyle as SceneStyle,
     scene_of as scene_of,
 )
-from .skinned import linear_from_srgb as linear_from_srgb
+from .materials import linear_from_srgb as linear_from_srgb

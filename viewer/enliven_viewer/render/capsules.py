@@ -7,7 +7,7 @@ import numpy as np
 
 from enliven.arrays import Float32, Int32
 from enliven.person import BONES, Body, Joint
-from enliven_viewer.render.skinned import linear_from_srgb
+from enliven_viewer.render.materials import linear_from_srgb
 
 MAX_BONES = 64
 """Capsules that the mesh shader looks at; shaders/mesh.frag has the same number."""

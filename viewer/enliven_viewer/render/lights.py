@@ -8,14 +8,15 @@ from enliven.arrays import Float
 from enliven_viewer.render.camera import Box, look_at, orthographic
 from enliven_viewer.render.scene import corners
 
-TO_KEY = np.array([0.42, 1.0, 0.55]) / np.linalg.norm([0.42, 1.0, 0.55])
-"""(3,) unit direction towards the key light: high, from the front right."""
 
+def light_from_world(box: Box, to_key: Float) -> Float:
+    """(4, 4) the clip space of the key light's map, square, around a box with room for the blur.
 
-def light_from_world(box: Box) -> Float:
-    """(4, 4) the clip space of the key light's map, square, around a box with room for the blur."""
+    Args:
+        to_key: (3,) unit direction towards the light.
+    """
     centre = (box[0] + box[1]) / 2
-    camera = look_at(centre + TO_KEY, centre)
+    camera = look_at(centre + to_key, centre)
     seen = corners(box) @ camera[:3, :3].T + camera[:3, 3]
     middle, half = (seen.min(0) + seen.max(0)) / 2, (seen.max(0) - seen.min(0)) / 2
     side = 1.12 * max(half[0], half[1]) + 0.05

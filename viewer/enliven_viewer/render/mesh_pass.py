@@ -1,16 +1,22 @@
-"""Characters into a picture: opaque, and transparent where a performer's body is inside them."""
+"""Characters into a picture: solid, with holes, seen through, and clear where a performer is inside them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import moderngl
+import numpy as np
 
+from enliven.arrays import Float
 from enliven_viewer.render.capsules import bone_block
 from enliven_viewer.render.gl import BLOCKS, UNITS, RenderTarget, load_program, set_uniform
 from enliven_viewer.render.scene import Scene
-from enliven_viewer.render.skinned import SkinnedMesh
+from enliven_viewer.render.skinned import DrawnPart, SkinnedMesh
 from enliven_viewer.settings import RenderSettings
+
+ALPHA_TO_COVERAGE = 0x809E
+"""GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
 
 
 class MeshPass:
@@ -23,10 +29,14 @@ class MeshPass:
     def __init__(self, ctx: moderngl.Context, settings: RenderSettings) -> None:
         self.ctx, self.settings = ctx, settings
         self._bones = ctx.buffer(reserve=3 * 64 * 16, dynamic=True)
-        self._programs: dict[tuple[bool, bool], moderngl.Program] = {}
+        self._programs: dict[tuple[str, tuple[str, ...]], moderngl.Program] = {}
 
-    def draw(self, picture: RenderTarget, meshes: Sequence[SkinnedMesh], scene: Scene) -> None:
-        """Draw them before what the picture shows, which is seen through them where they are transparent."""
+    def draw(self, picture: RenderTarget, meshes: Sequence[SkinnedMesh], scene: Scene, eye: Float) -> None:
+        """Draw them before what the picture shows, which is seen through them where they are transparent.
+
+        Args:
+            eye: (3,) metres; what is seen through is drawn from the farthest mesh to the nearest.
+        """
         block, count = bone_block(scene.bodies, scene.style.reveal)
         revealing = count > 0 and scene.style.reveal > 0
         if revealing:
@@ -35,17 +45,77 @@ class MeshPass:
             picture.behind().use(UNITS["picture"])
         self.ctx.depth_func = "<="
         self.ctx.enable_only(moderngl.DEPTH_TEST)
+        clear = list[tuple[SkinnedMesh, DrawnPart]]()
         for mesh in meshes:
-            program = self._program(mesh.fine, revealing)
-            set_uniform(program, "bone_count", count)
-            mesh.render(program)
+            for each in mesh.parts:
+                if each.part.alpha == "BLEND":
+                    clear.append((mesh, each))
+                else:
+                    self._draw_part(mesh, each, revealing, count)
+        if clear:
+            clear.sort(key=lambda one: -float(np.linalg.norm(one[0].hull().mean(0) - eye)))
+            self._draw_clear(picture, clear, revealing, count)
 
-    def _program(self, fine: bool, revealing: bool) -> moderngl.Program:
-        """The program for a mesh that is lit at its vertices or not, and for one that may be transparent."""
-        if (fine, revealing) not in self._programs:
-            defines = ("FINE",) * fine + ("REVEALING",) * revealing
-            program = load_program(self.ctx, "mesh.vert", "mesh.frag", defines=defines)
+    def cast(self, meshes: Sequence[SkinnedMesh], clip_from_world: Float) -> None:
+        """Draw the shadows of parts that have holes or are seen through; those of others are drawn."""
+        for mesh in meshes:
+            for each in mesh.parts:
+                if each.part.alpha != "OPAQUE":
+                    program = self._program("caster", ("CUT", *each.part.cutter))
+                    program["clip_from_caster"] = tuple(clip_from_world.T.astype("f4").ravel())
+                    self._render(mesh, each, program)
+
+    def _draw_part(self, mesh: SkinnedMesh, each: DrawnPart, revealing: bool, count: int) -> None:
+        part = each.part
+        defines = ("FINE",) * (revealing and mesh.fine) + ("REVEALING",) * revealing
+        program = self._program("mesh", (*defines, *part.defines))
+        set_uniform(program, "bone_count", count)
+        set_uniform(program, "normal_scale", part.normal_scale)
+        set_uniform(program, "occlusion_strength", part.occlusion_strength)
+        culled = not part.double_sided or (mesh.closed and part.alpha == "OPAQUE")
+        (self.ctx.enable if culled else self.ctx.disable)(moderngl.CULL_FACE)
+        if part.alpha == "MASK":
+            self.ctx.enable_direct(ALPHA_TO_COVERAGE)
+        self._render(mesh, each, program)
+        if part.alpha == "MASK":
+            self.ctx.disable_direct(ALPHA_TO_COVERAGE)
+
+    def _draw_clear(
+        self,
+        picture: RenderTarget,
+        clear: Sequence[tuple[SkinnedMesh, DrawnPart]],
+        revealing: bool,
+        count: int,
+    ) -> None:
+        """Blend parts over the picture; of one with two sides the far side first."""
+        self.ctx.enable(moderngl.BLEND)
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        picture.write_depth(False)
+        for mesh, each in clear:
+            if each.part.double_sided:
+                self.ctx.cull_face = "front"
+                one_sided = each._replace(part=replace(each.part, double_sided=False))
+                self._draw_part(mesh, one_sided, revealing, count)
+                self.ctx.cull_face = "back"
+                self._draw_part(mesh, one_sided, revealing, count)
+            else:
+                self._draw_part(mesh, each, revealing, count)
+        picture.write_depth(True)
+        self.ctx.disable(moderngl.BLEND)
+
+    def _render(self, mesh: SkinnedMesh, each: DrawnPart, program: moderngl.Program) -> None:
+        """Draw a part with its textures."""
+        for name, texture in each.textures.items():
+            texture.use(UNITS[f"{name}_map"])
+        set_uniform(program, "cutoff", each.part.cutoff)
+        mesh.render(program, each)
+
+    def _program(self, name: str, defines: tuple[str, ...]) -> moderngl.Program:
+        """The program of two shaders with these defines."""
+        if (name, defines) not in self._programs:
+            program = load_program(self.ctx, f"{name}.vert", f"{name}.frag", defines=defines)
             set_uniform(program, "reveal_distance", max(self.settings.reveal_distance, 1e-4))
             set_uniform(program, "reveal_opacity", self.settings.reveal_opacity)
-            self._programs[fine, revealing] = program
-        return self._programs[fine, revealing]
+            self._programs[name, defines] = program
+        return self._programs[name, defines]

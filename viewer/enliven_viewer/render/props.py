@@ -7,7 +7,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.document import BALL, BOX, Props
-from enliven_viewer.render.skinned import linear_from_srgb
+from enliven_viewer.render.materials import linear_from_srgb
 
 _BEVEL = 0.07
 """Bevel of a box's edges as a share of its least half edge: enough to catch the light."""

@@ -21,8 +21,10 @@ from enliven_viewer.render.gl import (
     set_uniform,
 )
 from enliven_viewer.render.ground import STAGE_RADIUS, GroundPass, Patch
-from enliven_viewer.render.lights import TO_KEY, contact_from_world, light_from_world
-from enliven_viewer.render.mesh_pass import MeshPass
+from enliven_viewer.render.lights import contact_from_world, light_from_world
+from enliven_viewer.render.looks import LOOKS, look_rows, to_key
+from enliven_viewer.render.materials import Textures
+from enliven_viewer.render.mesh_pass import ALPHA_TO_COVERAGE, MeshPass
 from enliven_viewer.render.overlay import Marks, Tubes, match_rows
 from enliven_viewer.render.props import PropPass
 from enliven_viewer.render.region import casters_of, marks_of, shadow_bounds, visible_region
@@ -32,16 +34,12 @@ from enliven_viewer.settings import RenderSettings
 
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
 """What the camera and the light look at while there is nothing."""
-_ALPHA_TO_COVERAGE = 0x809E
-"""GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
 _SHADOW_BLUR = (2.0,)
 """Texels between the taps of the key light's blur: a soft edge without steps."""
 _CONTACT_BLUR = (1.0, 2.2)
 """Texels between the taps of the two blurs of the contact map, which span decimetres."""
-_SLANT = 1.0 / float(TO_KEY[1])
-"""How much longer a texel of the key light's map is on the floor."""
-_FRAME_BYTES = 4 * (4 * 16 + 4 * 4)
-"""Bytes of the uniform block Frame: four matrices and four vectors of float32."""
+_FRAME_BYTES = 4 * (4 * 16 + 11 * 4)
+"""Bytes of the uniform block Frame: four matrices and eleven vectors of float32."""
 
 
 class Renderer:
@@ -61,7 +59,9 @@ class Renderer:
         self._frame = ctx.buffer(reserve=_FRAME_BYTES, dynamic=True)
         self._skin = load_program(ctx, "skin.vert", varyings=("out_position", "out_normal"))
         self._mesh_pass = MeshPass(ctx, self.settings)
+        self._textures = Textures(ctx, self.settings.texture_size, self.settings.anisotropy)
         self._caster = load_program(ctx, "caster.vert", "caster.frag")
+        self._to_key = to_key(self.settings)
         self._body = load_program(ctx, "capsule.vert", "capsule.frag")
         self._body_caster = load_program(ctx, "capsule.vert", "caster.frag")
         self._capsules = CapsulePass(ctx, self._body, open_limbs=True)
@@ -109,7 +109,7 @@ class Renderer:
         self.picture.begin(visible_region(filled, view.clip_from_world, self.size))
         self._draw_props()
         self._draw_bodies()
-        self._mesh_pass.draw(self.picture, meshes, scene)
+        self._mesh_pass.draw(self.picture, meshes, scene, view.eye)
         self._draw_hidden_bodies(scene)
         self._marks.draw(scene)
         self.picture.resolve()
@@ -143,11 +143,12 @@ class Renderer:
         for actor in scene.actors:
             known = self._meshes.get(actor.character.id)
             if known is None or known.character is not actor.character:
-                if known is not None:
-                    known.release()
                 crease = math.radians(self.settings.crease_angle)
-                known = SkinnedMesh(self.ctx, actor.character, crease, self._skin)
-                self._meshes[actor.character.id] = known
+                made = SkinnedMesh(self.ctx, actor.character, crease, self._skin, self._textures)
+                if known is not None:
+                    known.release()  # after the new one has taken the textures that both have
+                known = made
+                self._meshes[actor.character.id] = made
             if actor.vertices is None:
                 known.skin(actor.pose)
             else:
@@ -164,10 +165,11 @@ class Renderer:
         if self._stage is None or float(np.linalg.norm(centre - self._stage)) > 4.0:
             self._stage = centre
         self._stage = self._stage + 0.03 * (centre - self._stage)
-        self._light, self._below = light_from_world(box), contact_from_world(box)
+        self._light, self._below = light_from_world(box, self._to_key), contact_from_world(box)
         matrices = [view.clip_from_world, np.linalg.inv(view.clip_from_world), self._light, self._below]
-        vectors = [[*view.eye, 1.0], [*TO_KEY, 0.0], [*self._stage, STAGE_RADIUS], [*self.size, 0.0, 0.0]]
-        values = np.concatenate([np.stack([m.T for m in matrices]).ravel(), np.ravel(vectors)])
+        where = [[*view.eye, 1.0], [*self._to_key, 0.0], [*self._stage, STAGE_RADIUS], [*self.size, 0.0, 0.0]]
+        look = look_rows(LOOKS[self.settings.look], self.settings)
+        values = np.concatenate([*(m.T.ravel() for m in matrices), np.ravel(where), look.ravel()])
         self._frame.write(values.astype("f4").tobytes())
         self._frame.bind_to_uniform_block(BLOCKS["Frame"])
         return self._stage
@@ -186,7 +188,9 @@ class Renderer:
                 set_uniform(program, "contact", contact)
                 set_uniform(program, "casting", True)
             for mesh in meshes:
-                mesh.render(self._caster, coarse=contact)
+                mesh.render_all(self._caster, coarse=contact)
+            if not contact:
+                self._mesh_pass.cast(meshes, clip)
             self._shadow_capsules.render()
             self._shadow_props.render()
             target.blur(blur, visible_region(casters, clip, (target.size, target.size), reach_of(blur)))
@@ -198,7 +202,7 @@ class Renderer:
             (self._below, self.settings.contact_size, _CONTACT_BLUR),
         )
         room = max(2 / float(np.linalg.norm(clip[0])) / size * reach_of(blur) for clip, size, blur in texels)
-        return shadow_bounds(casters, TO_KEY, _SLANT * room)
+        return shadow_bounds(casters, self._to_key, room / float(self._to_key[1]))
 
     def _draw_props(self) -> None:
         """Draw the props; the depth test orders them among the rest."""
@@ -211,9 +215,9 @@ class Renderer:
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         set_uniform(self._body, "casting", False)
         set_uniform(self._body, "hidden", False)
-        self.ctx.enable_direct(_ALPHA_TO_COVERAGE)
+        self.ctx.enable_direct(ALPHA_TO_COVERAGE)
         self._capsules.render()
-        self.ctx.disable_direct(_ALPHA_TO_COVERAGE)
+        self.ctx.disable_direct(ALPHA_TO_COVERAGE)
 
     def _draw_hidden_bodies(self, scene: Scene) -> None:
         """Draw the bodies faintly through what covers them; the brighter value stays, so nothing adds up."""
@@ -222,13 +226,8 @@ class Renderer:
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
         self.ctx.blend_equation = moderngl.MAX  # type: ignore[assignment]
         self.ctx.depth_func = ">"
-        self._write_depth(False)
+        self.picture.write_depth(False)
         set_uniform(self._body, "hidden", True)
         self._capsules.render()
-        self._write_depth(True)
+        self.picture.write_depth(True)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-
-    def _write_depth(self, on: bool) -> None:
-        """Turn writing to the depth buffer on or off; moderngl applies the mask with a bind."""
-        self.picture.drawn.depth_mask = on
-        self.picture.drawn.use()

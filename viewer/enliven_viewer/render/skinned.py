@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose
-from enliven.meshes import longest_edge
+from enliven.meshes import Texture, longest_edge
 from enliven_viewer.render.gl import UNITS
+from enliven_viewer.render.materials import Part, Textures, paint_keys, painted
 from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.scene import corners
 from enliven_viewer.render.surface import (
@@ -26,8 +28,17 @@ _FINE = 0.07
 """Metres: edges up to this are shorter than what a soft shadow or a transparent zone shows."""
 _COARSE = 0.03
 """Metres: detail of what is drawn for the contact map."""
-DEFAULT_COLOUR = (226, 142, 84)
-"""sRGB of a mesh that brings no colours: warm, on the cold stage."""
+_PAINT = (("in_uv", "4f"), ("in_albedo", "4f"), ("in_finish", "2f"), ("in_emission", "3f"))
+"""The columns of a vertex's paint, in order."""
+
+
+class DrawnPart(NamedTuple):
+    """A part of a mesh on the GPU: its faces by their first and number, and its textures by their names."""
+
+    part: Part
+    start: int
+    count: int
+    textures: dict[str, moderngl.Texture]
 
 
 class SkinnedMesh:
@@ -41,13 +52,20 @@ class SkinnedMesh:
         character: what to draw.
         crease: radians beyond which an edge is sharp.
         skin: the program of ``skin.vert``.
+        textures: those of the context.
     """
 
     def __init__(
-        self, ctx: moderngl.Context, character: Character, crease: float, skin: moderngl.Program
+        self,
+        ctx: moderngl.Context,
+        character: Character,
+        crease: float,
+        skin: moderngl.Program,
+        textures: Textures,
     ) -> None:
         self.character = character
-        self._surface = surface = split_creases(character.vertices, character.faces, crease)
+        keys = paint_keys(character)
+        self._surface = surface = split_creases(character.vertices, character.faces, crease, keys)
         self.count = len(surface.source)
         rows = math.ceil(len(character.pivots) / _PER_ROW)
         self._staged = np.zeros((rows * _PER_ROW, 3, 4), np.float32)
@@ -63,10 +81,20 @@ class SkinnedMesh:
         self.fine = (
             self.closed and longest_edge(character.vertices.astype(np.float64), character.faces) <= _FINE
         )
-        faces = neighbours_in_turn(rest, surface.faces)
+        paint = painted(character, surface)
+        self.parts = tuple(
+            DrawnPart(part, start, count, self._take(part, textures)) for part, start, count in paint.parts
+        )
+        faces = np.concatenate(
+            [
+                neighbours_in_turn(rest, surface.faces[paint.order[start : start + count]])
+                for _, start, count in paint.parts
+            ]
+        )
         self._faces = ctx.buffer(faces.tobytes())
         self._coarse_faces = ctx.buffer(clustered_faces(rest, faces, _COARSE).tobytes())
-        self._colours = ctx.buffer(_linear_colours(character)[surface.source].tobytes())
+        self._paint = ctx.buffer(paint.rows.tobytes())
+        self._textures = textures
         self._boxes = boxes_of(character)
         self._placed: Float32 | None = None
         self._skinned = ctx.buffer(reserve=self.count * 24)
@@ -74,7 +102,7 @@ class SkinnedMesh:
         content = [(buffer, *layout) for buffer, layout in zip(self._inputs, layouts, strict=True)]
         self._skin = ctx.vertex_array(skin, content)
         self._ctx = ctx
-        self._drawn: dict[tuple[int, bool], moderngl.VertexArray] = {}
+        self._drawn: dict[tuple[int, int], moderngl.VertexArray] = {}
 
     def skin(self, pose: Pose) -> None:
         """Move the vertices into a pose of this character."""
@@ -103,18 +131,25 @@ class SkinnedMesh:
         places = np.einsum("jab,jkb->jka", moved[:, :, :3], self._boxes) + moved[:, None, :, 3]
         return np.asarray(places[np.isfinite(self._boxes[:, 0, 0])].reshape(-1, 3), np.float64)
 
-    def render(self, program: moderngl.Program, *, coarse: bool = False) -> None:
-        """Draw the skinned triangles with a program that takes ``in_position`` and perhaps more.
+    def render(self, program: moderngl.Program, part: DrawnPart) -> None:
+        """Draw the triangles of a part with a program that takes ``in_position`` and perhaps more."""
+        self._array(program, self._faces).render(
+            moderngl.TRIANGLES, vertices=3 * part.count, first=3 * part.start
+        )
+
+    def render_all(self, program: moderngl.Program, *, coarse: bool = False) -> None:
+        """Draw whatever is solid with one program that takes ``in_position`` alone.
 
         Args:
-            coarse: draw a few centimetres' detail only.
+            coarse: draw a few centimetres' detail only, and all of it.
         """
-        key = (program.glo, coarse)
-        if key not in self._drawn:
-            self._drawn[key] = self._array_for(program, self._coarse_faces if coarse else self._faces)
         if self.closed:
             self._ctx.enable(moderngl.CULL_FACE)
-        self._drawn[key].render(moderngl.TRIANGLES)
+        if coarse:
+            self._array(program, self._coarse_faces).render(moderngl.TRIANGLES)
+        else:
+            solid = sum(each.count for each in self.parts if each.part.alpha == "OPAQUE")
+            self._array(program, self._faces).render(moderngl.TRIANGLES, vertices=3 * solid)
         if self.closed:
             self._ctx.disable(moderngl.CULL_FACE)
 
@@ -128,19 +163,37 @@ class SkinnedMesh:
 
     def release(self) -> None:
         """Give the GPU's memory back."""
-        buffers = [*self._inputs, self._faces, self._coarse_faces, self._colours, self._skinned]
+        buffers = [*self._inputs, self._faces, self._coarse_faces, self._paint, self._skinned]
         for array in (*self._drawn.values(), self._skin):
             array.release()
         for buffer in buffers:
             buffer.release()
         self._transforms.release()
+        for each in self.parts:
+            for name, number, _ in each.part.maps:
+                self._textures.give_back(self._sources[number], name)
+
+    @property
+    def _sources(self) -> tuple[Texture, ...]:
+        return () if self.character.materials is None else self.character.materials.textures
+
+    def _take(self, part: Part, textures: Textures) -> dict[str, moderngl.Texture]:
+        return {name: textures.take(self._sources[number], name) for name, number, _ in part.maps}
+
+    def _array(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
+        key = program.glo, faces.glo
+        if key not in self._drawn:
+            self._drawn[key] = self._array_for(program, faces)
+        return self._drawn[key]
 
     def _array_for(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
         whole = "in_normal" in program
         layout = ("3f 3f", "in_position", "in_normal") if whole else ("3f 12x", "in_position")
         content = [(self._skinned, *layout)]
-        if "in_albedo" in program:
-            content.append((self._colours, "3f", "in_albedo"))
+        named = [name for name, _ in _PAINT if name in program]
+        if named:
+            formats = [size if name in named else _skipped(size) for name, size in _PAINT]
+            content.append((self._paint, " ".join(formats), *named))
         return self._ctx.vertex_array(program, content, index_buffer=faces, index_element_size=4)
 
 
@@ -157,14 +210,6 @@ def boxes_of(character: Character) -> Float32:
     return boxes
 
 
-def _linear_colours(character: Character) -> Float32:
-    """(V, 3) float32 linear light of the character's colours."""
-    colours = character.colours
-    if colours is None:
-        colours = np.tile(np.array(DEFAULT_COLOUR, np.uint8), (len(character.vertices), 1))
-    return linear_from_srgb(colours)
-
-
-def linear_from_srgb(srgb: np.ndarray) -> Float32:
-    """Linear light, float32, of sRGB values 0..255."""
-    return np.asarray((np.asarray(srgb, np.float64) / 255) ** 2.2, dtype=np.float32)
+def _skipped(size: str) -> str:
+    """The padding in place of floats that a program does not take."""
+    return f"{4 * int(size[0])}x"

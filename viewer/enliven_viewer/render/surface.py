@@ -26,6 +26,7 @@ class DrawnSurface:
 
     Attributes:
         source: (N,) the vertex of the character that each drawn vertex is a copy of.
+        corner: (N,) the corner, of the 3 F, at which each drawn vertex was first met.
         normals: (N, 3) float32, unit, at rest.
         faces: (F, 3) int32 into the N.
         groups: (F, 3) the smoothing group of each corner.
@@ -34,6 +35,7 @@ class DrawnSurface:
     """
 
     source: Int
+    corner: Int
     normals: Float32
     faces: Int32
     groups: Int
@@ -41,7 +43,9 @@ class DrawnSurface:
     group: Int
 
 
-def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(45)) -> DrawnSurface:
+def split_creases(
+    vertices: Float32, faces: Int32, crease: float = math.radians(45), keys: Int32 | None = None
+) -> DrawnSurface:
     """Smooth normals that break where two faces meet at more than ``crease`` radians.
 
     Two faces share a normal at a vertex when a fan of faces with milder edges joins them. Vertices at the
@@ -50,18 +54,22 @@ def split_creases(vertices: Float32, faces: Int32, crease: float = math.radians(
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3).
+        keys: (3 F, K) bits that two corners must share to be one drawn vertex; None: the same vertex is
+            enough. Normals are of places, so that no seam of a texture is seen in the light.
     """
     faces = np.array(faces, np.int32)
+    kinds = faces if keys is None else places_of(keys).reshape(-1, 3)
     rounded = np.ascontiguousarray(vertices, np.float32) + np.float32(0.0)  # -0 is 0
     place = places_of(rounded.view(np.int32))[faces]
     normals, angles = corners_of(rounded, faces)
     group, groups = groups_of(place, normals, math.cos(crease))
-    corner, first = drawn_of(group, faces, len(vertices))
+    corner, first = drawn_of(group, kinds, len(vertices) if keys is None else len(keys))
     drawn = summed(group, groups, normals, angles)[group[first]]
     length = np.linalg.norm(drawn, axis=1, keepdims=True)
     unit = np.where(length > 1e-12, drawn / np.maximum(length, 1e-12), [0.0, 1.0, 0.0])
     return DrawnSurface(
         faces.reshape(-1)[first].astype(np.int64),
+        first,
         unit.astype(np.float32),
         corner.reshape(-1, 3),
         group.reshape(-1, 3),

@@ -34,8 +34,8 @@ def _slot(keys, key):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def places_of(bits):  # type: ignore[no-untyped-def]
-    """(V,) a number of each vertex; those of the same position (V, 3), as int32 bits, have the same."""
-    count = len(bits)
+    """(V,) a number of each row; those with the same int32 bits (V, C) have the same."""
+    count, columns = bits.shape
     size = 16
     while size < 1.4 * count:
         size *= 2
@@ -44,7 +44,7 @@ def places_of(bits):  # type: ignore[no-untyped-def]
     out, found = np.empty(count, np.int32), 0
     for v in range(count):
         mixed = np.uint64(0)
-        for c in range(3):
+        for c in range(columns):
             mixed = (mixed ^ np.uint64(np.uint32(bits[v, c]))) * np.uint64(0x9E3779B97F4A7C15)
             mixed ^= mixed >> np.uint64(29)
         at = mixed & mask
@@ -55,7 +55,10 @@ def places_of(bits):  # type: ignore[no-untyped-def]
                 out[v] = found
                 found += 1
                 break
-            if bits[other, 0] == bits[v, 0] and bits[other, 1] == bits[v, 1] and bits[other, 2] == bits[v, 2]:
+            same = True
+            for c in range(columns):
+                same = same and bits[other, c] == bits[v, c]
+            if same:
                 out[v] = out[other]
                 break
             at = (at + np.uint64(1)) & mask
@@ -176,7 +179,7 @@ def _numbered(parents):  # type: ignore[no-untyped-def]
 def drawn_of(group, faces, vertices):  # type: ignore[no-untyped-def]
     """(3 F,) the drawn vertex of every corner, and (N,) the corner at which each was first met.
 
-    One is drawn for each group and vertex.
+    One is drawn for each group and vertex, or what else (F, 3) numbers below ``vertices`` stand for.
     """
     keys, number = _room(len(group))
     corner, first, found = np.empty(len(group), np.int32), np.empty(len(group), np.int64), 0

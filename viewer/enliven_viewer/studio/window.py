@@ -15,6 +15,7 @@ from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.settings import WindowStart
+from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.panels import (
     apply_style,
     draw_dialogs,
@@ -43,27 +44,6 @@ _LONGEST_STEP = 0.1
 _SAMPLES = 0
 """A pixel, of the window's own buffer; 8 where nothing is said. Panels smooth their edges themselves and the
 picture behind them has its own samples, so that more would only take a third of the time of a picture."""
-KEYS = {
-    **{letter: getattr(imgui.Key, letter) for letter in "abcdefghijklmnopqrstuvwxyz"},
-    **{str(k): getattr(imgui.Key, f"_{k}") for k in range(1, 10)},
-    "space": imgui.Key.space,
-    "left": imgui.Key.left_arrow,
-    "right": imgui.Key.right_arrow,
-    "home": imgui.Key.home,
-    "end": imgui.Key.end,
-    "delete": imgui.Key.delete,
-    "backspace": imgui.Key.backspace,
-    "escape": imgui.Key.escape,
-    "enter": imgui.Key.enter,
-    "f1": imgui.Key.f1,
-    "up": imgui.Key.up_arrow,
-    "down": imgui.Key.down_arrow,
-    "equal": imgui.Key.equal,
-    "minus": imgui.Key.minus,
-    "comma": imgui.Key.comma,
-    "period": imgui.Key.period,
-    "f11": imgui.Key.f11,
-}
 
 
 _WITHOUT: dict[str, tuple[str, ...]] = {
@@ -352,7 +332,7 @@ class StudioWindow:
         if free and io.mouse_wheel:
             user_input.wheel(io.mouse_wheel)
         if keys and not io.want_text_input and not self.workspace.asking:
-            modifiers = "ctrl+" * io.key_ctrl + "shift+" * io.key_shift
+            modifiers = held_keys()
             for name, key in KEYS.items():
                 if imgui.is_key_pressed(key, repeat=name in ("left", "right")):
                     self._key(modifiers + name)

@@ -104,6 +104,7 @@ class _Person:
         self._limit = SpeedLimit(settings.output)
         self._joints = OneEuro(settings.smoothing, amount)
         self._turns = OneEuroTurns(settings.smoothing, amount)
+        self._undelayed = settings.smoothing.undelayed
         self._contacts = FootContacts(settings.output.contact)
         self._predictor = Predictor()
         self._last: Float | None = None
@@ -124,8 +125,9 @@ class _Person:
         joints = self._joints(joints, time_ns)
         turns = None if turns is None else self._turns(turns, time_ns)
         contacts = self._contacts(joints, confidence, time_ns)
-        if ahead > 0.0:
-            joints, turns = self._predictor(joints, turns, time_ns, ahead)
+        if ahead > 0.0 or (self._undelayed > 0.0 and self._joints.amount > 0.0):
+            delays = self._undelayed * self._joints.delay, self._undelayed * self._turns.delay
+            joints, turns = self._predictor(joints, turns, time_ns, ahead, *delays)
         return dataclasses.replace(
             body, joints=joints, confidence=confidence, orientations=turns, contacts=contacts
         )

@@ -16,6 +16,11 @@ _FASTEST = 6.0
 """Metres a second that a joint is extrapolated at, at most: a fast hand; faster is mostly a bad frame."""
 _FASTEST_TURN = 10.0
 """Radians a second that a bone is extrapolated at, at most: a fast forearm; faster is mostly a bad frame."""
+_MOVES = 0.5
+"""Metres a second at which half of a filter's delay is made up for: a joint that rests must not shake, and
+what it lags by is nothing. On the tuning sequences a lag of 16 ms becomes 8 at 2 % more jitter."""
+_TURNS = 3.0
+"""Radians a second, the same of a bone that turns."""
 _LONGEST_GAP = 0.5
 """Seconds between two frames beyond which no speed is taken from them."""
 
@@ -31,14 +36,27 @@ class Predictor:
         self._time_ns = 0
 
     def __call__(
-        self, joints: Float, turns: Float | None, time_ns: int, seconds: float
+        self,
+        joints: Float,
+        turns: Float | None,
+        time_ns: int,
+        seconds: float,
+        delay: Float,
+        turn_delay: Float,
     ) -> tuple[Float, Float | None]:
-        """Returns (20, 3) joints and (20, 4) orientations expected ``seconds`` after ``time_ns``."""
+        """Returns (20, 3) joints and (20, 4) orientations expected ``seconds`` after ``time_ns``.
+
+        Args:
+            delay: (20,) seconds by which the joints lie behind already, made up for where they move.
+            turn_delay: (20,) seconds, the same of the orientations.
+        """
         self._learn(joints, turns, time_ns)
-        if seconds <= 0.0:
-            return joints, turns
-        moved = moved_on(joints, self._speed, seconds)
-        return moved, None if turns is None else turned_on(turns, self._spin, seconds)
+        ahead = seconds + delay * _moving(self._speed, _MOVES)
+        moved = moved_on(joints, self._speed, ahead) if ahead.any() else joints
+        if turns is None:
+            return moved, None
+        ahead = seconds + turn_delay * _moving(self._spin, _TURNS)
+        return moved, turned_on(turns, self._spin, ahead) if ahead.any() else turns
 
     def _learn(self, joints: Float, turns: Float | None, time_ns: int) -> None:
         """Updates the speeds by this frame and the last."""
@@ -52,6 +70,12 @@ class Predictor:
             if turns is not None and self._turns is not None:
                 learn_spin(self._spin, self._turns, turns, passed, share)
         self._joints, self._turns, self._time_ns = joints, turns, time_ns
+
+
+def _moving(velocity: Float, half: float) -> Float:
+    """(J,) how much (J, 3) velocities count as movement: 0 at rest, 0.5 at the speed ``half``, at most 1."""
+    square = (velocity**2).sum(1)
+    return square / (square + half * half)
 
 
 @njit(cache=True, nogil=True)
@@ -71,20 +95,20 @@ def learn_spin(spin, before, turns, passed, share):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def turned_on(turns, spin, seconds):  # type: ignore[no-untyped-def]
-    """(J, 4) turns after as many seconds at (J, 3) spins."""
+    """(J, 4) turns after (J,) seconds at (J, 3) spins."""
     out = turns.copy()
     for j in range(len(out)):
-        far = seconds * _limit(spin[j], _FASTEST_TURN)
+        far = seconds[j] * _limit(spin[j], _FASTEST_TURN)
         turn(out[j], far * spin[j, 0], far * spin[j, 1], far * spin[j, 2])
     return out
 
 
 @njit(cache=True, nogil=True)
 def moved_on(joints, speed, seconds):  # type: ignore[no-untyped-def]
-    """Returns (J, 3) joints after ``seconds`` at (J, 3) speeds; every bone keeps its length."""
+    """Returns (J, 3) joints after (J,) ``seconds`` at (J, 3) speeds; every bone keeps its length."""
     out = np.empty(joints.shape)
     for j in range(len(out)):
-        far = seconds * _limit(speed[j], _FASTEST)
+        far = seconds[j] * _limit(speed[j], _FASTEST)
         for a in range(3):
             out[j, a] = joints[j, a] + far * speed[j, a]
     for j in range(len(out)):  # parents come first

@@ -14,6 +14,8 @@ class _Filter:
 
     Attributes:
         amount: 0 is off, more is smoother; may be changed at any time.
+        delay: (J,) seconds by which the last result lies behind its input: the group delay of the low-pass
+            with the cut-off that each joint had.
     """
 
     def __init__(self, settings: SmoothingSettings, amount: float | None = None) -> None:
@@ -21,6 +23,7 @@ class _Filter:
         self.amount = settings.amount if amount is None else amount
         self._value: Float | None = None
         self._velocity = np.zeros((0, 3))
+        self.delay = np.zeros(0)
         self._time_ns = 0
 
     def reset(self) -> None:
@@ -36,11 +39,12 @@ class _Filter:
         """
         seconds = (time_ns - self._time_ns) * 1e-9
         if self.amount == 0.0:
-            self._value = None
+            self._value, self.delay = None, np.zeros(len(value))
             return value
         self._time_ns = time_ns
         if self._value is None or not 0.0 < seconds < 1.0:
             self._value, self._velocity = np.array(value, np.float64), np.zeros((len(value), 3))
+            self.delay = np.zeros(len(value))
             return value
         self._value = self._stepped(self._value, value, seconds)
         return self._value.copy()
@@ -59,7 +63,7 @@ class OneEuro(_Filter):
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
         raw = np.ascontiguousarray(value, np.float64)
         cutoff, slope = self.settings.cutoff / self.amount, self.settings.speed / self.amount
-        filter_places(filtered, self._velocity, raw, seconds, cutoff, slope)
+        filter_places(filtered, self._velocity, self.delay, raw, seconds, cutoff, slope)
         return filtered
 
 
@@ -72,7 +76,7 @@ class OneEuroTurns(_Filter):
     def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
         raw = np.ascontiguousarray(value, np.float64)
         cutoff, slope = self.settings.cutoff / self.amount, self.settings.turn / self.amount
-        filter_turns(filtered, self._velocity, raw, seconds, cutoff, slope)
+        filter_turns(filtered, self._velocity, self.delay, raw, seconds, cutoff, slope)
         return filtered
 
 
@@ -83,10 +87,11 @@ def _alpha(cutoff, seconds):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def filter_places(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[no-untyped-def]
+def filter_places(value, velocity, delay, raw, seconds, cutoff, slope):  # type: ignore[no-untyped-def]
     """One step of the filter on (J, 3) ``value`` metres and (J, 3) ``velocity`` metres a second, in place.
 
     Args:
+        delay: (J,) seconds, becomes the group delay of this step.
         raw: (J, 3) what was measured.
         cutoff: Hz at rest.
         slope: Hz for every metre a second.
@@ -98,15 +103,17 @@ def filter_places(value, velocity, raw, seconds, cutoff, slope):  # type: ignore
             velocity[j, a] += follow * ((raw[j, a] - value[j, a]) / seconds - velocity[j, a])
             square += velocity[j, a] ** 2
         share = _alpha(cutoff + slope * np.sqrt(square), seconds)
+        delay[j] = seconds * (1.0 - share) / share
         for a in range(3):
             value[j, a] += share * (raw[j, a] - value[j, a])
 
 
 @njit(cache=True, nogil=True)
-def filter_turns(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[no-untyped-def]
+def filter_turns(value, velocity, delay, raw, seconds, cutoff, slope):  # type: ignore[no-untyped-def]
     """One step of the filter on (B, 4) ``value`` and (B, 3) ``velocity`` radians a second, in place.
 
     Args:
+        delay: (B,) seconds, becomes the group delay of this step.
         raw: (B, 4) what was measured.
         cutoff: Hz at rest.
         slope: Hz for every radian a second.
@@ -119,6 +126,7 @@ def filter_turns(value, velocity, raw, seconds, cutoff, slope):  # type: ignore[
         velocity[b, 2] += follow * (sz / seconds - velocity[b, 2])
         speed = np.sqrt(velocity[b, 0] ** 2 + velocity[b, 1] ** 2 + velocity[b, 2] ** 2)
         share = _alpha(cutoff + slope * speed, seconds)
+        delay[b] = seconds * (1.0 - share) / share
         turn(value[b], share * sx, share * sy, share * sz)
 
 

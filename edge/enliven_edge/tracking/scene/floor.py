@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.arrays import Bool, Float
+from enliven.arrays import Bool, Float, Int
 from enliven.kernels import njit
 
 _WITHIN = np.deg2rad(40.0)
@@ -17,8 +17,10 @@ _HIGHEST = 4.0
 _LYING_LOWEST = 0.03
 """Metres down to the floor at the least for a sensor that was knocked over and may lie on it."""
 _TRIALS = 400
-"""Planes through three random points that are tried: where a quarter of the points are the floor's, one of
-the planes is with a probability of 99.8 %."""
+"""Planes through three points that are tried: where a tenth of the points are the floor's, and half of the
+triples are of neighbours, one of the planes is the floor's with a probability of 99.9 %."""
+_NEIGHBOURS = 0.05
+"""Share of all points, in the order of the image, within which the triples of neighbours lie: some rows."""
 _FEWEST = 200
 """Points at the least for a plane: fewer are noise, or a corner of the floor."""
 
@@ -36,10 +38,11 @@ def world_from_floor(
     The world's origin lies on the floor under the sensor, which looks along -Z.
 
     Args:
-        points: (M, 3) camera-frame points, metres.
+        points: (M, 3) camera-frame points, metres, in the order of the image's rows.
         upside_down: the sensor hangs upside down, so that the camera's -Y points to the floor.
         up: (3,) the rough direction of up in the camera's frame, where that is known better.
         within: radians between the floor's normal and ``up`` at most.
+        seed: of the random triples; another one may find a floor that is a small part of the image.
     """
     lowest = _LOWEST if up is None else _LYING_LOWEST
     up = np.array([0.0, 1.0 if upside_down else -1.0, 0.0]) if up is None else up
@@ -47,16 +50,27 @@ def world_from_floor(
     if len(points) < _FEWEST:
         return None
     points = np.ascontiguousarray(points[:: max(1, len(points) // 6000)])
-    tolerance = 0.015 + 0.004 * points[:, 2] ** 2
-    trials = np.random.default_rng(seed).integers(0, len(points), (_TRIALS, 3))
+    tolerance = 0.01 + 0.002 * points[:, 2] ** 2
+    trials = _triples(len(points), np.random.default_rng(seed))
     plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _HIGHEST, trials)
     if not plane.any():
         return None
-    normal, height = plane[:3], float(plane[3])
-    for _ in range(3):
-        inliers = np.abs(points @ normal + height) < tolerance
-        normal, height = _least_squares(points[inliers], up)
-    return _pose(normal, height)
+    found = _pose(plane[:3], float(plane[3]))
+    level = np.ascontiguousarray((points @ found[:3, :3].T + found[:3, 3]).T)
+    fitted, _ = _level_plane(level, np.ascontiguousarray(points[:, 2]))
+    return _levelled(found, fitted, 1.0)
+
+
+def _triples(count: int, random: np.random.Generator) -> Int:
+    """(T, 3) random points by index: half of the triples anywhere, half of neighbours.
+
+    Neighbours are mostly of one surface, so that a floor that is a small part of the image is met as well.
+    """
+    triples = random.integers(0, count, (_TRIALS, 3))
+    reach = max(3, round(_NEIGHBOURS * count))
+    near = triples[::2, :1] + random.integers(-reach, reach + 1, (len(triples[::2]), 2))
+    triples[::2, 1:] = np.clip(near, 0, count - 1)
+    return triples
 
 
 @njit(cache=True, nogil=True)
@@ -89,14 +103,6 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):  # ty
     return found
 
 
-def _least_squares(points: Float, up: Float) -> tuple[Float, float]:
-    """The plane through (M, 3) points by principal components."""
-    centre = points.mean(0)
-    normal = np.linalg.svd(points - centre, full_matrices=False)[2][2]
-    normal = normal * np.sign(normal @ up or 1.0)
-    return normal, -float(normal @ centre)
-
-
 def _pose(normal: Float, height: float) -> Float:
     """world_from_camera for a floor with this upward normal, ``height`` metres under the sensor."""
     backward = np.array([0.0, 0.0, -1.0])
@@ -115,8 +121,17 @@ _NEAR_FLOOR = 0.12
 """Metres above and below y = 0 within which a point may be the floor's when the mounting is corrected."""
 _STEADY = np.deg2rad(6.0)
 """Radians by which the floor may seem tilted: a larger tilt is no drift of the mounting, or no floor."""
-_WIDTHS = (0.08, 0.05, 0.04)
-"""Metres from the plane beyond which points are left out of the next fit."""
+_SIGMA_OF_MEDIAN = 1.4826
+"""Standard deviation of a normal distribution over the median of its absolute values."""
+_NOISES = 2.0
+"""Standard deviations of the floor's own noise beyond which a point is left out: the foot of a wall, which
+pulls a wider band up at its far end, is hardly within it."""
+_UNEVEN = 0.003
+"""Metres that a floor is uneven itself."""
+_PASSES = 8
+"""Fits, each to what lies near the one before: the band has its width after five."""
+_FARTHEST_OFF = 0.08
+"""Metres from the first plane beyond which nothing is the floor's."""
 _SPREAD = 0.15
 """Metres, the least standard deviation of the floor's points along x and along z: a narrower patch says
 little of the tilt."""
@@ -130,9 +145,23 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
         usable: (h, w) known pixels that belong to no person.
         gain: the share of the correction that is applied, in (0, 1].
     """
-    plane, seen = _lying_plane(points, usable)
-    if not seen or np.hypot(plane[0], plane[1]) > np.tan(_STEADY):
+    floor = points[usable & (np.abs(points[..., 1]) < _NEAR_FLOOR)]
+    if len(floor) < _FEWEST:
         return world_from_camera
+    ranges = (floor - world_from_camera[:3, 3]) @ world_from_camera[:3, 2]
+    plane, spread = _level_plane(np.ascontiguousarray(floor.T), ranges)
+    if spread < _SPREAD or np.hypot(plane[0], plane[1]) > np.tan(_STEADY):
+        return world_from_camera
+    return _levelled(world_from_camera, plane, gain)
+
+
+def _levelled(world_from_camera: Float, plane: Float, gain: float) -> Float:
+    """(4, 4) a mounting turned about the point under the sensor, and lifted, by a share of what a plane says.
+
+    Args:
+        plane: (3,) a, b, c of the floor y = a x + b z + c in the world that the mounting gives.
+        gain: the share, in (0, 1].
+    """
     normal = np.array([-plane[0] * gain, 1.0, -plane[1] * gain])
     normal /= np.linalg.norm(normal)
     axis = np.cross(normal, [0.0, 1.0, 0.0])
@@ -150,44 +179,61 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
 
 
 @njit(cache=True, nogil=True)
-def _lying_plane(points, usable):  # type: ignore[no-untyped-def]
-    """(3,) a, b, c of the plane y = a x + b z + c through the floor's points; whether enough of it is seen.
+def _level_plane(points, ranges):  # type: ignore[no-untyped-def]
+    """(3,) a, b, c of the plane y = a x + b z + c through the floor's points, and how far these spread.
+
+    A sensor's noise is along its rays, in proportion to about the squared distance; a floor is met at a
+    grazing angle, the more so the farther, so that across it the noise is in proportion to the distance.
+    Its factor is read off the points themselves, by the median of what they are off, in each pass.
 
     Args:
-        points, usable: see :func:`corrected`.
+        points: (3, N) metres, in a frame in which the floor is nearly y = 0.
+        ranges: (N,) metres from the sensor, along its axis.
+
+    Returns:
+        The plane, zeros where the points are too few or in a line, and metres: the smaller of the standard
+        deviations along x and z of the points that it was fitted to, 0 where there is no plane.
     """
-    floor, count = np.empty((3, np.count_nonzero(usable))), 0
-    for v in range(usable.shape[0]):
-        for u in range(usable.shape[1]):
-            if usable[v, u] and abs(points[v, u, 1]) < _NEAR_FLOOR:
+    plane, off = np.zeros(3), np.empty(points.shape[1])
+    kept, weights = np.empty_like(points), np.empty(points.shape[1])
+    noise, spread = 0.0, 0.0
+    for step in range(_PASSES):
+        near = 0
+        for i in range(points.shape[1]):
+            off[i] = abs(points[1, i] - plane[0] * points[0, i] - plane[1] * points[2, i] - plane[2])
+            if off[i] < (_FARTHEST_OFF if step == 0 else 1.5 * _NOISES * noise * ranges[i] + _UNEVEN):
+                weights[near] = off[i] / ranges[i]
+                near += 1
+        if near < _FEWEST:
+            return np.zeros(3), 0.0
+        noise = _SIGMA_OF_MEDIAN * np.median(weights[:near])
+        count = 0
+        for i in range(points.shape[1]):
+            if off[i] < _NOISES * noise * ranges[i] + _UNEVEN:
+                weights[count] = 1.0 / (noise * ranges[i] + _UNEVEN) ** 2
                 for a in range(3):
-                    floor[a, count] = points[v, u, a]
+                    kept[a, count] = points[a, i]
                 count += 1
-    plane, spread = np.zeros(3), 0.0
-    for width in _WIDTHS:
-        if count < _FEWEST or not _level_fit(plane, floor[:, :count]):
-            return plane, False
-        left = 0
-        for i in range(count):
-            if abs(floor[1, i] - plane[0] * floor[0, i] - plane[1] * floor[2, i] - plane[2]) < width:
-                for a in range(3):
-                    floor[a, left] = floor[a, i]
-                left += 1
-        count = left
-    if count > 0:
-        spread = min(floor[0, :count].std(), floor[2, :count].std())
-    return plane, spread >= _SPREAD
+        if count < _FEWEST or not _level_fit(plane, kept[:, :count], weights[:count]):
+            return np.zeros(3), 0.0
+        spread = min(kept[0, :count].std(), kept[2, :count].std())
+    return plane, spread
 
 
 @njit(cache=True, nogil=True)
-def _level_fit(plane, points):  # type: ignore[no-untyped-def]
-    """The least-squares y = a x + b z + c of (3, N) points, into (3,) ``plane``; False: in a line."""
-    x, y, z = points[0].mean(), points[1].mean(), points[2].mean()
+def _level_fit(plane, points, weights):  # type: ignore[no-untyped-def]
+    """The weighted least-squares y = a x + b z + c of (3, N) points, into ``plane``; False: in a line."""
+    whole = weights.sum()
+    x, y, z = (
+        (weights * points[0]).sum() / whole,
+        (weights * points[1]).sum() / whole,
+        (weights * points[2]).sum() / whole,
+    )
     xx, xz, zz, xy, zy = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(points.shape[1]):
         dx, dy, dz = points[0, i] - x, points[1, i] - y, points[2, i] - z
-        xx, xz, zz = xx + dx * dx, xz + dx * dz, zz + dz * dz
-        xy, zy = xy + dx * dy, zy + dz * dy
+        xx, xz, zz = xx + weights[i] * dx * dx, xz + weights[i] * dx * dz, zz + weights[i] * dz * dz
+        xy, zy = xy + weights[i] * dx * dy, zy + weights[i] * dz * dy
     determinant = xx * zz - xz * xz
     if determinant <= 1e-12 * xx * zz:
         return False

@@ -59,19 +59,21 @@ class Mounting:
         new_camera: whether the last frame came from another camera.
         new_place: whether the last frame's pose differs enough to learn the room anew.
         far_away: whether it differs enough to look for the people anew too.
+        levelled: whether the last frame showed a floor that was not known while people were followed: they
+            are to be looked for anew, with feet on it; the room stays as it is.
         falling: whether the sensor is being moved; frames are then not to be trusted.
     """
 
     def __init__(self, settings: SceneSettings, moved: float = 0.5) -> None:
         self.settings = settings
         self.world_from_camera: Float | None = None
-        self.new_camera = self.new_place = self.far_away = False
-        self.falling = False
+        self.new_camera = self.new_place = self.far_away = self.levelled = self.falling = False
         self._moved = moved
         self._camera: WorkingCamera | None = None
         self._pose_stated = self._floor_known = False
         self._looked = self._suspicious = self._differing = self._still = 0
         self._before: Float | None = None
+        self._suggested: Float | None = None
         self._fell_ns = self._corrected_ns = 0
 
     @property
@@ -89,13 +91,13 @@ class Mounting:
         """The frame, reduced and placed in the world.
 
         Args:
-            no_people: whether no person is followed, so that the floor may still be looked for.
+            no_people: whether no person is followed: else a floor is believed at its second sight only.
         """
-        self.new_camera = self.new_place = self.far_away = False
+        self.new_camera = self.new_place = self.far_away = self.levelled = False
         if self._camera is None or self._camera.full != frame.intrinsics:
             self._camera = WorkingCamera(frame.intrinsics, self.settings.working_width)
             self.new_camera, self.world_from_camera = True, None
-            self._floor_known, self._looked = False, 0
+            self._floor_known, self._looked, self._suggested = False, 0, None
             self.falling, no_people = False, True
         z = self._camera.reduce(frame.depth)
         self._pose_stated = frame.world_from_camera is not None
@@ -103,8 +105,8 @@ class Mounting:
             self._set_stated_pose(np.asarray(frame.world_from_camera, float))
         elif self.falling:
             self._fall(z, frame.time_ns)
-        elif not self._floor_known and no_people:
-            self._look_for_floor(z)
+        elif not self._floor_known:
+            self._look_for_floor(z, no_people)
         assert self.world_from_camera is not None
         points = world_points(z, self._camera.ray, self.world_from_camera)
         return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera)
@@ -148,8 +150,7 @@ class Mounting:
         found = world_from_floor(points, self.settings.upside_down)
         if found is None:
             return False
-        turned = float(np.arccos(min(1.0, float(found[1, :3] @ self.world_from_camera[1, :3]))))
-        return turned > _TURNED or abs(float(found[1, 3] - self.world_from_camera[1, 3])) > _LIFTED
+        return not _same_floor(found, self.world_from_camera)
 
     def _set_stated_pose(self, given: Float) -> None:
         """Takes the (4, 4) pose that the sensor states."""
@@ -181,7 +182,7 @@ class Mounting:
         if found is not None:
             self.world_from_camera, self._floor_known = found, True
 
-    def _look_for_floor(self, z: Float) -> None:
+    def _look_for_floor(self, z: Float, no_people: bool) -> None:
         """Sets the pose from the floor, or from the settings where no floor is found."""
         scene = self.settings
         if self.world_from_camera is None:
@@ -191,10 +192,19 @@ class Mounting:
         if known.mean() < _ENOUGH_DEPTH:
             return  # the camera is still starting, or covered
         self._looked += 1
-        if self._looked % _LOOK_EVERY == 1:
-            found = world_from_floor(unproject(z * 1e3, self.camera.ray)[known], scene.upside_down)
-            self._floor_known = found is not None
-            self.world_from_camera = self.world_from_camera if found is None else found
+        if self._looked % _LOOK_EVERY != 1:
+            return
+        points = unproject(z * 1e3, self.camera.ray)[known]
+        found, before = world_from_floor(points, scene.upside_down, seed=self._looked), self._suggested
+        self._suggested = found
+        if found is not None and (no_people or (before is not None and _same_floor(found, before))):
+            self.world_from_camera, self._floor_known, self.levelled = found, True, not no_people
+
+
+def _same_floor(one: Float, other: Float) -> bool:
+    """Whether two (4, 4) poses of the sensor have the same floor, to the noise of finding it."""
+    turned = float(np.arccos(np.clip(one[1, :3] @ other[1, :3], -1.0, 1.0)))
+    return turned <= _TURNED and abs(float(one[1, 3] - other[1, 3])) <= _LIFTED
 
 
 def _alike(z: Float, before: Float) -> float:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import io
-import warnings
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError
 from enliven.formats.gltf.file import GltfFile
+from enliven.meshes import opened_picture
 
 _WHITE = np.ones(3)
-_PICTURES = ("PNG", "JPEG", "WEBP")
-"""Allowed image formats of a texture; Pillow's other decoders start programs or are not hardened against
-hostile bytes."""
 _MOST_PIXELS = 1 << 28
 """Pixels of all textures of a file, 0.8 GB: four of 8192 x 8192; a few kilobytes can state as many."""
 
@@ -83,10 +78,7 @@ class Colours:
 
     def _decoded(self, data: bytes) -> UInt8:
         """Decodes a picture to (H, W, 3) sRGB after checking the size that it states."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            picture = Image.open(io.BytesIO(data), formats=_PICTURES)
-        with picture:
+        with opened_picture(data) as picture:
             self._pixels += picture.width * picture.height
             if self._pixels > _MOST_PIXELS:
                 raise ValueError(f"with the others it has {self._pixels} pixels, more than {_MOST_PIXELS}")

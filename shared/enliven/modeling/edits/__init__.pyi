@@ -13,6 +13,24 @@ from .characters import (
     shift_character as shift_character,
     turn_character as turn_character,
 )
+from .clips import (
+    blend_clips as blend_clips,
+    clips_of as clips_of,
+    mirror_layers as mirror_layers,
+    move_clip as move_clip,
+    remove_clip as remove_clip,
+    reverse_clip as reverse_clip,
+    slip_clip as slip_clip,
+    split_clip as split_clip,
+    stretch_clip as stretch_clip,
+    trim_clip as trim_clip,
+)
+from .markers import (
+    add_marker as add_marker,
+    move_marker as move_marker,
+    remove_marker as remove_marker,
+    rename_marker as rename_marker,
+)
 from .merging import merge_characters as merge_characters
 from .rigs import (
     RIGS as RIGS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphPart, GraphShape, Pose, PoseStream, Project
+from enliven.document import GraphPart, GraphShape, Pose, PoseStream, Project, smoothed
 from enliven.errors import InputError
 from enliven.modeling.mesh import blended
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
@@ -27,7 +27,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         raise InputError(f"the time is {time}", where=shape.where, mend="Give seconds.")
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     for part, start in zip(shape.parts, shape.starts, strict=False):
-        maps, places = _played(project.streams[part.take], part, time)
+        maps, places = _played(smoothed(project.streams[part.take], part.smooth), part, time)
         if part.mirrored:
             maps, places = maps * _MIRRORED * _MIRRORED[:, None], places * _MIRRORED
         places = part.size * places
@@ -55,13 +55,27 @@ def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
 
 
 def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
-    """(K, 3, 3) and (K, 3) of a part's nodes as recorded."""
+    """(K, 3, 3) and (K, 3) of a part's nodes as recorded; as at its first frame where nothing is played."""
+    if part.muted:
+        return _recorded(stream, part, 0.0)
+    at = part.moment(time, stream.duration)
+    found = _recorded(stream, part, at.second)
+    if at.share > 0.0:
+        found = _mixed(found, _recorded(stream, part, at.other), at.share)
+    return found if at.weight == 1.0 else _mixed(_recorded(stream, part, 0.0), found, at.weight)
+
+
+def _recorded(stream: PoseStream, part: GraphPart, second: float) -> tuple[Float, Float]:
+    """The same at a second of the stream."""
     last = len(stream.positions) - 1
-    second = 0.0 if part.muted else part.played(time, stream.duration)[0]
     frame = min(second / stream.step, float(last))
     before = min(int(frame), max(last - 1, 0))
-    after, share = min(before + 1, last), frame - before
-    return (
-        (1 - share) * stream.linear[before, part.nodes] + share * stream.linear[after, part.nodes],
-        (1 - share) * stream.positions[before, part.nodes] + share * stream.positions[after, part.nodes],
-    )
+    after, nodes = min(before + 1, last), part.nodes
+    pairs = (stream.linear, stream.positions)
+    one, other = (tuple(rows[k, nodes] for rows in pairs) for k in (before, after))
+    return _mixed(one, other, frame - before)
+
+
+def _mixed(one: tuple[Float, ...], other: tuple[Float, ...], share: float) -> tuple[Float, Float]:
+    linear, positions = ((1 - share) * a + share * b for a, b in zip(one, other, strict=True))
+    return linear, positions

@@ -112,16 +112,22 @@ def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
     return made
 
 
-def lead_at(chain: LedChain, knots: Float, skeleton: Skeleton, turns: Float, joints: Float) -> None:
-    """Leads one chain at the times of ``knots`` (T, S + 1, 4); changes turns and joints in place."""
-    fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, chain.weight)
+def lead_at(
+    chain: LedChain, knots: Float, heard: Float, skeleton: Skeleton, turns: Float, joints: Float
+) -> None:
+    """Leads one chain at the times of ``knots`` (T, S + 1, 4), as far as its layer is ``heard`` (T,).
+
+    Turns and joints are changed in place.
+    """
+    weights = chain.weight * heard
+    fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, weights)
     # Laid out anew, so that compiled code is made once, for one time as for many.
     apart = np.ascontiguousarray(knots)
     lead_end(skeleton.parents, skeleton.vectors, *fixed, apart, turns, joints)
 
 
 @njit(cache=True, nogil=True)
-def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weight, knots, turns, joints):  # type: ignore[no-untyped-def]
+def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, knots, turns, joints):  # type: ignore[no-untyped-def]
     """Kernel: brings the end of a chain to where the take's is, and rebuilds what hangs on it.
 
     Args:
@@ -129,6 +135,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weight, k
         links: (S, 3) the take's bones at rest in the target's axes.
         ends: (2,) and parts (2,): where on the take's polyline the chain begins and ends.
         knots: (T, S + 1, 4) the take's turns at its joints.
+        weights: (T,) how far the end goes there; with 0 nothing is changed.
         turns: (T, N, 4) world turns, changed in place; joints: (T, N, 3) metres, too.
     """
     count = len(chain)
@@ -136,6 +143,9 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weight, k
     points = np.empty((count, 3))
     fixed = np.zeros(len(parents), np.bool_)
     for t in range(len(turns)):
+        weight = weights[t]
+        if weight == 0.0:
+            continue
         q = conj(between(load(knots[t], ends[0]), load(knots[t], ends[0] + 1), parts[0]))
         a, b = curve(links, knots[t], ends[0], parts[0]), curve(links, knots[t], ends[1], parts[1])
         way = turn(q, (b[0] - a[0]) * scale, (b[1] - a[1]) * scale, (b[2] - a[2]) * scale)

@@ -74,8 +74,10 @@ class Player:
         self._sampler, self._travel = Sampler(project, self.shape), Travel(project, self.shape)
         parts = self._sampler
         self._led = [
-            (part, chain)
-            for layer, line, part in zip(parts.layers, parts.lines, parts.parts, strict=True)
+            (number, part, chain)
+            for number, (layer, line, part) in enumerate(
+                zip(parts.layers, parts.lines, parts.parts, strict=True)
+            )
             for chain in led_chains(self.shape, layer, line)
         ]
         self._pins, self._live = held_pins(self.shape), False
@@ -112,8 +114,10 @@ class Player:
         own, root = self._sampler.own(knots), self._travel.at(times)
         turns, joints = np.empty_like(own), np.empty((*own.shape[:2], 3))
         compose(skeleton.parents, skeleton.vectors, self.shape.modeling, own, root, turns, joints)
-        for part, chain in self._led:
-            lead_at(chain, knots[:, part], skeleton, turns, joints)
+        heard = self._sampler.weights(times) if self._led else None
+        for number, part, chain in self._led:
+            assert heard is not None
+            lead_at(chain, knots[:, part], np.ascontiguousarray(heard[:, number]), skeleton, turns, joints)
         return turns, joints
 
     def own(self, times: AnyArray) -> Float:

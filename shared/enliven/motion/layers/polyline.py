@@ -170,6 +170,21 @@ def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):  #
 
 
 @njit(cache=True, nogil=True)
+def blend_knots(others, share, weight, first, begin, out):  # type: ignore[no-untyped-def]
+    """Kernel: the knots ``out`` (T, K, 4) of L polylines, ``share`` (T, L) of the way to ``others``, and of
+    that ``weight`` (T, L); ``first`` and ``begin`` as :func:`knot_turns` has them.
+    """
+    one = (1.0, 0.0, 0.0, 0.0)
+    for t in range(len(out)):
+        for i in range(share.shape[1]):
+            if share[t, i] == 0.0 and weight[t, i] == 1.0:
+                continue
+            for k in range(begin + first[i] + i, begin + first[i + 1] + i + 1):
+                mixed = between(load(out[t], k), load(others[t], k), share[t, i])
+                store(out[t], k, between(one, mixed, weight[t, i]))
+
+
+@njit(cache=True, nogil=True)
 def turn_at(turns, frame, part, entry):  # type: ignore[no-untyped-def]
     """Kernel: the turn of ``entry`` of (F, N, 4) ``turns`` between ``frame`` and the next."""
     if part == 0.0:

@@ -15,9 +15,9 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.document import Layer, Project, Shape
+from enliven.document import Layer, Project, Shape, smoothed
 from enliven.motion.kinematics import own_turns
-from enliven.motion.layers.polyline import Polyline, knot_turns, place_of
+from enliven.motion.layers.polyline import Polyline, blend_knots, knot_turns, place_of
 from enliven.motion.layers.timing import Clocks
 
 
@@ -31,13 +31,14 @@ class Sampler:
     """
 
     def __init__(self, project: Project, shape: Shape) -> None:
-        self.layers: list[Layer] = sorted(active_layers(shape), key=lambda layer: layer.take)
-        self.lines = [Polyline.of(project.takes[layer.take], layer.chain) for layer in self.layers]
+        self.layers: list[Layer] = sorted(active_layers(shape), key=_played_by)
+        takes = [smoothed(project.takes[layer.take], layer.smooth) for layer in self.layers]
+        self.lines = [Polyline.of(take, one.chain) for take, one in zip(takes, self.layers, strict=True)]
         ends = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
         self.parts = [slice(a, b) for a, b in pairwise(ends)]
         self._takes = [
-            _Take([self.layers[i] for i in some], [self.lines[i] for i in some], ends[some[0]])
-            for _, group in groupby(range(len(self.layers)), key=lambda i: self.layers[i].take)
+            _Take(some, self.layers, self.lines, ends[some[0]])
+            for _, group in groupby(range(len(self.layers)), key=lambda i: _played_by(self.layers[i]))
             for some in [list(group)]
         ]
         self._count = ends[-1]
@@ -48,6 +49,13 @@ class Sampler:
         out = np.empty((len(times), self._count, 4))
         for take in self._takes:
             take.sample(times, out)
+        return out
+
+    def weights(self, times: Float) -> Float:
+        """(T, L) how far each layer is heard at times (T,): below 1 for one that comes in or goes."""
+        out = np.empty((len(times), len(self.layers)))
+        for take in self._takes:
+            out[:, take.numbers] = take.weights(times)
         return out
 
     def own(self, knots: Float) -> Float:
@@ -103,11 +111,14 @@ class Sampler:
 
 
 class _Take:
-    """The layers of one take, and where their knots begin among all."""
+    """The layers of one take, ``numbers`` among all, and where their knots begin among all."""
 
-    def __init__(self, layers: list[Layer], lines: list[Polyline], begin: int) -> None:
+    def __init__(
+        self, numbers: list[int], all_layers: list[Layer], all_lines: list[Polyline], begin: int
+    ) -> None:
+        layers, lines = [all_layers[i] for i in numbers], [all_lines[i] for i in numbers]
         clip = lines[0].clip
-        self.id, self._turns, self._begin = clip.id, clip.turns, begin
+        self.numbers, self.id, self._turns, self._begin = numbers, clip.id, clip.turns, begin
         self.fed: Float | None = None
         self._clocks = Clocks.of(layers, [clip] * len(layers))
         self._bones = np.concatenate([line.bones for line in lines])
@@ -119,13 +130,25 @@ class _Take:
 
     def sample(self, times: Float, out: Float) -> None:
         """Writes the turns at the knots of these layers into ``out`` (T, K, 4) of all."""
+        if self.fed is not None:
+            self._knots(self.fed, np.zeros((len(times), len(self._bases))), out)
+            return
+        played = self._clocks.played(times)
+        self._knots(self._turns, played.frame, out)
+        if not played.plain:
+            others = np.empty_like(out)
+            self._knots(self._turns, played.other, others)
+            blend_knots(others, played.share, played.weight, self._first, self._begin, out)
+
+    def weights(self, times: Float) -> Float:
+        """(T, L) how far these layers are heard."""
+        if self.fed is not None:
+            return np.ones((len(times), len(self._bases)))
+        return self._clocks.played(times).weight
+
+    def _knots(self, turns: Float, at: Float, out: Float) -> None:
         how = (self._weights, self._turned, self._mirrored, self._begin, out)
-        if self.fed is None:
-            at = self._clocks.played(times)[0]
-            knot_turns(self._turns, self._bones, self._first, self._bases, at, *how)
-        else:
-            at = np.zeros((len(times), len(self._bases)))
-            knot_turns(self.fed, self._bones, self._first, self._bases, at, *how)
+        knot_turns(turns, self._bones, self._first, self._bases, at, *how)
 
 
 def active_layers(shape: Shape) -> list[Layer]:
@@ -133,3 +156,8 @@ def active_layers(shape: Shape) -> list[Layer]:
     layers = {layer.id: layer for layer in shape.layers if not layer.muted and layer.weight > 0.0}
     named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
     return [layers[key] for key in named if key in layers]
+
+
+def _played_by(layer: Layer) -> tuple[str, float]:
+    """What the layers that are sampled together have in common: the take, and how smooth it is."""
+    return layer.take, layer.smooth

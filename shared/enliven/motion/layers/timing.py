@@ -1,6 +1,6 @@
-"""The time maps of many layers, compiled: the frames of their takes at many times at once.
+"""The time maps of many layers, compiled: what they play of their takes at many times at once.
 
-    Clocks.of(layers, clips).played(seconds) -> (2, T, L)
+    Clocks.of(layers, clips).played(seconds) -> Times
 
 Frame numbers may be between two frames, and never beyond the first or the last.
 """
@@ -9,57 +9,118 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 
-from enliven.arrays import Float
-from enliven.document import Clip, TimeMap
+from enliven.arrays import Float, Int
+from enliven.document import Clip, Segment, TimeMap, run_of
 from enliven.kernels import njit
+
+
+class Times(NamedTuple):
+    """What L layers play at T times, (T, L) each: :class:`enliven.document.Moment` in frames.
+
+    ``(1 - share)`` of ``frame`` and ``share`` of ``other``, after ``rounds``, heard by ``weight``.
+    """
+
+    frame: Float
+    other: Float
+    share: Float
+    rounds: Float
+    weight: Float
+
+    @property
+    def plain(self) -> bool:
+        """Whether every layer plays one frame, wholly."""
+        return not self.share.any() and bool((self.weight == 1.0).all())
 
 
 @dataclass(frozen=True, eq=False)
 class Clocks:
-    """How layers play their takes: a row (offset, speed, looped, step, frames) each.
+    """How layers play their takes.
 
     Attributes:
-        rows: (L, 5) float64; offset and step in seconds, looped 0 or 1.
+        rows: (L, 8) float64: offset, speed, looped, step, frames, extent, held, ease; seconds, and 0 or 1.
+        lanes: (S, 6) float64 the segments of all: begin, end, first, speed, and the ends of the run that they
+            are of.
+        first: (L + 1,) where among the segments those of each layer begin.
     """
 
     rows: Float
+    lanes: Float
+    first: Int
 
     @staticmethod
     def of(layers: Sequence[TimeMap], clips: Sequence[Clip]) -> Clocks:
         """The clocks of layers that play these takes."""
-        rows = [
-            (layer.offset, layer.speed, float(layer.loop), clip.step, float(len(clip.turns)))
-            for layer, clip in zip(layers, clips, strict=True)
-        ]
-        return Clocks(np.array(rows, np.float64).reshape(-1, 5))
+        rows, lanes, counts = [], list[tuple[float, ...]](), [0]
+        for layer, clip in zip(layers, clips, strict=True):
+            lane, how = layer.lane(clip.duration), (float(layer.loop), clip.step, float(len(clip.turns)))
+            held = (layer.extent(clip.duration), float(layer.hold), layer.ease)
+            rows.append((layer.offset, layer.speed, *how, *held))
+            lanes += [_row(lane, number) for number in range(len(lane))]
+            counts.append(len(lane))
+        first = np.array(list(accumulate(counts)), np.int64)
+        return Clocks(np.array(rows, np.float64).reshape(-1, 8), np.array(lanes).reshape(-1, 6), first)
 
-    def played(self, seconds: Float) -> Float:
-        """What is played at times (T,) of the project.
+    def played(self, seconds: Float) -> Times:
+        """What is played at times (T,) of the project."""
+        out = np.empty((5, len(seconds), len(self.rows)))
+        _played(seconds, self.rows, self.lanes, self.first, out)
+        return Times(*out)
 
-        Returns:
-            (2, T, L): frame numbers in [0, F - 1], fractions between frames; and how many times a looped take
-            was played to its end before.
-        """
-        out = np.empty((2, len(seconds), len(self.rows)))
-        _played(seconds, self.rows, out)
-        return out
+
+def _row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
+    one = lane[number]
+    return (one.begin, one.end, one.first, one.speed, *run_of(lane, number))
 
 
 @njit(cache=True, nogil=True)
-def _played(seconds, rows, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``TimeMap.played`` at ``seconds`` (T,) of layers with clocks ``rows``, into (2, T, L)."""
+def _played(seconds, rows, lanes, first, out):  # type: ignore[no-untyped-def]
+    """Kernel: ``TimeMap.moment`` at ``seconds`` (T,), into (5, T, L) as :class:`Times` has it."""
     for t in range(len(seconds)):
         for i in range(len(rows)):
-            offset, speed, looped, step, frames = rows[i]
-            last = frames - 1.0
-            duration = last * step
-            played = (seconds[t] - offset) * speed
+            offset, speed, looped, step, frames, extent, held, _ = rows[i]
+            at = (seconds[t] - offset) * speed
             if speed < 0.0:
-                played += duration
-            rounds = np.floor(played / duration) if looped > 0.0 and duration > 0.0 else 0.0
-            played -= rounds * duration
-            out[1, t, i] = rounds
-            out[0, t, i] = min(max(played / step, 0.0), last)
+                at += extent
+            rounds = np.floor(at / extent) if looped > 0.0 and extent > 0.0 else 0.0
+            at -= rounds * extent
+            k, last = first[i], first[i + 1]
+            while k + 1 < last and lanes[k + 1, 0] <= at:
+                k += 1
+            now, before = lanes[k], lanes[max(k - 1, first[i])]
+            inside = min(max(at, now[0]), now[1])
+            out[0, t, i] = out[1, t, i] = min(
+                max((now[2] + (inside - now[0]) * now[3]) / step, 0.0), frames - 1.0
+            )
+            out[2, t, i] = 0.0
+            if k > first[i] and at < before[1]:
+                second = before[2] + (at - before[0]) * before[3]
+                out[0, t, i] = min(max(second / step, 0.0), frames - 1.0)
+                share = (at - now[0]) / (before[1] - now[0])
+                out[2, t, i] = share * share * (3.0 - 2.0 * share)
+            out[3, t, i] = rounds
+            out[4, t, i] = 1.0 if held > 0.0 else _weight(at, rounds, rows[i], now, lanes[last - 1, 1])
+
+
+@njit(cache=True, nogil=True)
+def _weight(at, rounds, row, now, end_of_lane):  # type: ignore[no-untyped-def]
+    """Kernel: how far a layer that does not hold is heard, as ``TimeMap`` has it."""
+    speed, looped, ease = row[1], row[2], row[7]
+    begin, end = now[4], now[5]
+    if looped > 0.0:
+        if (rounds < 0.0 and speed > 0.0) or (rounds > 0.0 and speed < 0.0):
+            return 0.0
+        if begin <= 1e-9 and rounds != 0.0:
+            begin = -np.inf
+        if end >= end_of_lane - 1e-9:
+            end = np.inf
+    if not begin <= at <= end:
+        return 0.0
+    if ease <= 0.0:
+        return 1.0
+    share = min((at - begin) / ease, (end - at) / ease, 1.0)
+    return share * share * (3.0 - 2.0 * share)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Project, Shape, Skeleton
+from enliven.document import Clip, Project, Shape, Skeleton, smoothed
 from enliven.kernels import njit
 from enliven.motion.kinematics import turn
 from enliven.motion.layers.timing import Clocks
@@ -50,10 +50,12 @@ class Travel:
         layer = None if shape.travel is None else shape.layer(shape.travel)
         self.layer = None if layer is None or layer.muted else layer
         if self.layer is not None:
-            clip = project.takes[self.layer.take]
+            clip = smoothed(project.takes[self.layer.take], self.layer.smooth)
             self._clip, self._root = clip, clip.root
             self._clocks = Clocks.of([self.layer], [clip])
             self._factor = self.layer.weight * travel_scale(shape, clip)
+            begin, end = (_root_at(clip, second) for second in self.layer.ends(clip.duration))
+            self._round = (end - begin) * [1.0, 0.0, 1.0]
             self._fed = False
 
     def at(self, times: Float) -> Float:
@@ -65,10 +67,17 @@ class Travel:
         if self.layer is None:
             out[:] = self._still
             return out
-        frames, rounds = np.zeros((2, len(times), 1)) if self._fed else self._clocks.played(times)
         rest, layer = self._clip.skeleton.positions[0], self.layer
         how = (layer.basis, layer.mirrored, self._factor, self._still)
-        travelled(self._root, rest, frames, rounds, *how, out)
+        if self._fed:
+            travelled(self._root, rest, self._round, *np.zeros((2, len(times), 1)), *how, out)
+            return out
+        at = self._clocks.played(times)
+        travelled(self._root, rest, self._round, at.frame, at.rounds, *how, out)
+        if not at.plain:
+            other = np.empty_like(out)
+            travelled(self._root, rest, self._round, at.other, at.rounds, *how, other)
+            out = self._still + at.weight * ((1.0 - at.share) * out + at.share * other - self._still)
         return out
 
     def feed(self, take: str, root: Float) -> None:
@@ -77,20 +86,26 @@ class Travel:
             self._root, self._fed = root, True
 
 
+def _root_at(clip: Clip, second: float) -> Float:
+    """(3,) metres, where a take's root is at a second of it."""
+    frames = np.arange(len(clip.root)) * clip.step
+    return np.array([np.interp(second, frames, clip.root[:, axis]) for axis in range(3)])
+
+
 @njit(cache=True, nogil=True)
-def travelled(root, rest, frames, rounds, basis, mirrored, factor, still, out):  # type: ignore[no-untyped-def]
+def travelled(root, rest, each, frames, rounds, basis, mirrored, factor, still, out):  # type: ignore[no-untyped-def]
     """Kernel: ``out`` (T, 3) is ``still`` and the way from ``rest`` to ``root`` (F, 3) at frames (T, 1).
 
-    ``rounds`` (T, 1) is how often the take was gone through before: each adds its way over the ground.
+    ``rounds`` (T, 1) is how often the lane was gone through before: ``each`` (3,) adds its way over the
+    ground.
     """
     turned = (basis[0], basis[1], basis[2], basis[3])
-    on_x, on_z = root[len(root) - 1, 0] - root[0, 0], root[len(root) - 1, 2] - root[0, 2]
     for t in range(len(frames)):
         frame = max(min(int(frames[t, 0]), len(root) - 2), 0)
         after, part = min(frame + 1, len(root) - 1), frames[t, 0] - frame
-        x = (1.0 - part) * root[frame, 0] + part * root[after, 0] - rest[0] + rounds[t, 0] * on_x
+        x = (1.0 - part) * root[frame, 0] + part * root[after, 0] - rest[0] + rounds[t, 0] * each[0]
         y = (1.0 - part) * root[frame, 1] + part * root[after, 1] - rest[1]
-        z = (1.0 - part) * root[frame, 2] + part * root[after, 2] - rest[2] + rounds[t, 0] * on_z
+        z = (1.0 - part) * root[frame, 2] + part * root[after, 2] - rest[2] + rounds[t, 0] * each[2]
         x, y, z = turn(turned, -x if mirrored else x, y, z)
         out[t, 0] = still[0] + factor * x
         out[t, 1] = still[1] + factor * y

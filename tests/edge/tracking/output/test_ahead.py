@@ -17,8 +17,12 @@ def limited(velocity, most):
 @pytest.mark.parametrize("seed", range(20))
 def test_joints_move_on_at_their_speed_and_bones_keep_their_length(seed):
     random = np.random.default_rng(seed)
-    joints, speed, seconds = random.normal(size=(20, 3)), random.normal(0, 4, (20, 3)), random.uniform(0, 0.3)
-    slow = joints + seconds * limited(speed, 6.0)
+    joints, speed, seconds = (
+        random.normal(size=(20, 3)),
+        random.normal(0, 4, (20, 3)),
+        random.uniform(0, 0.3, 20),
+    )
+    slow = joints + seconds[:, None] * limited(speed, 6.0)
     for joint, parent in enumerate(PARENTS):
         if parent >= 0:
             bone = slow[joint] - slow[parent]
@@ -32,10 +36,10 @@ def test_bones_turn_on_at_their_spin_which_is_learnt_from_frame_to_frame(seed):
     random = np.random.default_rng(seed)
     before, spin = normalized(random.normal(size=(20, 4))), random.normal(0, 8, (20, 3))
     turns = multiply(before, from_rotation_vector(random.normal(0, 1, (20, 3))))
-    passed, share, seconds = 0.03, 0.4, 0.1
+    passed, share, seconds = 0.03, 0.4, random.uniform(0, 0.3, 20)
     step = to_rotation_vector(multiply(conjugate(before), turns))
     learnt = spin + share * (step / passed - spin)
-    on = multiply(turns, from_rotation_vector(seconds * limited(learnt, 10.0)))
+    on = multiply(turns, from_rotation_vector(seconds[:, None] * limited(learnt, 10.0)))
     learn_spin(spin, before, turns, passed, share)
     np.testing.assert_allclose(spin, learnt, atol=1e-9)
     np.testing.assert_allclose(turned_on(turns, spin, seconds), on, atol=1e-9)

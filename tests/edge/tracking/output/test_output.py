@@ -119,6 +119,48 @@ def test_what_people_can_do_is_never_limited():
         assert_alike(a.joints, b.joints)
 
 
+def lag_of(made: list[Body], bodies: list[Body]) -> float:
+    """Seconds by which joints lie behind the truth on its own way, by least squares over all that move."""
+    got, true = (np.array([b.joints for b in several]) for several in (made, bodies))
+    speed = np.gradient(true, 1 / 30, axis=0)
+    moves = np.linalg.norm(speed, axis=2) > 0.5
+    moves[:15] = False
+    return float(((true - got) * speed).sum(2)[moves].sum() / (speed**2).sum(2)[moves].sum())
+
+
+def test_bodies_without_orientations_are_smoothed_and_predicted_too():
+    bodies = [dataclasses.replace(body, orientations=None) for body in truth("walk", 20)]
+    made = run(Output(settings_of(1.0, predict=0.05)), bodies)
+    assert all(body.orientations is None and np.isfinite(body.joints).all() for body in made)
+
+
+@pytest.mark.parametrize("choreography", ["walk", "wave"])
+def test_what_the_filter_lags_is_made_up_for_where_a_joint_moves(choreography):
+    """At least a third of it; and 0 takes it as it is."""
+    bodies = truth(choreography, 90)
+    late, on_time = (
+        lag_of(run(Output(TrackerSettings(smoothing=SmoothingSettings(undelayed=share))), bodies), bodies)
+        for share in (0.0, 1.0)
+    )
+    assert late > 0.008
+    assert abs(on_time) < 0.67 * late
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=10, deadline=None)
+def test_a_joint_at_rest_shakes_no_more_for_it(seed):
+    """With a centimetre of noise a frame, 3 % more at the most."""
+    random, body = np.random.default_rng(seed), truth("idle", 1)[0]
+    still = [
+        dataclasses.replace(body, joints=body.joints + random.normal(0, 0.01, (20, 3))) for _ in range(90)
+    ]
+    shakes = []
+    for share in (0.0, 1.0):
+        made = run(Output(TrackerSettings(smoothing=SmoothingSettings(undelayed=share))), still)
+        shakes.append(np.std([b.joints for b in made[10:]], axis=0).mean())
+    assert shakes[1] < 1.03 * shakes[0]
+
+
 @pytest.mark.parametrize("seconds", [0.05, 0.1])
 def test_looking_ahead_is_nearer_to_what_comes(seconds):
     bodies = truth("walk", 90)
@@ -129,7 +171,7 @@ def test_looking_ahead_is_nearer_to_what_comes(seconds):
         np.mean([np.linalg.norm(b.joints - t, axis=1).mean() for b, t in zip(made, later, strict=True)][15:])
         for made in (ahead, plain)
     ]
-    assert error[0] < 0.75 * error[1]
+    assert error[0] < 0.8 * error[1]
 
 
 def test_looking_ahead_keeps_every_bone_as_long_as_it_is():

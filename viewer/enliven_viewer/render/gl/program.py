@@ -10,7 +10,18 @@ import moderngl
 _INCLUDE = re.compile(r'^#include "([a-z_.]+)"$', re.MULTILINE)
 BLOCKS = {"Frame": 0, "Bones": 1}
 """Binding point of each uniform block, the same in every program."""
-UNITS = {"shadow_map": 0, "contact_map": 1, "transforms": 2, "source": 3, "picture": 3}
+UNITS = {
+    "shadow_map": 0,
+    "contact_map": 1,
+    "transforms": 2,
+    "source": 3,
+    "picture": 3,
+    "base_map": 4,
+    "finish_map": 5,
+    "normal_map": 6,
+    "occlusion_map": 7,
+    "emissive_map": 8,
+}
 """Texture unit of each sampler; those that no program uses together share one."""
 
 

@@ -49,6 +49,11 @@ class RenderTarget:
         self._take_over(region)
         self.drawn.use()
 
+    def write_depth(self, on: bool) -> None:
+        """Turn writing to the depth buffer on or off; moderngl applies the mask with a bind."""
+        self.drawn.depth_mask = on
+        self.drawn.use()
+
     def widen(self) -> None:
         """Draw over the picture from here on, wherever it may be, to the next :meth:`resolve`."""
         for rest in regions_around(self.region, self.size):

@@ -54,8 +54,7 @@ class Tubes:
         self._program["bias"] = bias
         for test, opacity in ((">", FAINT), ("<=", 1.0)):
             self.ctx.depth_func = test
-            picture.drawn.depth_mask = test == "<="
-            picture.drawn.use()
+            picture.write_depth(test == "<=")
             rows[:, 11] = opacity
             self._capsules.load(rows)
             self._capsules.render()

@@ -22,9 +22,9 @@ void main() {
     float far = dot(off, off) / (stage.w * stage.w);
     float near = 1.0 - smoothstep(0.5, 9.0, far);
     vec2 pixel = fwidth(position.xz);
-    float grid = 0.045 * lines(position.xz, pixel, 0.5, 0.006) + 0.070 * lines(position.xz, pixel, 1.0, 0.010);
-    vec3 albedo = vec3(0.122, 0.122, 0.130) + grid;
-    float pool = 1.0 / (1.0 + 0.35 * far * far);
+    float grid = ground.a * (0.045 * lines(position.xz, pixel, 0.5, 0.006) + 0.070 * lines(position.xz, pixel, 1.0, 0.010));
+    vec3 albedo = ground.rgb + grid;
+    float pool = mix(1.0, 1.0 / (1.0 + 0.35 * far * far), zenith.a);
 #ifdef SHADED
     float visible = key_visibility_at(on_light);
     float open = 1.0 - 0.75 * floor_contact_at(on_contact);
@@ -32,7 +32,7 @@ void main() {
     const float visible = 1.0, open = 1.0;
 #endif
     float key = to_key.y * visible * pool;
-    vec3 lit = albedo * (KEY * key * 0.52 + SKY * open * 0.62) * mix(1.0, open, 0.35);
-    vec3 light = mix(HORIZON, lit, near);
+    vec3 lit = albedo * (key_light.rgb * key * 0.52 + sky_light.rgb * open * 0.62) * mix(1.0, open, 0.35);
+    vec3 light = mix(horizon.rgb, lit, near);
     colour = vec4(developed(light), 1.0);
 }

@@ -8,5 +8,7 @@ in vec3 albedo;
 out vec4 colour;
 
 void main() {
-    colour = vec4(developed(lit_surface(albedo, normalize(normal), position, 0.10)), 1.0);
+    vec3 mirrored;
+    Surface painted = Surface(albedo, 0.0, 0.5, 1.0);
+    colour = vec4(developed(shaded(painted, normalize(normal), position, mirrored)), 1.0);
 }

@@ -131,6 +131,12 @@ class Editor:
         """Redo the edit that was undone last."""
         self._step("Done again", self.history.redo_name, self.history.redo)
 
+    def go_to(self, step: int) -> None:
+        """Show the project as it was after a step of the history; 0 is as it was opened."""
+        self.draft = None
+        self.history.go(step)
+        self._mend_selection()
+
     def select(self, **changes: object) -> None:
         """Change parts of the selection; another character forgets handle, chain and layer."""
         self.selection = self.selection.changed(**changes)

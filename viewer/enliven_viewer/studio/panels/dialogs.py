@@ -1,4 +1,4 @@
-"""Dialogues: files, unsaved work, recovery, and the list of keys."""
+"""Dialogues: files, unsaved work, recovery, and those that other modules draw."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from enliven.errors import EnlivenError
-from enliven_viewer.studio.panels.menu import spoken
-from enliven_viewer.studio.panels.style import quiet, tinted
-from enliven_viewer.studio.tools import TOOLS
-from enliven_viewer.studio.workspace import MENU_COMMANDS, FileBrowser, Workspace
+from enliven_viewer.studio.panels.history import draw_history
+from enliven_viewer.studio.panels.key_list import draw_key_list
+from enliven_viewer.studio.panels.modal import button, choice, modal
+from enliven_viewer.studio.panels.palette import draw_palette
+from enliven_viewer.studio.panels.preferences import draw_preferences
+from enliven_viewer.studio.panels.style import px, quiet, tinted
+from enliven_viewer.studio.workspace import FileBrowser, Workspace
 from enliven_viewer.theme import WAIT
 
 _FOLDER = "\uf07b"
@@ -25,34 +28,30 @@ _TITLES = {
 
 def draw_dialogs(workspace: Workspace) -> None:
     """Draw the open dialogue over everything."""
+    if workspace.history_shown:
+        draw_history(workspace)
     if workspace.asking in _TITLES:
         _files(workspace)
-    elif workspace.asking == "help":
-        _help(workspace)
-    elif workspace.asking == "recover":
-        _recover(workspace)
-    elif workspace.asking:
-        _unsaved(workspace)
-
-
-def _begin(title: str, wide: float, high: float = 0.0) -> bool:
-    imgui.open_popup(title)
-    middle = imgui.get_main_viewport().get_center()
-    imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
-    imgui.set_next_window_size(ImVec2(wide, high))
-    flags = imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
-    return bool(imgui.begin_popup_modal(title, None, flags)[0])
+    elif workspace.asking in _DIALOGUES:
+        _DIALOGUES[workspace.asking](workspace)
 
 
 def _files(workspace: Workspace) -> None:
     browser = workspace.browser
-    if browser is None or not _begin(_TITLES[workspace.asking], 560, 440):
+    if browser is None:
         return
+    with modal(_TITLES[workspace.asking], 560, 440) as shown:
+        if shown:
+            _browse(workspace, browser)
+
+
+def _browse(workspace: Workspace, browser: FileBrowser) -> None:
     if imgui.button("Up"):
         browser.enter(browser.folder.parent)
     imgui.same_line()
     imgui.text_unformatted(str(browser.folder))
-    imgui.begin_child("##list", ImVec2(0, 270), imgui.ChildFlags_.frame_style)
+    rows = 3 * imgui.get_frame_height_with_spacing()
+    imgui.begin_child("##list", ImVec2(0, -rows), imgui.ChildFlags_.frame_style)
     done = False
     for folder in browser.folders():
         if imgui.selectable(f"{_FOLDER}  {folder.name}", False)[0]:
@@ -66,14 +65,16 @@ def _files(workspace: Workspace) -> None:
     if browser.problem:
         quiet(browser.problem)
     imgui.end_child()
+    if imgui.is_window_appearing():
+        imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-1)
-    typed, name = imgui.input_text("##name", browser.name, imgui.InputTextFlags_.enter_returns_true)
-    browser.name = name
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    typed, browser.name = imgui.input_text("##name", browser.name, flags)
+    workspace.remember("file name")
     with tinted(WAIT, imgui.Col_.text):
         imgui.text_unformatted(browser.said)
-    if _choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
+    if choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
         _finish(workspace, browser)
-    imgui.end_popup()
 
 
 def _finish(workspace: Workspace, browser: FileBrowser) -> None:
@@ -86,55 +87,44 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     workspace.attempt(lambda: workspace.chosen(path))
 
 
-def _choice(workspace: Workspace, yes: str, no: str) -> bool:
-    """Two buttons; whether the first was pressed. The second, and Escape, close the dialogue."""
-    pressed = imgui.button(yes, ImVec2(110, 0))
-    workspace.remember(f"dialog {yes}")
-    imgui.same_line()
-    if imgui.button(no, ImVec2(110, 0)) or imgui.is_key_pressed(imgui.Key.escape):
-        workspace.cancel()
-    workspace.remember(f"dialog {no}")
-    return bool(pressed)
-
-
 def _unsaved(workspace: Workspace) -> None:
     """Ask before work is thrown away."""
-    if not _begin("Save your work?", 430):
-        return
-    name = workspace.store.name
-    imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
-    imgui.dummy(ImVec2(0, 6))
-    if _choice(workspace, "Save", "Cancel"):
-        workspace.go_on(discard=False)
-    imgui.same_line(0.0, 40.0)
-    if imgui.button("Discard", ImVec2(110, 0)):
-        workspace.go_on(discard=True)
-    workspace.remember("dialog Discard")
-    imgui.end_popup()
+    with modal("Save your work?", 430) as shown:
+        if not shown:
+            return
+        name = workspace.store.name
+        imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
+        imgui.dummy(ImVec2(0, px(6)))
+        if choice(workspace, "Save", "Cancel"):
+            workspace.go_on(discard=False)
+        imgui.same_line(0.0, px(40))
+        if button(workspace, "Discard"):
+            workspace.go_on(discard=True)
 
 
 def _recover(workspace: Workspace) -> None:
     """Offer the unsaved work of a studio that crashed."""
     found = workspace.store.recoverable()
-    if not found or not _begin("Unsaved work was found", 460):
-        workspace.asking = workspace.asking if found else ""
+    if not found:
+        workspace.asking = ""
         return
-    imgui.text_wrapped(
-        f"The studio ended without saving. Its last work, of {_when(found[0])}, is still there."
-    )
-    imgui.dummy(ImVec2(0, 6))
-    if imgui.button("Recover", ImVec2(110, 0)):
-        workspace.asking = ""
-        workspace.attempt(lambda: workspace.store.recover(found[0]))
-    workspace.remember("dialog Recover")
-    imgui.same_line()
-    if imgui.button("Throw away", ImVec2(110, 0)):
-        workspace.asking = ""
-        workspace.store.discard(found)
-    imgui.same_line()
-    if imgui.button("Later", ImVec2(110, 0)):
-        workspace.asking = ""
-    imgui.end_popup()
+    with modal("Unsaved work was found", 460) as shown:
+        if not shown:
+            return
+        imgui.text_wrapped(
+            f"The studio ended without saving. Its last work, of {_when(found[0])}, is still there."
+        )
+        imgui.dummy(ImVec2(0, px(6)))
+        if button(workspace, "Recover"):
+            workspace.asking = ""
+            workspace.attempt(lambda: workspace.store.recover(found[0]))
+        imgui.same_line()
+        if button(workspace, "Throw away"):
+            workspace.asking = ""
+            workspace.store.discard(found)
+        imgui.same_line()
+        if button(workspace, "Later"):
+            workspace.asking = ""
 
 
 def _when(path: Path) -> str:
@@ -143,31 +133,11 @@ def _when(path: Path) -> str:
     return datetime.datetime.fromtimestamp(path.stat().st_mtime).strftime("%d %B, %H:%M")
 
 
-def _help(workspace: Workspace) -> None:
-    if not _begin("Keys", 970, 560):
-        return
-    rows = [("Tools", [(kind.key.upper(), kind.label) for kind in TOOLS])]
-    for menu in dict.fromkeys(command.menu for command in MENU_COMMANDS):
-        rows.append(
-            (menu, [(spoken(d.keys[0]), d.label) for d in MENU_COMMANDS if d.menu == menu and d.keys])
-        )
-    rows.append(("Mouse", [("Right drag", "turn the view"), ("Middle drag", "move it"), ("Wheel", "closer")]))
-    rows.append(("Anywhere", [("Esc", "drop what was begun")]))
-    imgui.columns(3, "##keys", False)
-    each = -(-sum(len(lines) + 1 for _, lines in rows) // 3)
-    done = 0
-    for title, lines in rows:
-        if done and done + len(lines) > each + 2:
-            imgui.next_column()
-            done = 0
-        quiet(title.upper())
-        for key, label in lines:
-            imgui.text_unformatted(key)
-            imgui.same_line(118)
-            imgui.text_disabled(label)
-        done += len(lines) + 1
-    imgui.columns(1)
-    imgui.set_cursor_pos_y(560 - 42)
-    if imgui.button("Close", ImVec2(110, 0)) or imgui.is_key_pressed(imgui.Key.escape):
-        workspace.asking = ""
-    imgui.end_popup()
+_DIALOGUES = {
+    "unsaved": _unsaved,
+    "recover": _recover,
+    "help": draw_key_list,
+    "palette": draw_palette,
+    "preferences": draw_preferences,
+}
+"""What draws each dialogue that is not about files."""

@@ -1,40 +1,35 @@
-"""The menu bar: every command in its menu, with its keys."""
+"""The menu bar: every action in its menu, with its key."""
 
 from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven_viewer.studio.workspace import MENU_COMMANDS, Workspace
-
-_SAID = {
-    "ctrl": "Ctrl",
-    "shift": "Shift",
-    "delete": "Del",
-    "space": "Space",
-    "left": "Left",
-    "right": "Right",
-}
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.panels.modal import action_tip
+from enliven_viewer.studio.workspace import Workspace
 
 
 def draw_menu(workspace: Workspace) -> None:
     """Draw the bar along the top."""
     if not imgui.begin_main_menu_bar():
         return
-    for menu in dict.fromkeys(command.menu for command in MENU_COMMANDS):
+    for menu, actions in workspace.actions.menus.items():
         opened = imgui.begin_menu(menu)
         workspace.remember(f"menu {menu}")
         if opened:
-            for command in (command for command in MENU_COMMANDS if command.menu == menu):
-                keys = spoken(command.keys[0]) if command.keys else ""
-                if imgui.menu_item(command.label, keys, False, True)[0]:
-                    command.do(workspace.input.commands)
-                workspace.remember(f"menu {menu}/{command.label}")
+            for number, action in enumerate(actions):
+                if action.apart and number:
+                    imgui.separator()
+                _entry(workspace, action)
             imgui.end_menu()
     imgui.end_main_menu_bar()
 
 
-def spoken(key: str) -> str:
-    """A key as people read it: "ctrl+shift+z" is Ctrl+Shift+Z."""
-    return "+".join(
-        _SAID.get(part, part.upper() if len(part) == 1 else part.title()) for part in key.split("+")
-    )
+def _entry(workspace: Workspace, action: Action) -> None:
+    """One line of a menu; grey where the action cannot be done."""
+    actions, on = workspace.actions, action.on is not None and action.on()
+    key, possible = actions.shown_key(action), not action.why_not()
+    if imgui.menu_item(action.label, key, on, possible)[0]:
+        actions.do(action.id)
+    workspace.remember(f"menu {action.menu}/{action.label}")
+    action_tip(workspace, action.id)

@@ -5,20 +5,27 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from enliven.document import RigBase
-from enliven_viewer.studio.panels.fields import character_name, told
+from enliven_viewer.studio.panels.fields import character_name
 from enliven_viewer.studio.panels.layer import draw_layer
+from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import default_colour
 from enliven_viewer.studio.workspace import Workspace
 
-_HALF = ImVec2(126, 0)
-_MEANT = {
-    "To equal limbs": "Give the motion of the chosen limb to all limbs that are equal to it",
-    "Clear motion": "Take all motion off the chosen chain, or off the shape",
-    "Mirror": "Left to right, as you look at it",
-}
+_HALF = 126.0
+"""Usual pixels of a button: two are side by side."""
+_DEEDS = (
+    "edit.duplicate",
+    "shape.mirror",
+    "shape.larger",
+    "shape.smaller",
+    "shape.turn_left",
+    "shape.turn_right",
+)
+_JOINTED = ("motion.spread", "motion.clear")
+"""Actions that only characters with bones have."""
 
 
 def draw_side(workspace: Workspace, area: Area) -> None:
@@ -54,7 +61,7 @@ def _characters(workspace: Workspace) -> None:
 
 
 def _chosen(workspace: Workspace, character: RigBase) -> None:
-    editor, commands = workspace.editor, workspace.input.commands
+    editor = workspace.editor
     heading(f"Chosen {character.word}")
     character_name(workspace, character)
     if editor.chosen() is not character:
@@ -66,23 +73,10 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
     if editor.selection.handle is not None:
         said.append(f"node {character.handles[editor.selection.handle]}")
     quiet(", ".join(said))
-    for place, (label, command) in enumerate(
-        (
-            ("Duplicate", commands.duplicate),
-            ("Mirror", commands.mirror),
-            ("Larger", lambda: commands.scale(1.1)),
-            ("Smaller", lambda: commands.scale(1 / 1.1)),
-            ("Turn left", lambda: commands.turn(15.0)),
-            ("Turn right", lambda: commands.turn(-15.0)),
-            *([("To equal limbs", commands.spread), ("Clear motion", commands.clear_motion)] * jointed),
-        )
-    ):
+    for place, action in enumerate((*_DEEDS, *_JOINTED) if jointed else _DEEDS):
         if place % 2:
             imgui.same_line()
-        if imgui.button(label, _HALF):
-            command()
-        workspace.remember(f"do {label}")
-        told(_MEANT.get(label, ""))
+        action_button(workspace, action, _HALF)
 
 
 def _takes(workspace: Workspace) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.studio.panels.modal import action_tip
 from enliven_viewer.studio.panels.style import packed, panel
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET
 
@@ -16,16 +16,15 @@ _SIZE = ImVec2(72, 50)
 def draw_toolbar(workspace: Workspace, area: Area) -> None:
     """Draw the buttons; that of the active tool is amber."""
     with panel("tools", area):
-        for kind in TOOLS:
-            chosen = workspace.input.tool.name == kind.name
+        for action in workspace.actions.menus["Tools"]:
+            name, chosen = action.id.removeprefix("tool."), action.on is not None and action.on()
             at = imgui.get_cursor_screen_pos()
-            if imgui.invisible_button(f"##{kind.name}", _SIZE):
-                workspace.input.take(kind.name)
+            if imgui.invisible_button(f"##{name}", _SIZE):
+                workspace.actions.do(action.id)
             hovered = imgui.is_item_hovered()
-            workspace.remember(f"tool {kind.name}")
-            if hovered:
-                imgui.set_tooltip(f"{kind.label}  ({kind.key.upper()})")
-            _face(at, kind.icon, kind.label, chosen, hovered)
+            workspace.remember(f"tool {name}")
+            action_tip(workspace, action.id)
+            _face(at, action.icon, action.label, chosen, hovered)
 
 
 def _face(at: ImVec2, icon: str, label: str, chosen: bool, hovered: bool) -> None:

@@ -1,7 +1,3 @@
-from .actions import (
-    PERFORM_ACTIONS as PERFORM_ACTIONS,
-    PerformAction as PerformAction,
-    pressed as pressed,
-)
+from .actions import perform_actions as perform_actions, pressed as pressed
 from .holders import Holder as Holder
 from .session import ROOMS as ROOMS, PerformSession as PerformSession

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 from enliven_viewer.live import PARTS, LiveStage
+from enliven_viewer.studio.actions import Action, spoken
 from enliven_viewer.studio.perform.session import ROOMS, PerformSession
 
 
@@ -14,43 +17,87 @@ class PerformAction:
     """An action: its label, its key, what it does, and the workspaces in which the key means it.
 
     An action without workspaces has its key in all of them.
+
+    Attributes:
+        live: whether it is about what is followed, and lacks that where nothing is.
     """
 
     label: str
     key: str
     do: Callable[[PerformSession], object]
     rooms: tuple[str, ...] = ()
+    live: bool = True
+    why_not: Callable[[PerformSession], str] = lambda session: ""
+    on: Callable[[PerformSession], bool] | None = None
 
     @property
-    def keys(self) -> tuple[str, ...]:
-        """Its key in every workspace, if it has one."""
-        return (self.key,) if self.key and not self.rooms else ()
+    def id(self) -> str:
+        """A name that stays: "perform.possess_alone"."""
+        return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
-    @property
-    def shown(self) -> str:
-        """Its label, with the key that it has in some workspaces alone."""
-        return f"{self.label}  ({_SIGNS.get(self.key, self.key.title())})" if self.rooms else self.label
+    def lacks(self, session: PerformSession) -> str:
+        """Why it cannot be done now, and what to do about it; empty where it can."""
+        return (NO_STAGE if self.live and session.live is None else "") or self.why_not(session)
 
 
-_SIGNS = {"comma": ",", "period": "."}
-"""Keys that are read as signs."""
+NO_STAGE = "No stage is connected. Connect to one, or start one, in the Perform workspace"
+"""What is said of actions that need a stage."""
+
+
+def perform_actions(session: PerformSession) -> Iterator[Action]:
+    """Every action, for menus, the palette and the list of keys."""
+    for one in PERFORM_ACTIONS:
+        key = (one.key,) if one.key and not one.rooms else ()
+        about = f"{spoken(one.key)} in {' and '.join(one.rooms)}." if one.rooms else ""
+        on = None if one.on is None else partial(one.on, session)
+        yield Action(
+            one.id,
+            "Perform",
+            one.label,
+            key,
+            partial(one.do, session),
+            partial(one.lacks, session),
+            on,
+            about,
+        )
 
 
 def _live(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
     """An action on what is followed; without a link it does nothing."""
-    return lambda performance: act(performance.live) if performance.live is not None else None
+    return lambda session: act(session.live) if session.live is not None else None
 
 
 def _go(room: str) -> Callable[[PerformSession], object]:
-    return lambda performance: setattr(performance, "room", room)
+    return lambda session: setattr(session, "room", room)
 
 
 _HERE = ("Perform", "Play")
 PERFORM_ACTIONS = (
-    *(PerformAction(f"Workspace: {room}", f"ctrl+{n + 1}", _go(room)) for n, room in enumerate(ROOMS)),
-    PerformAction("Put the chosen character on the stage", "ctrl+enter", PerformSession.put),
-    PerformAction("Take the chosen character from the stage", "", PerformSession.take_off),
-    PerformAction("Record, or end the recording", "ctrl+r", PerformSession.record),
+    *(
+        PerformAction(
+            f"Workspace: {room}",
+            f"ctrl+{n + 1}",
+            _go(room),
+            live=False,
+            on=lambda session, room=room: session.room == room,
+        )
+        for n, room in enumerate(ROOMS)
+    ),
+    PerformAction(
+        "Put the chosen character on the stage",
+        "ctrl+enter",
+        PerformSession.put,
+        why_not=PerformSession.lacks_to_put,
+    ),
+    PerformAction(
+        "Take the chosen character from the stage",
+        "",
+        PerformSession.take_off,
+        why_not=PerformSession.lacks_to_take_off,
+    ),
+    PerformAction(
+        "Record, or end the recording", "ctrl+r", PerformSession.record, why_not=PerformSession.lacks_edge
+    ),
     PerformAction("Possess alone", "p", _live(LiveStage.possess), _HERE),
     PerformAction("Possess beside others", "j", _live(lambda live: live.possess("join")), _HERE),
     PerformAction("Hold with these parts as well", "e", _live(lambda live: live.possess("extend")), _HERE),
@@ -82,16 +129,16 @@ PERFORM_ACTIONS = (
 """Every action, the ones of all workspaces first."""
 
 
-def pressed(performance: PerformSession, key: str) -> bool:
+def pressed(session: PerformSession, key: str) -> bool:
     """Do what a key means in the workspace; returns whether it meant something."""
     for action in PERFORM_ACTIONS:
-        if action.key != key or (action.rooms and performance.room not in action.rooms):
+        if action.key != key or session.room not in action.rooms:
             continue
-        if action.rooms and performance.live is None:
-            if performance.room == "Play":
-                return False  # the project plays there
-            performance.need_edge()
+        if session.live is None and session.room == "Play":
+            return False  # the project plays there
+        if lacking := action.lacks(session):
+            session.editor.toasts.say(*lacking.split(". "))
         else:
-            action.do(performance)
+            action.do(session)
         return True
     return False

@@ -213,27 +213,34 @@ class PerformSession:
 
     # Characters on the stage ------------------------------------------------------------------------------
 
+    def lacks_edge(self) -> str:
+        """Why nothing can be asked of an edge, and what to do about it; empty where it can."""
+        if self.connected:
+            return ""
+        return "The stage is silent. Look whether its camera's program runs"
+
+    def lacks_to_put(self) -> str:
+        """Why the chosen character cannot be put on the stage, and what to do about it."""
+        one = self.editor.chosen()
+        if one is None:
+            return self.lacks_edge() or "Nothing is chosen. Click the character that is to be performed"
+        bare = "It has no surface. Only what has one can be performed" if one.mesh is None else ""
+        return self.lacks_edge() or bare
+
+    def lacks_to_take_off(self) -> str:
+        """Why the chosen character cannot be taken from the stage, and what to do about it."""
+        there = self.editor.selection.character in self.standing
+        return self.lacks_edge() or ("" if there else "It does not stand on the stage. Choose one that does")
+
     def put(self) -> None:
         """Put the chosen character on the stage, where it follows every edit."""
-        name, stage = self.editor.selection.character, self.stage
-        if not self.need_edge() or stage is None:
-            return
-        if name is None:
-            self.editor.toasts.say("Nothing is chosen", "Click the character that is to be performed.")
-        elif self.editor.project.characters[name].mesh is None:
-            self.editor.toasts.say(f"{name} has no surface", "Only what has one can be performed.")
-        else:
-            self.sender.put(stage, self.editor.project, name)
+        if self._may(self.lacks_to_put()) and self.stage is not None:
+            self.sender.put(self.stage, self.editor.project, self.editor.selection.character or "")
 
     def take_off(self, name: str = "") -> None:
         """Take a character from the stage: the chosen one where none is named."""
-        name, stage = name or self.editor.selection.character or "", self.stage
-        if not self.need_edge() or stage is None:
-            return
-        if name not in self.standing:
-            self.editor.toasts.say("It does not stand on the stage", "Choose one that does.")
-        else:
-            self.sender.remove(stage, name)
+        if self._may("" if name else self.lacks_to_take_off()) and self.stage is not None:
+            self.sender.remove(self.stage, name or self.editor.selection.character or "")
 
     # Recording --------------------------------------------------------------------------------------------
 
@@ -251,7 +258,7 @@ class PerformSession:
         """Count in and record, or end it."""
         if self.phase != "idle":
             self.stop()
-        elif self.need_edge():
+        elif self._may(self.lacks_edge()):
             self.phase, self._left = "counting", _COUNT if self.count_in else 0.0
 
     def stop(self) -> None:
@@ -305,10 +312,8 @@ class PerformSession:
             number += 1
         return f"take {number}"
 
-    def need_edge(self) -> bool:
-        """Whether an edge is heard; says what to do where none is."""
-        if not self.connected:
-            self.editor.toasts.say(
-                "No stage is connected", "Connect to an edge, or start one, in the Perform workspace."
-            )
-        return self.connected
+    def _may(self, lacking: str) -> bool:
+        """Whether nothing is lacking; says what is."""
+        if lacking:
+            self.editor.toasts.say(*lacking.split(". "))
+        return not lacking

@@ -173,4 +173,5 @@ def _rigid(puppet: RigBase) -> Character:
         pivots=np.zeros((1, 3), np.float32),
         edges=np.zeros((0, 2), np.int32),
         colours=mesh.colours,
+        materials=mesh.materials,
     )

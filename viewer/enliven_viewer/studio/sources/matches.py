@@ -71,6 +71,7 @@ def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop
             source_view=source_lens.forward,
             source_up=source_lens.up,
             loop=loop,
+            hold=False,
         )
     return project
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from enliven.document import Switch
-from enliven.modeling.edits import change_layers
+from enliven.modeling.edits import change_layers, stretch_clip
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline.layout import (
-    FASTEST,
-    SLOWEST,
     SNAP,
     Lane,
     LaneHandle,
@@ -104,8 +102,8 @@ class TimelineInput:
         moved = layout.time(x) - layout.time(self._from)
         if handle.kind == "bar":
             return _changing(handle, offset=self._snapped(layout, lane, lane.layer.offset + moved))
-        ends, length = layout.time(lane.right) + moved, layout.project.length_of(lane.layer)
-        return _changing(handle, speed=lane.layer.ending(ends, length, SLOWEST, FASTEST).speed)
+        ends = layout.time(lane.right) + moved
+        return lambda project: stretch_clip(project, handle.character, handle.layers, 0, end=ends)
 
     def _snapped(self, layout: TimelineLayout, lane: Lane, offset: float) -> float:
         """An offset that sticks to what is near: zero, the playhead, the ends of other bars."""

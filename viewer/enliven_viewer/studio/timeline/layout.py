@@ -22,10 +22,6 @@ EDGE = 7.0
 """Pixels around a bar's right end that change its speed."""
 MUTE = 22.0
 """Pixels at the left of a label that mute the layer: as wide as the icon of the eye."""
-SLOWEST = 0.05
-"""Speed of a layer at least, when its end is dragged: a twentieth."""
-FASTEST = 20.0
-"""Speed of a layer at most, when its end is dragged: twentyfold."""
 SNAP = 6.0
 """Pixels within which a bar's start sticks to zero, to the playhead and to other bars' ends."""
 _FEW = 12
@@ -168,7 +164,7 @@ class TimelineLayout:
             for number, layer in enumerate(playing):
                 few = sum(other.take == layer.take for other in playing) <= _FEW
                 alone = number if few and layer.source == "takes" else -1
-                how = (layer.take, layer.offset, layer.speed, layer.loop, layer.muted)
+                how = (layer.take, layer.muted, layer.when())
                 groups.setdefault((key, *how, alone), []).append(number)
         return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
 

@@ -152,6 +152,7 @@ class MapTool(Tool):
                 source_up=other.up,
                 flip=wish.flip,
                 loop=self.loop,
+                hold=False,
             )
 
         if self.editor.edit(f"map {wish.take}", change):

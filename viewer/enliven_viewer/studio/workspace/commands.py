@@ -1,4 +1,4 @@
-"""The commands of menus and keys, a method each."""
+"""What actions do, a method each, and what each of them lacks."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Project, Shape
-from enliven.matching import best_view, equal_limbs
+from enliven.document import GraphShape, Project, Shape
+from enliven.matching import EqualLimbs, best_view, equal_limbs
 from enliven.modeling.edits import (
     copy_character,
     delete_character,
@@ -23,28 +23,16 @@ from enliven.motion.contact import pin_feet, unpin
 from enliven.motion.layers import clear_chain, copy_motion
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove_joint
 from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, aside
 
 
 class Commands:
-    """Commands on an editor, and their clipboard.
+    """What actions do to an editor's project, its clipboard, and what each of them lacks."""
 
-    Attributes:
-        ask: opens a dialogue of the window ("open", "save", "export", "help", ...); without a window nothing
-            does.
-    """
-
-    def __init__(
-        self,
-        editor: Editor,
-        ask: Callable[[str], None] = lambda dialogue: None,
-        perform: PerformSession | None = None,
-    ) -> None:
-        self.editor, self.ask = editor, ask
-        self.perform = perform or PerformSession(editor)
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
         self._copied: tuple[Project, str] | None = None
         self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None
@@ -87,7 +75,6 @@ class Commands:
     def paste(self) -> None:
         """Paste a copy of the remembered character beside the others."""
         if self._copied is None:
-            self.editor.toasts.say("Nothing was copied", "Choose something and press Ctrl+C first.")
             return
         source, name = self._copied
         self._pasted += 1
@@ -145,11 +132,9 @@ class Commands:
 
     def paste_motion(self) -> None:
         """Add the remembered motion to the chosen chain, on top of its own."""
-        if self._motion is None:
-            self.editor.toasts.say("No motion was copied", "Choose a chain and press Ctrl+Shift+C first.")
-            return
-        target, (source, chain), lens = self._chosen_chain(), self._motion, self.editor.lens
-        if target is not None:
+        target, lens = self._chosen_chain(), self.editor.lens
+        if self._motion is not None and target is not None:
+            source, chain = self._motion
             view, up = lens.forward, lens.up
             self.editor.edit(
                 "paste motion", lambda p: copy_motion(p, source, chain, *target, view=view, up=up)
@@ -157,13 +142,10 @@ class Commands:
 
     def spread(self) -> None:
         """Give the motion of the chosen limb to the limbs that are equal to it."""
-        chosen, shape = self.editor.selection, self.editor.chosen(Shape)
-        joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
-        if shape is None or joint is None:
-            self.editor.toasts.say("No limb is chosen", "Click a node of the limb that moves.")
+        limb = self._limb()
+        if limb is None:
             return
-        groups = equal_limbs(shape.skeleton)
-        group = next((group for group in groups if group.limb_of(joint) >= 0), None)
+        shape, joint, group = limb
         if group is None:
             self.editor.toasts.say("No limb is equal to this one", "Copy its motion chain by chain instead.")
         elif self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape.id, group, joint)):
@@ -173,7 +155,6 @@ class Commands:
         """Keep the chosen foot where it stands while it touches the floor, or let it go."""
         shape, joint = self.editor.chosen(Shape), self.editor.selection.handle
         if shape is None or joint is None:
-            self.editor.toasts.say("No foot is chosen", "Click the node of an ankle first.")
             return
         name = shape.handles[joint]
         if any(pin.joint == name for pin in shape.pins):
@@ -183,7 +164,7 @@ class Commands:
 
     def best_view(self) -> None:
         """Turn the camera to the direction from which most of the chosen shape's bones are seen."""
-        shape = self._chosen_shape()
+        shape = self.editor.chosen(Shape)
         if shape is None:
             return
         posed = self.editor.posed(shape.id)
@@ -197,7 +178,7 @@ class Commands:
 
     def clear_motion(self) -> None:
         """Take all motion off the chosen chain, or off the whole chosen shape."""
-        shape, chosen = self._chosen_shape(), self.editor.selection.chain
+        shape, chosen = self.editor.chosen(Shape), self.editor.selection.chain
         if shape is None:
             return
         chains: Sequence[Sequence[int]] = [_outwards(shape, chosen)]
@@ -216,26 +197,67 @@ class Commands:
         if name is not None:
             self.editor.edit(f"{word} {name}", lambda project: change(project, name))
 
-    def _chosen(self) -> str | None:
-        name = self.editor.selection.character
-        if name is None:
-            self.editor.toasts.say("Nothing is chosen", "Click a shape first.")
-        return name
+    def lacks_character(self) -> str:
+        """What a command on a character lacks."""
+        return "" if self._chosen() else "Nothing is chosen. Click a shape first."
 
-    def _chosen_shape(self) -> Shape | None:
-        shape = self.editor.chosen(Shape)
-        if shape is None:
-            self.editor.toasts.say("No shape with bones is chosen", "Click one first.")
-        return shape
+    def lacks_shape(self) -> str:
+        """What a command on a shape with bones lacks."""
+        return "" if self.editor.chosen(Shape) else "No shape with bones is chosen. Click one first."
+
+    def lacks_possessed(self) -> str:
+        """What solving a possession again lacks."""
+        chosen = self.editor.chosen(GraphShape)
+        return "" if chosen else "No possessed mesh is chosen. Click one first."
+
+    def lacks_chain(self) -> str:
+        """What a command on a chain of joints lacks."""
+        said = "No chain is chosen. Click the joint where it begins, then Shift-click its end."
+        return "" if self._chosen_chain() else said
+
+    def lacks_copied(self) -> str:
+        """What pasting a character lacks."""
+        return "" if self._copied else "Nothing was copied. Choose something and press Ctrl+C first."
+
+    def lacks_motion(self) -> str:
+        """What pasting motion lacks."""
+        said = "No motion was copied. Choose a chain and press Ctrl+Shift+C first."
+        return self.lacks_chain() if self._motion else said
+
+    def lacks_limb(self) -> str:
+        """What a command on a limb lacks."""
+        return "" if self._limb() else "No limb is chosen. Click a node of the limb that moves."
+
+    def lacks_foot(self) -> str:
+        """What pinning a foot lacks."""
+        chosen = self.editor.chosen(Shape) and self.editor.selection.handle is not None
+        return "" if chosen else "No foot is chosen. Click the node of an ankle first."
+
+    def lacks_undo(self) -> str:
+        """What undo lacks."""
+        return "" if self.editor.history.undo_name else "Nothing is left to be undone."
+
+    def lacks_redo(self) -> str:
+        """What redo lacks."""
+        return "" if self.editor.history.redo_name else "Nothing is left to be done again."
+
+    def _chosen(self) -> str | None:
+        chosen = self.editor.chosen()
+        return chosen.id if chosen is not None else None
+
+    def _limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
+        """The chosen shape, a joint of its chosen limb, and the limbs that are equal to it."""
+        chosen, shape = self.editor.selection, self.editor.chosen(Shape)
+        joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
+        if shape is None or joint is None:
+            return None
+        groups = equal_limbs(shape.skeleton)
+        return shape, joint, next((group for group in groups if group.limb_of(joint) >= 0), None)
 
     def _chosen_chain(self) -> tuple[str, tuple[int, ...]] | None:
-        """The chosen shape and chain, which is told to be missing where it is."""
+        """The chosen shape and chain."""
         shape, chain = self.editor.chosen(Shape), self.editor.selection.chain
-        if shape is not None and len(chain) > 1:
-            return shape.id, _outwards(shape, chain)
-        said = "Click the joint where it begins, Shift-click its end."
-        self.editor.toasts.say("No chain is chosen", said)
-        return None
+        return (shape.id, _outwards(shape, chain)) if shape is not None and len(chain) > 1 else None
 
     def _aside(self, source: Project, name: str) -> Float:
         """(3,) metres, an offset to the right of the view by about the character's width."""

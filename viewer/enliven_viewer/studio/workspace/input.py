@@ -1,15 +1,14 @@
-"""Buttons, wheel and keys over the viewport, passed to the active tool, the camera or a command."""
+"""Buttons, wheel and keys over the viewport, passed to the active tool, the camera or an action."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from enliven_viewer.render import DRAG_TURN
+from enliven_viewer.studio.actions import ActionTable
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools import TOOLS, Pointer, Tool
 from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace.command_table import MENU_COMMANDS
-from enliven_viewer.studio.workspace.commands import Commands
 
 LEFT = 0
 """The left button, as ImGui counts; it works with the tool."""
@@ -20,18 +19,18 @@ MIDDLE = 2
 
 
 class ViewportInput:
-    """Passes the input over the viewport to the active tool, the camera or a command.
+    """Passes the input over the viewport to the active tool, the camera or an action.
 
     Args:
         editor: what is edited.
-        commands: what keys and menus do.
+        actions: what keys do where the tool has no use for them.
 
     Attributes:
         first: asked about every key before the tool is; True where it took it.
     """
 
-    def __init__(self, editor: Editor, commands: Commands) -> None:
-        self.editor, self.commands = editor, commands
+    def __init__(self, editor: Editor, actions: ActionTable) -> None:
+        self.editor, self.actions = editor, actions
         self.tools = {kind.name: kind(editor) for kind in TOOLS}
         self.tool: Tool = self.tools[TOOLS[0].name]
         self.at: Point = (0.0, 0.0)
@@ -84,18 +83,9 @@ class ViewportInput:
 
     def key(self, key: str) -> bool:
         """Take a key such as "c", "space", "ctrl+z" or "ctrl+shift+v"; returns whether it had an effect."""
-        if self.first(key) or self.tool.type(key):
-            return True
-        if key == "escape":
-            self.tool.cancel()
-            self._held, self._with_tool = None, False
-            return True
-        for kind in TOOLS:
-            if key == kind.key:
-                self.take(kind.name)
-                return True
-        for command in MENU_COMMANDS:
-            if key in command.keys:
-                command.do(self.commands)
-                return True
-        return False
+        return self.first(key) or self.tool.type(key) or self.actions.press(key)
+
+    def drop(self) -> None:
+        """Drop what was begun with a tool."""
+        self.tool.cancel()
+        self._held, self._with_tool = None, False

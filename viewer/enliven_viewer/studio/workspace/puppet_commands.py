@@ -35,7 +35,6 @@ class PuppetCommands:
         """Make a puppet of the chosen shape's mesh, as it stands now; the shape stays."""
         found = self._chosen_mesh()
         if found is None:
-            self.editor.toasts.say("No shape with a surface is chosen", "Click one first.")
             return False
         name, mesh = found
         upright, place = standing_mesh(mesh)
@@ -69,7 +68,6 @@ class PuppetCommands:
         """Make a possessed mesh of the puppet, which does what it does and can be merged with others."""
         puppet, editor = self.editor.puppets.puppet, self.editor
         if puppet is None:
-            editor.toasts.say("No puppet is chosen", "Click one first.")
             return False
         project = editor.project
         editor.beside.begin(
@@ -97,14 +95,31 @@ class PuppetCommands:
 
         return put
 
+    def lacks_mesh(self) -> str:
+        """What making a puppet lacks."""
+        return "" if self._solid() else "No shape with a surface is chosen. Click one first."
+
+    def lacks_puppet(self) -> str:
+        """What a command on a puppet lacks."""
+        return "" if self.editor.puppets.puppet else "No puppet is chosen. Click one first."
+
+    def lacks_examples(self) -> str:
+        """What baking a puppet lacks."""
+        puppet = self.editor.puppets.puppet
+        if puppet is None:
+            return self.lacks_puppet()
+        return " ".join(rig_of(puppet).lacking(self.editor.project, puppet))
+
+    def _solid(self) -> RigBase | None:
+        """The chosen character, where it has a surface and is no puppet."""
+        chosen = self.editor.chosen()
+        solid = chosen is not None and chosen.mesh is not None and len(chosen.mesh.faces) > 0
+        return chosen if solid and chosen is not self.editor.puppets.puppet else None
+
     def _chosen_mesh(self) -> tuple[str, Mesh] | None:
-        editor, chosen = self.editor, self.editor.chosen()
-        if (
-            chosen is None
-            or chosen is editor.puppets.puppet
-            or chosen.mesh is None
-            or not len(chosen.mesh.faces)
-        ):
+        """The chosen character's name and its mesh as it stands now."""
+        editor, chosen = self.editor, self._solid()
+        if chosen is None or chosen.mesh is None:
             return None
         seen = vertices_of(editor.project, chosen.id, editor.time)
         return chosen.id, replace(chosen.mesh, vertices=seen)

@@ -7,12 +7,15 @@ from pathlib import Path
 
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError, InputError
+from enliven_viewer.studio.actions import ActionTable, Finding, WantedKey
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.perform import PerformSession, pressed
+from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
 from enliven_viewer.studio.performer import PerformerView
+from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.timeline import TimelineInput
+from enliven_viewer.studio.workspace.action_table import studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.files import (
@@ -39,9 +42,14 @@ class Workspace:
     """Everything that panels draw and change; it works without a window as well.
 
     Attributes:
+        preferences: what the artist chose once and for all.
+        actions: everything that can be done, for menus, keys, buttons and the palette.
+        commands: what the studio's own actions do.
         widgets: where each widget was drawn last, by name, so that a session can click on it.
         asking: the dialogue that is open, or empty.
         browser: what a dialogue about files shows.
+        finding: what the palette finds; wanted_key: the key that the preferences change.
+        history_shown: whether the list of steps is open; history_seen: its length and step when it was drawn.
         caption: what a session says of what it does; empty without a session.
         pressed: the key that a session presses just now.
         ended: whether the studio is to end.
@@ -49,8 +57,13 @@ class Workspace:
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
+        self.preferences = Preferences(folder)
+        self.actions = ActionTable(editor.toasts, self.preferences)
+        self.commands = Commands(editor)
+        self.input = ViewportInput(editor, self.actions)
+        self.actions.add(*studio_actions(self.commands, self.input, self.ask))
         self.perform = PerformSession(editor, folder)
-        self.input = ViewportInput(editor, Commands(editor, self.ask, self.perform))
+        self.actions.add(*perform_actions(self.perform))
         self.timeline = TimelineInput(editor)
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: pressed(self.perform, key) or self.timeline.rows.type(key)
@@ -60,6 +73,8 @@ class Workspace:
         self.widgets: dict[str, Rectangle] = {}
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
+        self.finding, self.wanted_key = Finding(self.actions), WantedKey()
+        self.history_shown, self.history_seen = False, (0, 0)
         self.ended = False
         self._after = ""
         self._wanted: Path | None = None
@@ -79,13 +94,14 @@ class Workspace:
             self.store.new(Project().with_takes(*library()))
         elif dialogue == "quit":
             self.ended = True
+        elif dialogue == "history":
+            self.history_shown = not self.history_shown
         elif dialogue == "save" and self.store.path is not None:
             self.attempt(self.store.save)
-        elif dialogue == "session" and self.editor.puppets.puppet is None:
-            self.editor.toasts.say("No puppet is chosen", "Click the one whose examples are to be saved.")
         elif dialogue in ("open", "save", "save as", "export", "session", "perform"):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
+            self.finding, self.wanted_key = Finding(self.actions), WantedKey()
             self.asking = dialogue
 
     def open(self, path: Path) -> None:

@@ -1,0 +1,43 @@
+"""Takes smoothed as they are played: what was recorded stays as it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from enliven.arrays import AnyArray, Float
+from enliven.document.clip import Clip
+from enliven.document.possessed import PoseStream
+from enliven.rotation import normalized
+
+T = TypeVar("T", bound=Clip | PoseStream)
+_KEPT = 64
+"""Smoothed takes that are kept: those of some characters, while a slider is dragged."""
+
+
+def smoothed(take: T, seconds: float) -> T:
+    """A take with each moment mixed with those around it; the same object for the same take and seconds.
+
+    Args:
+        seconds: the standard deviation of the Gaussian weights; 0 gives the take itself.
+    """
+    return take if seconds <= 0.0 else _smoothed(take, seconds)
+
+
+@lru_cache(maxsize=_KEPT)
+def _smoothed(take: Any, seconds: float) -> Any:
+    frames = seconds / take.step
+
+    def mixed(rows: AnyArray) -> Float:
+        return np.asarray(gaussian_filter1d(np.asarray(rows, np.float64), frames, axis=0, mode="nearest"))
+
+    if isinstance(take, PoseStream):
+        return replace(take, linear=mixed(take.linear), positions=mixed(take.positions))
+    # A turn has two quaternions: each frame takes the one that is nearer to the frame before.
+    signs = np.where(np.sum(take.turns[1:] * take.turns[:-1], axis=2) < 0.0, -1.0, 1.0)
+    along = np.concatenate([np.ones((1, signs.shape[1])), np.cumprod(signs, axis=0)])
+    return replace(take, turns=normalized(mixed(take.turns * along[..., None])), root=mixed(take.root))

@@ -1,0 +1,52 @@
+"""Edits of the markers of a project: moments with names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from enliven.document import Marker, Project, unused
+from enliven.errors import InputError
+
+
+def add_marker(project: Project, seconds: float, name: str = "marker") -> tuple[Project, str]:
+    """A project with one more marker, and its name: ``name``, with a number where that is taken."""
+    made = Marker(unused(name, project.markers), float(seconds))
+    return replace(project, markers={**project.markers, made.id: made}), made.id
+
+
+def move_marker(project: Project, name: str, seconds: float) -> Project:
+    """A project with a marker at another time, not before 0."""
+    moved = replace(_marker(project, name), seconds=max(float(seconds), 0.0))
+    return replace(project, markers={**project.markers, name: moved})
+
+
+def rename_marker(project: Project, name: str, wanted: str) -> Project:
+    """A project with a marker under another name, at its place among the others.
+
+    Raises:
+        InputError: where there is no such marker, or another is called so.
+    """
+    marker = _marker(project, name)
+    if wanted != name and wanted in project.markers:
+        mend = "Choose another name."
+        raise InputError(f"{wanted!r} is there already", where=f"marker {name!r}", mend=mend)
+    named = {(wanted if key == name else key): one for key, one in project.markers.items()}
+    return replace(project, markers={**named, wanted: replace(marker, id=wanted)})
+
+
+def remove_marker(project: Project, name: str) -> Project:
+    """A project without a marker.
+
+    Raises:
+        InputError: where there is none of the name.
+    """
+    _marker(project, name)
+    return replace(project, markers={key: one for key, one in project.markers.items() if key != name})
+
+
+def _marker(project: Project, name: str) -> Marker:
+    if name not in project.markers:
+        known = ", ".join(project.markers)
+        mend = f"Known: {known}." if known else "Add one first."
+        raise InputError(f"there is no marker {name!r}", where="project", mend=mend)
+    return project.markers[name]

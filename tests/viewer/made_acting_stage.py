@@ -1,0 +1,77 @@
+"""A small project in which every action of the studio can be done, and what each needs to be chosen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from made_studio_puppets import project_with
+from strokes import limb
+
+from enliven.document.possessed import graph_shape_at_rest
+from enliven.modeling.edits import scale_character
+from enliven.modeling.puppet import add_key_pose
+from enliven.modeling.sketching.sketch import shape_from_stroke
+from enliven.motion.layers.retarget import bind_chain
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+LIMB = {"character": "limb", "handle": None, "chain": (), "layer": None}
+TIP = {"character": "limb", "handle": 2, "chain": (), "layer": None}
+CHAIN = {"character": "limb", "handle": None, "chain": (0, 1, 2), "layer": None}
+POST = {"character": "post", "handle": None, "chain": (), "layer": None}
+STAR = {"character": "star", "handle": None, "chain": (), "layer": None}
+NEEDS: dict[str, dict[str, object]] = {
+    "motion.copy": CHAIN,
+    "motion.paste": CHAIN,
+    "motion.spread": TIP,
+    "motion.pin": TIP,
+    "shape.solve": POST,
+    "shape.bake": STAR,
+    "file.session": STAR,
+}
+"""What is chosen for an action; a limb where nothing is said."""
+
+
+def acting_stage(folder: Path, width: int = 1280, height: int = 720) -> Workspace:
+    """A workspace with a limb that waves, a possessed post and a puppet, each with an edit in the past."""
+    project = project_with("head", "left", "right", "foot", take="sway")
+    rest = project.puppets["star"].rest
+    for seconds, places in ((0.0, rest), (0.8, np.add(rest, [0.1, 0.03, 0.0]))):
+        project = add_key_pose(project, "star", "sway", seconds, places)
+    bones = np.array([[0.0, 0.0], [0.05, 0.3], [0.0, 0.6], [0.0, 0.9]])
+    pill = limb(bones, np.array([0.08, 0.07, 0.06, 0.05]))
+    shape = shape_from_stroke(np.add(pill, [-0.9, 0.4]), id="limb")
+    beside = replace(shape.mesh, vertices=np.add(shape.mesh.vertices, [1.8, 0.0, 0.0]), name="post")
+    ends = np.array([[0.9, 0.45, 0.0], [0.9, 0.95, 0.0]])
+    post, stream = graph_shape_at_rest("post", ends, np.array([[0, 1]], np.int32), beside)
+    project = project.with_streams(stream).with_characters(shape, post)
+    joints = tuple(range(len(shape.skeleton)))
+    project = bind_chain(project, "limb", joints, "wave", (0, 1, 2, 3), loop=True)
+    render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
+    settings = StudioSettings(render=render, width=width, height=height)
+    workspace = Workspace.new(Editor(settings), folder)
+    workspace.store.new(project)
+    return workspace
+
+
+def ready_for(workspace: Workspace, action: Action) -> None:
+    """Choose what an action needs, and see to it that something can be undone, done again and pasted."""
+    editor = workspace.editor
+    workspace.input.take("choose")
+    editor.go_to(0)
+    for factor in (1.1, 1.2):
+        editor.edit("scale limb", lambda project, by=factor: scale_character(project, "limb", by))
+    if action.id == "edit.redo":
+        editor.undo()
+    if action.id == "edit.paste":
+        editor.select(**LIMB)
+        workspace.commands.copy()
+    if action.id == "motion.paste":
+        editor.select(**CHAIN)
+        workspace.commands.copy_motion()
+    editor.select(**NEEDS.get(action.id, LIMB))

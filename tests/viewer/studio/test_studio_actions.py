@@ -1,0 +1,198 @@
+"""Actions: found by letters, done by menu and key in the real window, with other keys; and undone."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
+
+from enliven.document.project import same
+from enliven.errors import InputError
+from enliven_viewer.studio.actions import Action, ActionTable, Finding, spoken
+from enliven_viewer.studio.actions.search import likeness
+from enliven_viewer.studio.preferences import Preferences
+from enliven_viewer.studio.toasts import Toasts
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+SESSION = Path(__file__).parents[1] / "studio_actions_session.py"
+
+
+def in_a_window(session: Path, *arguments: str) -> dict:
+    """What a session in the real window printed."""
+    command = [sys.executable, str(session), *arguments]
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        if shutil.which("xvfb-run") is None:
+            pytest.skip("there is no display, and no xvfb-run to make one")
+        command = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24", *command]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_every_action_is_done_from_its_menu_and_by_its_key(tmp_path) -> None:
+    said = in_a_window(SESSION, str(tmp_path))
+    assert said["done"] and said["refused"] == {} and said["complaints"] == []
+    assert said["menu"] == [name for name, _ in said["all"]]
+    assert said["keys"] == [name for name, has_key in said["all"] if has_key]
+    assert said["found"][0] == "tool.puppet" and said["palette does"] == "puppet"
+    assert said["stays open"] == "palette", "what cannot be done stays to be read"
+    assert said["palette"] == ["", False]
+    assert said["free key"] == [["j"], ""]
+    assert said["asked"] == ["f", ["j"]], "a key of another action is asked about"
+    assert said["taken"] == [["f"], []] and said["by the new key"] is False
+    assert said["went to"] == [2, True]
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory) -> Workspace:
+    return acting_stage(tmp_path_factory.mktemp("actions"))
+
+
+CHOSEN = (LIMB, TIP, CHAIN, POST, STAR)
+NOT_AT_RANDOM = ("file.", "edit.undo", "edit.redo", "edit.history", "shape.bake", "help.", "tool.")
+"""Dialogues, steps through the history, and what takes seconds in a thread."""
+
+
+def test_500_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
+    import random
+
+    chance, editor = random.Random(20), stage.editor
+    names = [action.id for action in stage.actions if not action.id.startswith(NOT_AT_RANDOM)]
+    first, done = editor.project, 0
+    for _ in range(500):
+        wish = dict(chance.choice(CHOSEN))
+        wish["character"] = chance.choice([wish["character"], *editor.project.characters])
+        known = editor.project.characters.get(str(wish["character"]))
+        if known is None or len(known.handles) < 3:
+            wish |= {"handle": None, "chain": ()}
+        editor.select(**wish)
+        name = chance.choice(names)
+        if name == "edit.delete" and len(editor.project.characters) < 3:
+            name = "edit.duplicate"
+        done += stage.actions.do(name)
+        assert not any("fault of enliven" in toast.text for toast in editor.toasts.shown), name
+        if chance.random() < 0.1:
+            stage.actions.do(chance.choice(["edit.undo", "edit.redo"]))
+    assert done > 250 and editor.history.at > 60
+    last = editor.project
+    while editor.history.undo_name:
+        stage.actions.do("edit.undo")
+    assert same(editor.project, first)
+    while editor.history.redo_name:
+        stage.actions.do("edit.redo")
+    assert same(editor.project, last)
+    editor.go_to(0)
+    assert same(editor.project, first)
+
+
+def test_what_cannot_be_done_says_why_and_does_nothing(stage: Workspace) -> None:
+    stage.editor.select(character=None)
+    before = stage.editor.project
+    for action in stage.actions:
+        reason = action.why_not()
+        if reason:
+            assert not stage.actions.do(action.id), action.id
+            assert stage.editor.toasts.shown[-1].text in reason
+            assert reason in stage.actions.tip(action)
+    assert stage.editor.project is before
+
+
+def test_each_action_is_found_first_by_its_own_name(stage: Workspace) -> None:
+    for action in stage.actions:
+        assert stage.actions.find(action.label)[0].label == action.label
+
+
+@given(st.text("abcdefgh ", min_size=1, max_size=12), st.data())
+def test_letters_of_a_name_in_their_order_find_it_and_no_others_do(name: str, data: st.DataObject) -> None:
+    kept = data.draw(st.lists(st.booleans(), min_size=len(name), max_size=len(name)))
+    typed = "".join(letter for letter, keep in zip(name, kept, strict=True) if keep)
+    assert likeness(typed, name) is not None
+    backwards = iter(name)
+    inside = all(letter in backwards for letter in typed[::-1].replace(" ", ""))
+    assert (likeness(typed[::-1], name) is not None) == inside
+
+
+def test_the_start_of_words_and_letters_in_a_row_are_likelier(stage: Workspace) -> None:
+    found = lambda typed: [action.id for action in stage.actions.find(typed)]  # noqa: E731
+    assert found("cm")[:2] in (["motion.copy", "motion.clear"], ["motion.clear", "motion.copy"])
+    assert found("undo")[0] == "edit.undo" and found("no such thing") == []
+
+
+def test_what_was_done_last_is_offered_first(stage: Workspace) -> None:
+    stage.actions.do("view.bones")
+    stage.actions.do("view.bones")
+    finding = Finding(stage.actions)
+    assert finding.found[0].id == "view.bones" and len(finding.found) == len(list(stage.actions))
+    finding.step(-1)
+    assert finding.chosen() is not None and finding.chosen().id == finding.found[-1].id
+    finding.type("undo")
+    assert finding.marked == 0
+
+
+def table(folder: Path, done: list[str]) -> ActionTable:
+    """Three actions, one without a key."""
+    made = ActionTable(Toasts(6.0), Preferences(folder))
+    for name, keys in (("a", ("x",)), ("b", ("ctrl+y", "z")), ("c", ())):
+        made.add(Action(name, "Menu", name.upper(), keys, lambda name=name: done.append(name)))
+    return made
+
+
+keys = st.sampled_from(["x", "ctrl+y", "z", "f5", "shift+left"])
+deeds = st.one_of(
+    st.tuples(st.just("give"), st.sampled_from("abc"), keys),
+    st.tuples(st.just("free"), st.sampled_from("abc"), st.just("")),
+    st.just(("own_keys", "", "")),
+)
+
+
+@given(st.lists(deeds, max_size=8))
+def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factory, todo) -> None:
+    folder, done = tmp_path_factory.mktemp("keys"), list[str]()
+    actions = table(folder, done)
+    for name, action, key in todo:
+        getattr(actions, name)(*(one for one in (action, key) if one))
+        if name == "give":
+            assert actions.holder(key).id == action
+        elif name == "own_keys":
+            assert not actions.changed and actions.holder("x").id == "a"
+    held = [key for action in actions for key in actions.keys_of(action)]
+    assert len(held) == len(set(held))
+    again = table(folder, done)
+    assert [again.keys_of(one) for one in again] == [actions.keys_of(one) for one in actions]
+    for key in held:
+        done.clear()
+        assert again.press(key) and done == [actions.holder(key).id]
+
+
+def test_an_action_that_takes_anothers_key_or_name_is_refused(tmp_path) -> None:
+    actions = table(tmp_path, [])
+    for name, key in (("a", "f9"), ("d", "z")):
+        with pytest.raises(InputError):
+            actions.add(Action(name, "Menu", "D", (key,), list))
+
+
+def test_a_damaged_file_of_preferences_is_put_aside(tmp_path) -> None:
+    kept = Preferences(tmp_path)
+    kept.keys["a"] = ("f5",)
+    kept.save()
+    assert Preferences(tmp_path).keys == {"a": ("f5",)}
+    kept.path.write_text('{"keys": 3}')
+    assert Preferences(tmp_path).keys == {} and kept.path.with_suffix(".damaged").exists()
+
+
+def test_keys_are_written_as_on_a_keyboard() -> None:
+    assert [spoken(key) for key in ("ctrl+shift+z", "delete", "ctrl+comma", "f1", "page_up")] == [
+        "Ctrl+Shift+Z",
+        "Del",
+        "Ctrl+,",
+        "F1",
+        "PgUp",
+    ]

@@ -1,0 +1,200 @@
+"""Opens the studio's window and does every action of its table, once from its menu and once by its key.
+
+Prints what was done as JSON; with a folder as second argument it leaves pictures there.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from imgui_bundle import hello_imgui, imgui
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+
+from made_acting_stage import NEEDS, acting_stage, ready_for
+
+from enliven_viewer.studio.actions import KEYS, Action
+from enliven_viewer.studio.window import StudioWindow
+
+said: dict[str, object] = {"done": False, "menu": [], "keys": [], "refused": {}, "complaints": []}
+wanted: list[str] = []
+
+
+def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """Every action, from its menu and by its key; then the palette, other keys, and the list of steps."""
+    workspace = window.workspace
+    for name, way in (("menu", by_menu), ("keys", by_key)):
+        for action in list(workspace.actions):
+            if name == "keys" and not action.keys:
+                continue
+            ready_for(workspace, action)
+            workspace.actions.recent.clear()
+            way(ctx, action)
+            if workspace.actions.recent == [action.id]:
+                said[name].append(action.id)
+            else:
+                said["refused"][f"{name} {action.id}"] = action.why_not() or str(workspace.actions.recent)
+            said["complaints"] += [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+            if workspace.asking:
+                workspace.cancel()
+                ctx.yield_()
+            workspace.ended = False
+            workspace.editor.beside.finish()
+    greyed(ctx, window)
+    palette(ctx, window)
+    keys(ctx, window)
+    history(ctx, window)
+    said["done"] = True
+    workspace.store.forget()
+    window.close()
+
+
+def by_menu(ctx: imgui.test_engine.TestContext, action: Action) -> None:
+    """Click an action in its menu."""
+    ctx.menu_click(f"##MainMenuBar/{action.menu}/{action.label}")
+
+
+def by_key(ctx: imgui.test_engine.TestContext, action: Action) -> None:
+    """Press the first key of an action."""
+    press(ctx, action.keys[0])
+
+
+def press(ctx: imgui.test_engine.TestContext, key: str) -> None:
+    """Press a key by its name."""
+    *modifiers, name = key.split("+")
+    chord = int(KEYS[name])
+    for modifier in modifiers:
+        chord |= int(getattr(imgui.Key, f"mod_{modifier}"))
+    ctx.key_press(chord)
+    ctx.yield_()
+
+
+def picture(ctx: imgui.test_engine.TestContext, name: str) -> None:
+    """Take a picture of the window as it is."""
+    ctx.yield_(3)
+    wanted.append(name)
+    ctx.yield_(2)
+
+
+def greyed(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """An action that cannot be done is grey, and says why on its tooltip."""
+    workspace = window.workspace
+    workspace.editor.select(character=None)
+    ctx.yield_(2)
+    ctx.menu_action(imgui.test_engine.TestAction.hover, "##MainMenuBar/Shape/Make a puppet of it")
+    ctx.sleep_no_skip(1.0, 0.1)  # a tooltip shows once the pointer rests
+    picture(ctx, "greyed")
+    press(ctx, "escape")
+    press(ctx, "escape")
+
+
+def palette(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """Find an action by some letters, and do it by Enter."""
+    workspace = window.workspace
+    workspace.editor.show_bones = True
+    press(ctx, "ctrl+k")
+    ctx.key_chars("pup")
+    ctx.yield_(2)
+    said["found"] = [action.id for action in workspace.finding.found][:4]
+    picture(ctx, "palette")
+    ctx.key_press(imgui.Key.enter)
+    said["palette does"] = workspace.input.tool.name
+    press(ctx, "ctrl+k")
+    ctx.key_chars("examples")
+    ctx.yield_(2)
+    ctx.key_press(imgui.Key.enter)
+    ctx.yield_(2)
+    said["stays open"] = workspace.asking
+    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.a))
+    ctx.key_chars("bones")
+    ctx.yield_(2)
+    ctx.key_press(imgui.Key.enter)
+    ctx.yield_(2)
+    said["palette"] = [workspace.asking, workspace.editor.show_bones]
+
+
+def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """Give an action another key: first one that is free, then one of another action."""
+    workspace = window.workspace
+    actions, bones = workspace.actions, workspace.actions["view.bones"]
+    workspace.ask("preferences")
+    ctx.yield_(3)
+    change_key(ctx, "view.bones", "j")
+    said["free key"] = [actions.keys_of(bones), workspace.wanted_key.key]
+    change_key(ctx, "view.bones", "f")
+    said["asked"] = [workspace.wanted_key.key, actions.keys_of(bones)]
+    picture(ctx, "keys")
+    ctx.item_click("//Preferences/###take")
+    said["taken"] = [actions.keys_of(bones), actions.keys_of(actions["view.all"])]
+    ctx.item_click("//Preferences/Close")
+    ctx.yield_(2)
+    workspace.editor.show_bones = True
+    press(ctx, "f")
+    said["by the new key"] = workspace.editor.show_bones
+    actions.own_keys()
+    picture(ctx, "window")
+    workspace.ask("help")
+    picture(ctx, "help")
+    workspace.cancel()
+    ctx.yield_(2)
+
+
+def change_key(ctx: imgui.test_engine.TestContext, action_id: str, key: str) -> None:
+    """Click on an action's key in the preferences, and press another."""
+    keys = ctx.window_info("//Preferences/##keys").id_
+    ctx.set_ref(keys)
+    ctx.item_click(f"###key {action_id}")
+    ctx.set_ref("")
+    ctx.yield_(2)
+    press(ctx, key)
+
+
+def history(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """Click on a step of the list of steps."""
+    workspace = window.workspace
+    workspace.history_shown = True
+    ctx.yield_(3)
+    steps = len(workspace.editor.history.steps)
+    ctx.item_click("//History/###step 2")
+    said["went to"] = [workspace.editor.history.at, steps == len(workspace.editor.history.steps)]
+    picture(ctx, "history")
+
+
+def main() -> None:
+    workspace = acting_stage(Path(sys.argv[1]), *((1280, 720) if len(sys.argv) > 2 else (700, 520)))
+    window = StudioWindow(workspace)
+
+    def register() -> None:
+        engine = hello_imgui.get_imgui_test_engine()
+        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
+        imgui.test_engine.get_io(engine).config_watchdog_kill_test = 600.0
+        test = imgui.test_engine.register_test(engine, "studio", "actions")
+        test.test_func = lambda ctx: work(ctx, window)
+        imgui.test_engine.queue_test(engine, test)
+
+    def after(window: StudioWindow) -> None:
+        while wanted:
+            keep(wanted.pop(), window.pixels())
+
+    window.run(seconds=120, after=after, register_tests=register)
+    said["all"] = [[action.id, bool(action.keys)] for action in workspace.actions]
+    said["needs"] = sorted(NEEDS)
+    said["pictures"] = window.pictures
+    print(json.dumps(said))
+
+
+def keep(name: str, pixels: np.ndarray) -> None:
+    """Write a picture where a folder is given."""
+    said.setdefault("spread", {})[name] = float(pixels.std())
+    if len(sys.argv) > 2:
+        from PIL import Image
+
+        Image.fromarray(pixels).save(Path(sys.argv[2]) / f"{name}.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""A glTF material as the shaders need it, read from its JSON; a value that is wrong counts as left out."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Alpha = Literal["OPAQUE", "MASK", "BLEND"]
+Transform = tuple[float, float, float, float, float, float]
+"""a, b, c, d, e, f of u' = a u + b v + c and v' = d u + e v + f."""
+
+STRAIGHT: Transform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+"""Texture coordinates as they are."""
+MAPS = ("base", "finish", "normal", "occlusion", "emissive")
+"""The textures that a material may have, as the shaders name them."""
+_BRIGHTEST = 1000.0
+"""Times that an emission may be stronger than white; beyond, everything is white anyway."""
+_SPREAD = 1e4
+"""Repeats of a texture at most: beyond, no picture of it is left."""
+
+
+@dataclass(frozen=True)
+class Map:
+    """A texture of a material.
+
+    Attributes:
+        texture: its number among the textures of the mesh.
+        uvs: which set of texture coordinates it is placed by.
+        transform: what moves the coordinates first (KHR_texture_transform).
+    """
+
+    texture: int
+    uvs: int = 0
+    transform: Transform = STRAIGHT
+
+
+@dataclass(frozen=True)
+class SurfaceMaterial:
+    """What a surface is made of.
+
+    Attributes:
+        base: linear colour and opacity.
+        metallic, roughness: 0..1.
+        emissive: linear light.
+        alpha: how its opacity is drawn.
+        cutoff: opacity below which nothing is drawn, for "MASK".
+        double_sided: whether its faces are seen from behind.
+        unlit: whether its colour is its light.
+        normal_scale: how strongly the normal map counts.
+        occlusion_strength: how strongly the occlusion map counts, 0..1.
+        maps: its textures by the names of :data:`MAPS`.
+    """
+
+    base: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    metallic: float = 0.0
+    roughness: float = 0.58
+    emissive: tuple[float, ...] = (0.0, 0.0, 0.0)
+    alpha: Alpha = "OPAQUE"
+    cutoff: float = 0.5
+    double_sided: bool = True
+    unlit: bool = False
+    normal_scale: float = 1.0
+    occlusion_strength: float = 1.0
+    maps: dict[str, Map] = field(default_factory=dict)
+
+
+def material_of(definition: str) -> SurfaceMaterial:
+    """The material of a glTF material's JSON object."""
+    value = json.loads(definition)
+    own = _table(value, "pbrMetallicRoughness")
+    extensions = _table(value, "extensions")
+    older = _table(extensions, "KHR_materials_pbrSpecularGlossiness")
+    if older and not own:
+        gloss = _number(older, "glossinessFactor", 1.0, 1.0)
+        own = {
+            "baseColorFactor": older.get("diffuseFactor"),
+            "baseColorTexture": older.get("diffuseTexture"),
+            "metallicFactor": 0.0,
+            "roughnessFactor": 1.0 - gloss,
+        }
+    strength = _number(
+        _table(extensions, "KHR_materials_emissive_strength"), "emissiveStrength", 1.0, _BRIGHTEST
+    )
+    found = {
+        "base": _map(own, "baseColorTexture"),
+        "finish": _map(own, "metallicRoughnessTexture"),
+        "normal": _map(value, "normalTexture"),
+        "occlusion": _map(value, "occlusionTexture"),
+        "emissive": _map(value, "emissiveTexture"),
+    }
+    return SurfaceMaterial(
+        base=_numbers(own, "baseColorFactor", (1.0,) * 4, 1.0),
+        metallic=_number(own, "metallicFactor", 1.0, 1.0),
+        roughness=_number(own, "roughnessFactor", 1.0, 1.0),
+        emissive=tuple(strength * c for c in _numbers(value, "emissiveFactor", (0.0,) * 3, _BRIGHTEST)),
+        alpha=value.get("alphaMode") if value.get("alphaMode") in ("MASK", "BLEND") else "OPAQUE",
+        cutoff=_number(value, "alphaCutoff", 0.5, 1.0),
+        double_sided=value.get("doubleSided") is True,
+        unlit="KHR_materials_unlit" in extensions,
+        normal_scale=_number(_table(value, "normalTexture"), "scale", 1.0, 8.0),
+        occlusion_strength=_number(_table(value, "occlusionTexture"), "strength", 1.0, 1.0),
+        maps={name: one for name, one in found.items() if one is not None},
+    )
+
+
+def _map(value: dict[str, Any], name: str) -> Map | None:
+    told = _table(value, name)
+    index = told.get("index")
+    if not isinstance(index, int) or isinstance(index, bool):
+        return None
+    moved = _table(_table(told, "extensions"), "KHR_texture_transform")
+    uvs = moved.get("texCoord", told.get("texCoord", 0))
+    x, y = _numbers(moved, "offset", (0.0, 0.0), _SPREAD, -_SPREAD)
+    across, down = _numbers(moved, "scale", (1.0, 1.0), _SPREAD, -_SPREAD)
+    turn = _number(moved, "rotation", 0.0, _SPREAD, -_SPREAD)
+    c, s = math.cos(turn), math.sin(turn)
+    transform = (c * across, s * down, x, -s * across, c * down, y)
+    return Map(index, uvs if isinstance(uvs, int) and uvs >= 0 else 0, transform)
+
+
+def _table(value: dict[str, Any], name: str) -> dict[str, Any]:
+    """An object within an object; empty where it is something else."""
+    inner = value.get(name)
+    return inner if isinstance(inner, dict) else {}
+
+
+def _number(value: dict[str, Any], name: str, usual: float, most: float, least: float = 0.0) -> float:
+    """A number within its bounds; ``usual`` where it is none."""
+    given = value.get(name)
+    good = isinstance(given, (int, float)) and not isinstance(given, bool)
+    return min(max(float(given), least), most) if good else usual
+
+
+def _numbers(
+    value: dict[str, Any], name: str, usual: tuple[float, ...], most: float, least: float = 0.0
+) -> tuple[float, ...]:
+    """As many numbers as ``usual`` has, within their bounds; ``usual`` where they are not."""
+    given = value.get(name)
+    if not isinstance(given, list) or len(given) != len(usual):
+        return usual
+    return tuple(_number({name: one}, name, own, most, least) for one, own in zip(given, usual, strict=True))

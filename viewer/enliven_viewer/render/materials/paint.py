@@ -1,0 +1,107 @@
+"""A character's colours and materials as rows for drawn vertices, and its faces in the order of drawing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float32, Int, Int32
+from enliven.document import Character
+from enliven.meshes import MeshMaterials
+from enliven_viewer.render.materials.material import SurfaceMaterial, material_of
+from enliven_viewer.render.materials.parts import PLAIN_PART, Part, parts_of
+from enliven_viewer.render.surface import DrawnSurface
+
+DEFAULT_COLOUR = (226, 142, 84)
+"""sRGB of a mesh that brings no colours: warm, on the cold stage."""
+_BARE = SurfaceMaterial()
+"""What a surface without a material is made of: skin, wood, matt paint."""
+
+
+@dataclass(frozen=True)
+class PaintedFaces:
+    """A surface with its colours.
+
+    Attributes:
+        order: (F,) the faces in the order of drawing.
+        parts: each with the first and the number of its faces in that order.
+        rows: (N, 13) float32 of each drawn vertex: two texture coordinates, twice; linear colour and
+            opacity; metallic and roughness; emitted light.
+    """
+
+    order: Int
+    parts: tuple[tuple[Part, int, int], ...]
+    rows: Float32
+
+
+def paint_keys(character: Character) -> Int32 | None:
+    """(3 F, K) bits by which two corners of one vertex are drawn as two; None where all corners are alike."""
+    own = character.materials
+    if own is None:
+        return None
+    faces = np.asarray(character.faces, np.int32)
+    told = [faces.reshape(-1, 1), np.repeat(own.of, 3)[:, None]]
+    told.append(own.uvs.reshape(faces.size, -1).view(np.int32))
+    if own.tints is not None:
+        told.append(own.tints.reshape(faces.size, -1).view(np.int32))
+    return np.ascontiguousarray(np.concatenate(told, 1))
+
+
+def painted(character: Character, surface: DrawnSurface) -> PaintedFaces:
+    """The colours of a character's drawn vertices, and which faces are drawn together."""
+    own = character.materials
+    rows = np.zeros((len(surface.source), 13), np.float32)
+    rows[:, 4:7] = _linear_colours(character)[surface.source]
+    rows[:, 7:10] = 1.0, _BARE.metallic, _BARE.roughness
+    if own is None:
+        return PaintedFaces(np.arange(len(surface.faces)), ((PLAIN_PART, 0, len(surface.faces)),), rows)
+    materials = [*map(material_of, own.definitions), _BARE]  # -1, for none, is the last
+    parts = [*parts_of(materials[:-1], own.textures, own.uvs.shape[2]), PLAIN_PART]
+    _paint(rows, own, materials, parts, surface)
+    kinds = sorted(set(parts), key=lambda part: part.rank)
+    number = np.array([kinds.index(part) for part in parts])[own.of]
+    counts = np.bincount(number, minlength=len(kinds))
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    drawn = (
+        (part, int(start), int(count)) for part, start, count in zip(kinds, starts, counts, strict=False)
+    )
+    return PaintedFaces(np.argsort(number, kind="stable"), tuple(one for one in drawn if one[2]), rows)
+
+
+def _paint(
+    rows: Float32,
+    own: MeshMaterials,
+    materials: list[SurfaceMaterial],
+    parts: list[Part],
+    surface: DrawnSurface,
+) -> None:
+    """Fill the rows of the corners that have a material."""
+    face, corner = np.divmod(surface.corner, 3)
+    of = own.of[face]
+    for k, (material, part) in enumerate(zip(materials[:-1], parts, strict=False)):
+        mine = np.flatnonzero(of == k)
+        rows[mine, 4:8] = np.array(material.base, np.float32)
+        rows[mine, 8:10] = material.metallic, material.roughness
+        rows[mine, 10:13] = material.emissive
+        for at, (number, (a, b, c, d, e, f)) in enumerate(part.placings):
+            u, v = own.uvs[face[mine], corner[mine], number].T
+            rows[mine, 2 * at], rows[mine, 2 * at + 1] = a * u + b * v + c, d * u + e * v + f
+    if own.tints is not None:
+        some = np.flatnonzero(of >= 0)
+        rows[some, 4:8] *= own.tints[face[some], corner[some]]
+
+
+def _linear_colours(character: Character) -> Float32:
+    """(V, 3) float32 linear light of the character's colours."""
+    colours = character.colours
+    if colours is None:
+        colours = np.tile(np.array(DEFAULT_COLOUR, np.uint8), (len(character.vertices), 1))
+    return linear_from_srgb(colours)
+
+
+def linear_from_srgb(srgb: np.ndarray) -> Float32:
+    """Linear light, float32, of sRGB values 0..255 (IEC 61966-2-1)."""
+    coded = np.asarray(srgb, np.float64) / 255
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((np.maximum(coded, 0.0) + 0.055) / 1.055) ** 2.4)
+    return np.asarray(linear, dtype=np.float32)

@@ -1,0 +1,98 @@
+"""Faces that are drawn in one call; numbers in which their materials differ are kept with the vertices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from enliven.meshes import Texture
+from enliven_viewer.render.materials.material import MAPS, Alpha, SurfaceMaterial, Transform
+from enliven_viewer.render.materials.textures import mirrored
+
+Placing = tuple[int, Transform]
+"""A set of texture coordinates, and what moves them first."""
+
+_ORDER: tuple[Alpha, ...] = ("OPAQUE", "MASK", "BLEND")
+
+
+@dataclass(frozen=True)
+class Part:
+    """How some faces are drawn; materials that differ in numbers alone are drawn together.
+
+    Attributes:
+        maps: the name of each texture, its number, and by which of the two placings it is placed.
+        placings: at most two.
+        glows: whether anything in it emits light.
+    """
+
+    alpha: Alpha = "OPAQUE"
+    double_sided: bool = True
+    unlit: bool = False
+    maps: tuple[tuple[str, int, int], ...] = ()
+    placings: tuple[Placing, ...] = ()
+    cutoff: float = 0.5
+    normal_scale: float = 1.0
+    occlusion_strength: float = 1.0
+    glows: bool = False
+
+    @property
+    def rank(self) -> int:
+        """Its place in the order of drawing: what is solid first, what is seen through last."""
+        return _ORDER.index(self.alpha)
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """What the shaders of its program are told."""
+        places = ("uv.xy", "uv.zw")
+        named = tuple(f"{name.upper()}_MAP {places[at]}" for name, _, at in self.maps)
+        flags = ("UNLIT",) * self.unlit + ("EMISSIVE",) * self.glows
+        return named + flags + (self.alpha,) * (self.alpha != "OPAQUE")
+
+    @property
+    def cutter(self) -> tuple[str, ...]:
+        """What the shader of its shadow is told: its opacity alone counts."""
+        return (*(one for one in self.defines if one.startswith("BASE_MAP")), self.alpha)
+
+
+def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets: int) -> list[Part]:
+    """The part that each material is drawn in.
+
+    A texture with a third placing takes the first one, and one without coordinates is left out.
+
+    Args:
+        textures: what the materials name.
+        sets: how many sets of texture coordinates there are.
+    """
+    folds = [mirrored(one) for one in textures]
+    return [_part(one, folds, sets) for one in materials]
+
+
+def _part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: int) -> Part:
+    maps, placings = list[tuple[str, int, int]](), list[Placing]()
+    for name in MAPS:
+        one = material.maps.get(name)
+        if one is None or not sets:
+            continue
+        across, down = (0.5 if fold else 1.0 for fold in folds[one.texture])
+        a, b, c, d, e, f = one.transform
+        moved = across * a, across * b, across * c, down * d, down * e, down * f
+        placing = min(one.uvs, sets - 1), moved
+        if placing not in placings and len(placings) < 2:
+            placings.append(placing)
+        maps.append((name, one.texture, placings.index(placing) if placing in placings else 0))
+    named = {name for name, *_ in maps}
+    return Part(
+        alpha=material.alpha,
+        double_sided=material.double_sided,
+        unlit=material.unlit,
+        maps=tuple(maps),
+        placings=tuple(placings),
+        cutoff=material.cutoff if material.alpha == "MASK" else 0.5,
+        normal_scale=material.normal_scale if "normal" in named else 1.0,
+        occlusion_strength=material.occlusion_strength if "occlusion" in named else 1.0,
+        glows=any(material.emissive),
+    )
+
+
+PLAIN_PART = Part()
+"""Of faces without a material."""

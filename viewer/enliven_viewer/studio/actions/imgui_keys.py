@@ -1,0 +1,37 @@
+"""The keys of a keyboard by their names, and which are held."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from enliven_viewer.studio.actions.keys import MODIFIERS
+
+_OTHERS = (
+    "space",
+    "home",
+    "end",
+    "delete",
+    "backspace",
+    "escape",
+    "enter",
+    "equal",
+    "minus",
+    "tab",
+    "insert",
+)
+_MORE = ("page_up", "page_down", "comma", "period", "slash", "semicolon", "left_bracket", "right_bracket")
+KEYS = {
+    **{letter: getattr(imgui.Key, letter) for letter in "abcdefghijklmnopqrstuvwxyz"},
+    **{str(k): getattr(imgui.Key, f"_{k}") for k in range(10)},
+    **{f"f{k}": getattr(imgui.Key, f"f{k}") for k in range(1, 13)},
+    **{way: getattr(imgui.Key, f"{way}_arrow") for way in ("left", "right", "up", "down")},
+    **{name: getattr(imgui.Key, name) for name in (*_OTHERS, *_MORE)},
+}
+"""Every key that an action can have, by the name that it has in files and sessions."""
+
+
+def held_keys() -> str:
+    """The modifiers that are held now, as the name of a key begins: "ctrl+shift+", or empty."""
+    io = imgui.get_io()
+    held = (io.key_ctrl, io.key_shift, io.key_alt)
+    return "".join(f"{name}+" for name, down in zip(MODIFIERS, held, strict=True) if down)

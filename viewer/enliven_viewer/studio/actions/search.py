@@ -1,0 +1,49 @@
+"""Finding an action by some letters of its name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from enliven_viewer.studio.actions.action import Action
+
+_START = 8.0
+"""Points for a letter at the start of a word: people type initials."""
+_NEXT = 6.0
+"""Points for a letter right after the one before: people type parts of words."""
+_SKIPPED = 0.1
+"""Points lost for each letter of the name that was not typed: of equal finds the shorter name is first."""
+_ELSEWHERE = 50.0
+"""Points lost where the letters are found only together with the menu's name or the sentence."""
+
+
+def likeness(typed: str, name: str) -> float | None:
+    """How well typed letters fit a name, larger is better; None where they are not in it in their order."""
+    wanted, text = typed.lower().replace(" ", ""), name.lower()
+    if not wanted:
+        return 0.0
+    best: list[tuple[float, int]] = [(0.0, -1)]
+    for letter in wanted:
+        found = [
+            (max(score + (_NEXT if at == before + 1 else 0.0) for score, before in best if before < at), at)
+            for at, here in enumerate(text)
+            if here == letter and any(before < at for _, before in best)
+        ]
+        best = [
+            (score + (_START if at == 0 or not text[at - 1].isalnum() else 0.0), at) for score, at in found
+        ]
+    return max((score for score, _ in best), default=0.0) - _SKIPPED * len(text) if best else None
+
+
+def ranked(typed: str, actions: Iterable[Action]) -> list[Action]:
+    """The actions that some letters may mean, the likeliest first; all in their order for none."""
+    scored = []
+    for action in actions:
+        plain = likeness(typed, action.label)
+        wide = likeness(typed, f"{action.label} {action.menu} {action.about}")
+        if plain is not None or wide is not None:
+            scored.append((plain if plain is not None else (wide or 0.0) - _ELSEWHERE, action))
+    return (
+        [action for _, action in sorted(scored, key=lambda pair: -pair[0])]
+        if typed.strip()
+        else [action for _, action in scored]
+    )

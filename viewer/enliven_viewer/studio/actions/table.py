@@ -1,0 +1,141 @@
+"""The table of all actions, with the keys that the artist gave them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+from enliven.errors import EnlivenError, InputError
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.actions.keys import spoken
+from enliven_viewer.studio.actions.search import ranked
+from enliven_viewer.studio.preferences import Preferences
+from enliven_viewer.studio.toasts import Toasts
+
+_LAST = "Help"
+_MOST_RECENT = 8
+"""Actions that an empty palette shows first: a glance."""
+
+
+class ActionTable:
+    """All actions: what menus show, what keys do, and what the palette finds.
+
+    Args:
+        toasts: where it is said why an action cannot be done, or what went wrong.
+        preferences: where changed keys are kept.
+
+    Attributes:
+        recent: ids of the actions that were done last, the newest first.
+    """
+
+    def __init__(self, toasts: Toasts, preferences: Preferences) -> None:
+        self._toasts, self._preferences = toasts, preferences
+        self._actions: dict[str, Action] = {}
+        self.recent: list[str] = []
+
+    def add(self, *actions: Action) -> None:
+        """Add actions to their menus.
+
+        Raises:
+            InputError: where an id is there already, or a key is another's.
+        """
+        for action in actions:
+            taken = [(key, other) for key in action.keys for other in self if key in other.keys]
+            if action.id in self._actions or taken:
+                said = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it is there already"
+                raise InputError(said, where=f"action {action.id}", mend="Give it another id or key.")
+            self._actions[action.id] = action
+
+    def __iter__(self) -> Iterator[Action]:
+        return iter(self._actions.values())
+
+    def __getitem__(self, action_id: str) -> Action:
+        return self._actions[action_id]
+
+    @property
+    def menus(self) -> dict[str, list[Action]]:
+        """The actions of each menu, in the order of the bar: help is last."""
+        names = dict.fromkeys(action.menu for action in self)
+        order = [name for name in names if name != _LAST] + [_LAST] * (_LAST in names)
+        return {name: [action for action in self if action.menu == name] for name in order}
+
+    def do(self, action_id: str) -> bool:
+        """Do an action, or say why it cannot be done; returns whether it was tried."""
+        action = self._actions[action_id]
+        first, _, rest = action.why_not().partition(". ")
+        if first:
+            self._toasts.say(first.removesuffix("."), rest)
+            return False
+        self.recent = [action_id, *(one for one in self.recent if one != action_id)][:_MOST_RECENT]
+        try:
+            action.do()
+        except Exception as error:  # a fault of our own must not end the artist's window
+            if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
+                raise
+            self._toasts.tell(error, "Save your work, and report it.")
+        return True
+
+    def press(self, key: str) -> bool:
+        """Do the action that has a key; returns whether one has."""
+        action = self.holder(key)
+        if action is not None:
+            self.do(action.id)
+        return action is not None
+
+    def keys_of(self, action: Action) -> tuple[str, ...]:
+        """The keys of an action: those that the artist gave it, or its own."""
+        return self._preferences.keys.get(action.id, action.keys)
+
+    def shown_key(self, action: Action) -> str:
+        """The first key of an action as people read it; empty where it has none."""
+        return spoken(self.keys_of(action)[0]) if self.keys_of(action) else ""
+
+    def holder(self, key: str) -> Action | None:
+        """The action that a key does."""
+        return next((action for action in self if key in self.keys_of(action)), None)
+
+    def give(self, action_id: str, key: str) -> None:
+        """Give an action a key instead of those it has, and take the key from another action."""
+        other = self.holder(key)
+        if other is not None and other.id != action_id:
+            left = tuple(one for one in self.keys_of(other) if one != key)
+            self._preferences.keys[other.id] = left
+        self._preferences.keys[action_id] = (key,)
+        self._tidy()
+
+    def free(self, action_id: str) -> None:
+        """Take all keys from an action."""
+        self._preferences.keys[action_id] = ()
+        self._tidy()
+
+    def own_keys(self) -> None:
+        """Give every action its own keys again."""
+        self._preferences.keys.clear()
+        self._preferences.save()
+
+    @property
+    def changed(self) -> bool:
+        """Whether an action has other keys than its own."""
+        return bool(self._preferences.keys)
+
+    def find(self, typed: str) -> list[Action]:
+        """The actions that some letters may mean, the likeliest first; the newest first for none."""
+        if typed.strip():
+            return ranked(typed, self)
+        first = [self._actions[one] for one in self.recent if one in self._actions]
+        return [*first, *(action for action in self if action not in first)]
+
+    def tip(self, action: Action) -> str:
+        """The tooltip of an action: what it does, its key, and why it cannot be done now."""
+        key = self.shown_key(action)
+        first = f"{action.label}  ({key})" if key else action.label
+        return "\n".join(line for line in (first, action.about, action.why_not()) if line)
+
+    def _tidy(self) -> None:
+        """Forget keys that are an action's own anyway, and save the rest."""
+        changed = self._preferences.keys
+        for one in [
+            one for one in changed if one in self._actions and changed[one] == self._actions[one].keys
+        ]:
+            del changed[one]
+        self._preferences.save()

@@ -1,0 +1,40 @@
+"""An action that waits for another key."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven_viewer.studio.actions.table import ActionTable
+
+
+@dataclass
+class WantedKey:
+    """The action that is to have another key, and the key that was pressed for it.
+
+    Attributes:
+        action: its id; empty where none waits.
+        key: a key that is another action's, until it is taken or left; else empty.
+    """
+
+    action: str = ""
+    key: str = ""
+
+    def begin(self, action: str) -> None:
+        """Wait for the key of an action; of none where it is empty."""
+        self.action, self.key = action, ""
+
+    def press(self, table: ActionTable, key: str) -> None:
+        """Take a pressed key where it is free; Escape ends the waiting."""
+        holder = table.holder(key)
+        if key == "escape":
+            self.begin("")
+        elif holder is None or holder.id == self.action:
+            self.key = key
+            self.take(table)
+        else:
+            self.key = key
+
+    def take(self, table: ActionTable) -> None:
+        """Give the action the key, and take it from another."""
+        table.give(self.action, self.key)
+        self.begin("")

@@ -1,0 +1,38 @@
+"""The list of everything that was done; a click goes there."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.panels.style import px, tinted
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import FAINT, INK
+
+_SIZE = 250.0, 300.0
+"""Usual pixels: a dozen steps."""
+_FROM_RIGHT = 300.0
+"""Usual pixels from the right of the window, until the artist moves it: beside the side panel."""
+_FROM_TOP = 36.0
+"""Usual pixels from the top: below the menu."""
+
+
+def draw_history(workspace: Workspace) -> None:
+    """Draw the list in a window of its own; steps that were undone are faint."""
+    editor, wide = workspace.editor, imgui.get_main_viewport().size.x
+    imgui.set_next_window_size(ImVec2(px(_SIZE[0]), px(_SIZE[1])), imgui.Cond_.appearing)
+    corner = ImVec2(wide - px(_FROM_RIGHT), px(_FROM_TOP))
+    imgui.set_next_window_pos(corner, imgui.Cond_.appearing, ImVec2(1.0, 0.0))
+    shown, stays = imgui.begin("History", True, imgui.WindowFlags_.no_saved_settings)
+    workspace.history_shown = bool(stays)
+    if shown:
+        steps, at = editor.history.steps, editor.history.at
+        for number, name in enumerate(steps):
+            with tinted(FAINT if number > at else INK, imgui.Col_.text):
+                label = name[:1].upper() + name[1:] if name else "As it was opened"
+                if imgui.selectable(f"{label}###step {number}", number == at)[0]:
+                    editor.go_to(number)
+            workspace.remember(f"step {number}")
+        if workspace.history_seen != (len(steps), at):
+            workspace.history_seen = (len(steps), at)
+            imgui.set_scroll_y(px(24) * at)
+    imgui.end()

@@ -1,0 +1,66 @@
+"""The list of all keys, made from the actions."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.panels.modal import button, modal
+from enliven_viewer.studio.panels.style import px, quiet
+from enliven_viewer.studio.workspace import Workspace
+
+_SIZE = (1000.0, 580.0)
+"""Usual pixels: three columns, and the longest of them."""
+_COLUMN = 320.0
+"""Usual pixels of a column: the longest name beside its key."""
+_KEY = 122.0
+"""Usual pixels of a key: Ctrl+Shift+Z."""
+_MOUSE = (
+    ("Right drag", "Turn the view"),
+    ("Middle drag", "Move the view"),
+    ("Wheel", "Closer, or further away"),
+)
+
+
+def draw_key_list(workspace: Workspace) -> None:
+    """Draw the list, in as many columns as fit; it scrolls where the window is small."""
+    actions = workspace.actions
+    parts = [
+        (menu, [(actions.shown_key(one), one.label) for one in listed if actions.keys_of(one)])
+        for menu, listed in actions.menus.items()
+    ]
+    with modal("Keys", *_SIZE) as shown:
+        if not shown:
+            return
+        imgui.begin_child("##all", ImVec2(0, -imgui.get_frame_height() - px(10)))
+        count = max(min(int(imgui.get_content_region_avail().x / px(_COLUMN)), 3), 1)
+        for column in _columns([*parts, ("Mouse", list(_MOUSE))], count):
+            imgui.begin_group()
+            for title, lines in column:
+                quiet(title.upper())
+                for key, label in lines:
+                    imgui.text_unformatted(key)
+                    imgui.same_line(px(_KEY))
+                    imgui.text_disabled(label)
+                imgui.dummy(ImVec2(px(_COLUMN), px(4)))
+            imgui.end_group()
+            imgui.same_line()
+        imgui.end_child()
+        if button(workspace, "Close") or imgui.is_key_pressed(imgui.Key.escape):
+            workspace.cancel()
+
+
+Part = tuple[str, list[tuple[str, str]]]
+"""A title, and lines of a key and a name."""
+
+
+def _columns(parts: list[Part], count: int) -> list[list[Part]]:
+    """The parts in their order, in columns of about the same length."""
+    each = sum(len(lines) + 2 for _, lines in parts) / count
+    columns: list[list[Part]] = [[]]
+    done = 0
+    for part in parts:
+        if columns[-1] and done + len(part[1]) / 2 > each * len(columns) and len(columns) < count:
+            columns.append([])
+        columns[-1].append(part)
+        done += len(part[1]) + 2
+    return columns

@@ -1,0 +1,67 @@
+"""Dialogues over the whole window, and buttons that do actions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.panels.style import px
+from enliven_viewer.studio.workspace import Workspace
+
+_FLAGS = imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
+_MARGIN = 24.0
+"""Pixels that a dialogue leaves free around it in a small window."""
+
+
+@contextmanager
+def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterator[bool]:
+    """A dialogue in the middle, of a size in usual pixels; 0: fits its contents; True where drawn."""
+    imgui.open_popup(title)
+    view = imgui.get_main_viewport()
+    room = ImVec2(view.size.x - px(_MARGIN), view.size.y - px(_MARGIN))
+    imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, ImVec2(0.5, 0.5))
+    imgui.set_next_window_size(ImVec2(min(px(wide), room.x), min(px(high), room.y)))
+    shown = bool(imgui.begin_popup_modal(title, None, _FLAGS | flags)[0])
+    yield shown
+    if shown:
+        imgui.end_popup()
+
+
+def button(workspace: Workspace, label: str) -> bool:
+    """A button of a dialogue, and its place."""
+    pressed = imgui.button(label, ImVec2(px(110), 0))
+    workspace.remember(f"dialog {label}")
+    return bool(pressed)
+
+
+def choice(workspace: Workspace, yes: str, no: str) -> bool:
+    """Two buttons; whether the first was pressed. The second, and Escape, close the dialogue."""
+    pressed = button(workspace, yes)
+    imgui.same_line()
+    if button(workspace, no) or imgui.is_key_pressed(imgui.Key.escape):
+        workspace.cancel()
+    return pressed
+
+
+def action_button(workspace: Workspace, action_id: str, wide: float = 0.0) -> None:
+    """A button that does an action, grey where it cannot be done; its tooltip says why, and the key.
+
+    Args:
+        wide: usual pixels; 0 as wide as its label.
+    """
+    action = workspace.actions[action_id]
+    imgui.begin_disabled(bool(action.why_not()))
+    if imgui.button(action.label, ImVec2(px(wide), 0)):
+        workspace.actions.do(action_id)
+    imgui.end_disabled()
+    workspace.remember(f"do {action.label}")
+    action_tip(workspace, action_id)
+
+
+def action_tip(workspace: Workspace, action_id: str) -> None:
+    """The tooltip of an action on the last widget, grey or not."""
+    flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
+    if imgui.is_item_hovered(flags):
+        imgui.set_tooltip(workspace.actions.tip(workspace.actions[action_id]))

@@ -1,0 +1,78 @@
+"""The preferences: which keys actions have."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.actions import KEYS, Action, held_keys, spoken
+from enliven_viewer.studio.panels.modal import button, modal
+from enliven_viewer.studio.panels.style import px, quiet, tinted
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import WAIT
+
+_SIZE = (620.0, 520.0)
+"""Usual pixels: an action with its key and a button beside it, and fifteen of them."""
+_KEY = 150.0
+"""Usual pixels of a key's button: Ctrl+Shift+PgDn."""
+
+
+def draw_preferences(workspace: Workspace) -> None:
+    """Draw the dialogue while it is open."""
+    with modal("Preferences", *_SIZE) as shown:
+        if not shown:
+            return
+        asking = bool(workspace.wanted_key.action)
+        imgui.begin_child("##keys", ImVec2(0, -3 * imgui.get_frame_height() - px(18)))
+        for menu, actions in workspace.actions.menus.items():
+            quiet(menu.upper())
+            for action in actions:
+                _row(workspace, action)
+        imgui.end_child()
+        _capture(workspace)
+        if button(workspace, "Close") or (imgui.is_key_pressed(imgui.Key.escape) and not asking):
+            workspace.cancel()
+        imgui.same_line()
+        imgui.begin_disabled(not workspace.actions.changed)
+        if imgui.button("All keys as they came"):
+            workspace.actions.own_keys()
+        workspace.remember("usual keys")
+        imgui.end_disabled()
+
+
+def _row(workspace: Workspace, action: Action) -> None:
+    """An action with a button for each way to change its key."""
+    wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(action.label)
+    imgui.same_line(imgui.get_content_region_avail().x - px(_KEY + 42))
+    said = "Press a key ..." if wanted.action == action.id else key or "none"
+    if imgui.button(f"{said}###key {action.id}", ImVec2(px(_KEY), 0)):
+        wanted.begin(action.id)
+    workspace.remember(f"key {action.id}")
+    imgui.same_line()
+    imgui.begin_disabled(not key)
+    if imgui.button(f"\uf00d##no {action.id}"):
+        workspace.actions.free(action.id)
+    imgui.end_disabled()
+
+
+def _capture(workspace: Workspace) -> None:
+    """Take the key that is pressed; where it is another action's, say of which, and ask."""
+    wanted, actions = workspace.wanted_key, workspace.actions
+    if wanted.action and not wanted.key:
+        for name, key in KEYS.items():
+            if imgui.is_key_pressed(key, repeat=False):
+                wanted.press(actions, held_keys() + name)
+    other = actions.holder(wanted.key) if wanted.key else None
+    if other is None:
+        quiet("Click a key to change it. While a tool works, keys that it names in its hint are its own.")
+        imgui.dummy(ImVec2(0, imgui.get_frame_height() - px(8)))
+        return
+    with tinted(WAIT, imgui.Col_.text):
+        imgui.text_unformatted(f"{spoken(wanted.key)} is the key of \u201c{other.label}\u201d.")
+    if imgui.button(f"Take it for \u201c{actions[wanted.action].label}\u201d###take"):
+        wanted.take(actions)
+    workspace.remember("take the key")
+    imgui.same_line()
+    if imgui.button("Leave it"):
+        wanted.begin("")

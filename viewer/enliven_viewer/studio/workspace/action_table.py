@@ -1,0 +1,271 @@
+"""The actions of the studio's own menus; menus, keys, buttons, palette and help are made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from enliven.errors import EnlivenError
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.workspace.commands import Commands
+from enliven_viewer.studio.workspace.files import exportable
+from enliven_viewer.studio.workspace.input import ViewportInput
+
+Ask = Callable[[str], None]
+"""Opens a dialogue of the window by its name, or does at once what needs none."""
+
+
+def studio_actions(commands: Commands, user_input: ViewportInput, ask: Ask) -> Iterator[Action]:
+    """Every action of the studio's own menus, in their order."""
+    yield from _file(commands, ask)
+    yield from _edit(commands, user_input, ask)
+    yield from _motion(commands)
+    yield from _shape(commands)
+    yield from _tools(user_input)
+    yield from _view(commands)
+    yield from _cameras(commands)
+    yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
+    yield Action("help.keys", "Help", "Keys", ("f1", "h"), lambda: ask("help"))
+
+
+def _file(commands: Commands, ask: Ask) -> Iterator[Action]:
+    def lacks_export() -> str:
+        try:
+            exportable(commands.editor.project)
+        except EnlivenError as error:
+            return f"{error.what[0].upper()}{error.what[1:]}. {error.mend}"
+        return ""
+
+    yield Action("file.new", "File", "New", ("ctrl+n",), lambda: ask("new"))
+    yield Action(
+        "file.open",
+        "File",
+        "Open...",
+        ("ctrl+o",),
+        lambda: ask("open"),
+        about="A project, a model, a mesh, or a take.",
+    )
+    yield Action("file.save", "File", "Save", ("ctrl+s",), lambda: ask("save"), apart=True)
+    yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
+    yield Action(
+        "file.export",
+        "File",
+        "Export GLB...",
+        ("ctrl+e",),
+        lambda: ask("export"),
+        lacks_export,
+        about="All shapes with their motion, for other programs.",
+        apart=True,
+    )
+    yield Action(
+        "file.session",
+        "File",
+        "Save the puppet's examples...",
+        ("ctrl+shift+e",),
+        lambda: ask("session"),
+        commands.puppets.lacks_puppet,
+        about="Its control points and key poses, in a file that can be read and edited.",
+    )
+    yield Action(
+        "file.preferences", "File", "Preferences...", ("ctrl+comma",), lambda: ask("preferences"), apart=True
+    )
+    yield Action("file.quit", "File", "Quit", ("ctrl+q",), lambda: ask("quit"), apart=True)
+
+
+def _edit(commands: Commands, user_input: ViewportInput, ask: Ask) -> Iterator[Action]:
+    c, editor = commands, commands.editor
+    yield Action("edit.undo", "Edit", "Undo", ("ctrl+z",), editor.undo, c.lacks_undo)
+    yield Action("edit.redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y"), editor.redo, c.lacks_redo)
+    yield Action(
+        "edit.history",
+        "Edit",
+        "History",
+        ("ctrl+h",),
+        lambda: ask("history"),
+        about="Everything that was done; click a step to go there.",
+    )
+    yield Action("edit.copy", "Edit", "Copy", ("ctrl+c",), c.copy, c.lacks_character, apart=True)
+    yield Action("edit.cut_out", "Edit", "Cut out", ("ctrl+x",), c.cut_out, c.lacks_character)
+    yield Action("edit.paste", "Edit", "Paste", ("ctrl+v",), c.paste, c.lacks_copied)
+    yield Action("edit.duplicate", "Edit", "Duplicate", ("ctrl+d",), c.duplicate, c.lacks_character)
+    yield Action(
+        "edit.delete",
+        "Edit",
+        "Delete",
+        ("delete", "backspace"),
+        c.delete,
+        c.lacks_character,
+        about="The chosen node, or else the whole shape.",
+    )
+    yield Action("edit.drop", "Edit", "Drop what was begun", ("escape",), user_input.drop, apart=True)
+
+
+def _motion(c: Commands) -> Iterator[Action]:
+    yield Action("motion.copy", "Motion", "Copy motion", ("ctrl+shift+c",), c.copy_motion, c.lacks_chain)
+    yield Action("motion.paste", "Motion", "Paste motion", ("ctrl+shift+v",), c.paste_motion, c.lacks_motion)
+    yield Action(
+        "motion.spread",
+        "Motion",
+        "To equal limbs",
+        ("ctrl+shift+d",),
+        c.spread,
+        c.lacks_limb,
+        about="Gives the motion of the chosen limb to all limbs that are equal to it.",
+    )
+    yield Action(
+        "motion.clear",
+        "Motion",
+        "Clear motion",
+        ("ctrl+shift+x",),
+        c.clear_motion,
+        c.lacks_shape,
+        about="Takes all motion off the chosen chain, or off the whole shape.",
+    )
+    yield Action(
+        "motion.pin",
+        "Motion",
+        "Pin or free a foot",
+        ("p",),
+        c.pin,
+        c.lacks_foot,
+        about="A pinned foot stays where it stands while it touches the floor.",
+    )
+
+
+def _shape(c: Commands) -> Iterator[Action]:
+    turns = (
+        ("left", "Turn left", 15.0, "left"),
+        ("right", "Turn right", -15.0, "right"),
+        ("over", "Turn over", 180.0, "up"),
+    )
+    yield Action(
+        "shape.mirror",
+        "Shape",
+        "Mirror",
+        ("ctrl+m",),
+        c.mirror,
+        c.lacks_character,
+        about="Left to right, as you look at it.",
+    )
+    yield Action(
+        "shape.larger",
+        "Shape",
+        "Larger",
+        ("ctrl+equal",),
+        lambda: c.scale(1.1),
+        c.lacks_character,
+        about="By a tenth.",
+    )
+    yield Action(
+        "shape.smaller",
+        "Shape",
+        "Smaller",
+        ("ctrl+minus",),
+        lambda: c.scale(1 / 1.1),
+        c.lacks_character,
+        about="By a tenth.",
+    )
+    for name, label, degrees, key in turns:
+        yield Action(
+            f"shape.turn_{name}",
+            "Shape",
+            label,
+            (f"ctrl+{key}",),
+            lambda degrees=degrees: c.turn(degrees),
+            c.lacks_character,
+            about=f"By {abs(degrees):.0f} degrees, as you look at it.",
+        )
+    yield Action(
+        "shape.solve",
+        "Shape",
+        "Possess it again",
+        ("ctrl+shift+p",),
+        c.solve_again,
+        c.lacks_possessed,
+        about="The performers take hold of the mesh as it is now, as after a cut.",
+        apart=True,
+    )
+    yield Action(
+        "shape.puppet",
+        "Shape",
+        "Make a puppet of it",
+        ("ctrl+p",),
+        c.puppets.make,
+        c.puppets.lacks_mesh,
+        about="A copy that acts by examples: control points and key poses.",
+    )
+    yield Action(
+        "shape.bake",
+        "Shape",
+        "Bake the puppet",
+        (),
+        c.puppets.bake,
+        c.puppets.lacks_examples,
+        about="Makes a possessed mesh of it, which can be cut and merged.",
+    )
+
+
+def _tools(user_input: ViewportInput) -> Iterator[Action]:
+    for kind in TOOLS:
+        yield Action(
+            f"tool.{kind.name}",
+            "Tools",
+            kind.label,
+            (kind.key,),
+            lambda name=kind.name: user_input.take(name),
+            on=lambda name=kind.name: user_input.tool.name == name,
+            icon=kind.icon,
+        )
+
+
+def _view(c: Commands) -> Iterator[Action]:
+    editor = c.editor
+    yield Action("view.play", "View", "Play or stop", ("space",), c.play, on=lambda: editor.playing)
+    yield Action("view.frame_back", "View", "A frame back", ("left",), lambda: c.step(-1))
+    yield Action("view.frame_on", "View", "A frame on", ("right",), lambda: c.step(1))
+    yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
+    yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
+    yield Action("view.bones", "View", "Bones", ("b",), c.bones, on=lambda: editor.show_bones, apart=True)
+    yield Action(
+        "view.outline",
+        "View",
+        "Outline of the key pose before",
+        ("o",),
+        c.puppets.outline,
+        on=lambda: editor.puppets.silhouette,
+        about="While a key pose is edited.",
+    )
+    yield Action(
+        "view.crossing",
+        "View",
+        "Faces that pass through one another",
+        ("w",),
+        c.puppets.warn,
+        on=lambda: editor.puppets.warn,
+        about="They are red while a key pose is edited.",
+    )
+
+
+def _cameras(c: Commands) -> Iterator[Action]:
+    editor, right = c.editor, np.pi / 2
+    yield Action("view.all", "View", "Frame everything", ("f",), editor.frame_all, apart=True)
+    sides = (
+        ("front", "1", 0.0, 0.0),
+        ("back", "2", np.pi, 0.0),
+        ("right", "3", right, 0.0),
+        ("above", "7", 0.0, right),
+    )
+    for name, key, around, up in sides:
+        label = "From above" if name == "above" else f"From the {name}"
+        yield Action(f"view.{name}", "View", label, (key,), lambda to=(around, up): editor.camera.face(*to))
+    yield Action(
+        "view.best",
+        "View",
+        "Where most is seen",
+        ("v",),
+        c.best_view,
+        c.lacks_shape,
+        about="Turns the view so that the bones of the chosen shape hide one another least.",
+    )
