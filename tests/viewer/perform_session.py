@@ -20,13 +20,15 @@ from strokes import limb
 from enliven.modeling.edits import scale_character
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.actions import KEYS
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform.actions import PERFORM_ACTIONS
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 EDGE = Path(__file__).parents[1] / "system" / "staged_edge.py"
-PATIENCE = 60.0
+PATIENCE = 150.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
@@ -119,11 +121,34 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     until(lambda: perform.recorder.seconds > 0.5, "a third recording")
     perform.record()
     said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
+    ctx.item_click("perform/arm  ·  free##stands arm")
+    said["each"] = each_action(ctx, window)
     click("room Play")
     shot("play")
     said["done"] = True
     workspace.store.forget()
     window.close()
+
+
+def each_action(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> dict[str, list[str]]:
+    """Do every action on a stage once by its name and once by its key; returns those that were refused."""
+    workspace, refused = window.workspace, dict[str, list[str]]()
+    performing = [one for one in workspace.actions if one.id.startswith("perform.")]
+    keyed = {f"perform.{one.id.partition('.')[2]}": one for one in PERFORM_ACTIONS if one.rooms}
+    for action in performing:
+        for way in ("name", "key"):
+            if "record" in action.id or "workspace" in action.id or "take_the" in action.id:
+                continue
+            workspace.perform.room = "Play"
+            workspace.editor.select(character="arm")
+            if reason := action.why_not():
+                refused.setdefault(action.id, []).append(f"{way}: {reason}")
+            elif way == "name":
+                workspace.actions.do(action.id)
+            elif action.id in keyed:
+                ctx.key_press(int(KEYS[keyed[action.id].key]))
+            ctx.yield_(1)
+    return refused
 
 
 def main() -> None:
@@ -155,7 +180,7 @@ def main() -> None:
             window.close()
 
     try:
-        window.run(seconds=150, after=after, register_tests=register)
+        window.run(seconds=390, after=after, register_tests=register)
     finally:
         edge.kill()
     print(json.dumps(said, default=str))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.panels.fields import told
-from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.panels.style import packed, px
 from enliven_viewer.studio.perform import ROOMS
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, INK
@@ -25,21 +25,22 @@ def draw_rooms(workspace: Workspace) -> None:
     if not imgui.begin_main_menu_bar():
         return
     perform = workspace.perform
-    middle = (imgui.get_window_width() - _WIDE * len(ROOMS)) / 2
+    tab = px(_WIDE)
+    left = max((imgui.get_window_width() - tab * len(ROOMS)) / 2, imgui.get_cursor_pos_x() + px(12.0))
     draw, high = imgui.get_window_draw_list(), imgui.get_window_height()
     for number, room in enumerate(ROOMS):
-        x = max(middle, 330.0) + number * _WIDE
+        x = left + number * tab
         if perform.room == room:
-            draw.add_rect_filled(ImVec2(x, 1), ImVec2(x + _WIDE, high), packed(ACCENT, 0.22), 6.0)
+            draw.add_rect_filled(ImVec2(x, 1), ImVec2(x + tab, high), packed(ACCENT, 0.22), 6.0)
         imgui.set_cursor_pos_x(x)
         imgui.set_cursor_pos_y(0)
-        if imgui.invisible_button(f"##room {room}", ImVec2(_WIDE, high)):
+        if imgui.invisible_button(f"##room {room}", ImVec2(tab, high)):
             perform.room = room
         told(f"{_MEANT[room]}  (Ctrl+{number + 1})")
         lit = perform.room == room or imgui.is_item_hovered()
         workspace.remember(f"room {room}")
         wide = imgui.calc_text_size(room).x
-        at = ImVec2(x + (_WIDE - wide) / 2, (high - imgui.get_text_line_height()) / 2)
+        at = ImVec2(x + (tab - wide) / 2, (high - imgui.get_text_line_height()) / 2)
         draw.add_text(at, packed(ACCENT if lit else INK), room)
         if room == "Perform" and perform.phase == "recording":
             draw.add_circle_filled(ImVec2(at.x - 9, high / 2), 4.0, packed(BAD))
