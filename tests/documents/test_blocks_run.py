@@ -144,6 +144,8 @@ def test_the_settings_of_a_document_are_settings(block, tmp_path):
         assert len(read_plan(path).chains) == len(values["chain"])
     elif block.page.name == "studio.md":
         assert load_settings(StudioSettings, path).width == values["width"]
+    elif "render" in values:
+        assert load_settings(ViewerSettings, path).render != ViewerSettings().render
     elif "film" in values:
         assert load_settings(ViewerSettings, path).film.encoder == values["film"]["encoder"]
     elif block.page.name == "examples.md":

@@ -10,6 +10,7 @@ from made_studio_puppets import project_with
 from strokes import limb
 
 from enliven.document.possessed import graph_shape_at_rest
+from enliven.formats.project import write_project
 from enliven.modeling.edits import scale_character
 from enliven.modeling.puppet import add_key_pose
 from enliven.modeling.sketching.sketch import shape_from_stroke
@@ -56,6 +57,8 @@ def acting_stage(folder: Path, width: int = 1280, height: int = 720) -> Workspac
     settings = StudioSettings(render=render, width=width, height=height)
     workspace = Workspace.new(Editor(settings), folder)
     workspace.store.new(project)
+    write_project(folder / "recent.enliven", project)
+    workspace.preferences.recent = [str(folder / "recent.enliven")]
     return workspace
 
 
@@ -75,4 +78,9 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id == "motion.paste":
         editor.select(**CHAIN)
         workspace.commands.copy_motion()
+    if action.id.startswith("clip."):
+        editor.scrub(0.5)
+    if action.id == "clip.blend":
+        workspace.commands.clips.do("split")
+        editor.scrub(0.4)
     editor.select(**NEEDS.get(action.id, LIMB))

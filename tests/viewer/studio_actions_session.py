@@ -56,7 +56,6 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     history(ctx, window)
     said["done"] = True
     workspace.store.forget()
-    window.close()
 
 
 def by_menu(ctx: imgui.test_engine.TestContext, action: Action) -> None:
@@ -174,19 +173,25 @@ def main() -> None:
     workspace = acting_stage(Path(sys.argv[1]), *((1280, 720) if len(sys.argv) > 2 else (700, 520)))
     window = StudioWindow(workspace)
 
+    def guarded(ctx: imgui.test_engine.TestContext) -> None:
+        try:
+            work(ctx, window)
+        finally:
+            window.close()
+
     def register() -> None:
         engine = hello_imgui.get_imgui_test_engine()
         imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
         imgui.test_engine.get_io(engine).config_watchdog_kill_test = 600.0
         test = imgui.test_engine.register_test(engine, "studio", "actions")
-        test.test_func = lambda ctx: work(ctx, window)
+        test.test_func = guarded
         imgui.test_engine.queue_test(engine, test)
 
     def after(window: StudioWindow) -> None:
         while wanted:
             keep(wanted.pop(), window.pixels())
 
-    window.run(seconds=120, after=after, register_tests=register)
+    window.run(seconds=380, after=after, register_tests=register)
     said["all"] = [[action.id, bool(action.keys)] for action in without_stage(workspace)]
     said["needs"] = sorted(NEEDS)
     said["pictures"] = window.pictures

@@ -13,6 +13,7 @@ from enliven.settings import setting
 Encoder = Literal[
     "auto", "libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "libvpx-vp9", "mpeg4"
 ]  # of enliven.film_encoders
+SkeletonShown = Literal["choosing", "always", "never"]
 LookName = Literal["studio", "night", "white", "dawn", "garden"]
 
 
@@ -47,6 +48,11 @@ class RenderSettings:
     light_up: float = setting(
         55.3, "How high the key light is above the horizon.", unit="degrees", low=15, high=90
     )
+    skeleton: SkeletonShown = setting(
+        "choosing",
+        "When performers' skeletons are seen in the mesh: while they choose what to hold, or ever.",
+    )
+    held_light: float = setting(1.0, "Light on the parts of a mesh that are held.", low=0, high=2)
     texture_size: int = setting(2048, "Larger textures are made smaller.", unit="pixels", low=16, high=16384)
     anisotropy: int = setting(4, "Sharpness of textures seen at a slant; 1 is least.", low=1, high=16)
 

@@ -46,7 +46,7 @@ def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
         ["release", "box", 7],
     ]
     assert said["help"] == "help"
-    assert said["look"] == {"body": 0.0, "reveal": 0.0, "cues": 0.0, "graph": 1.0}
+    assert said["look"] == {"body": 0.0, "reveal": 0.0, "cues": 0.0, "graph": 1.0, "held": 1.0}
     assert not said["live"] and said["paused"] and said["speed"] == 2.0
     assert said["notice"] == "" and said["size"][2] == 640
     assert said["full"][2] > 640 and said["again"] == said["size"], "F11 fills the screen, and goes back"

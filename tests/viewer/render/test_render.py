@@ -135,8 +135,9 @@ def test_attachment_points_glow_where_the_nodes_are(renderer, box) -> None:
     node = int(np.argmax(box.pivots[:, 2]))
     cues = CueFrame("box", np.array([node], np.int32), np.array([1.0], np.float32))
     view = front_view()
+    points = SceneStyle(held=0.0)
     plain = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose()),)), view)
-    glowing = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose(), cues),)), view)
+    glowing = drawn(renderer, Scene((SceneCharacter(box, box.rest_pose(), cues),), style=points), view)
     gain = (glowing - plain).sum(-1)
     row, column = np.unravel_index(gain.argmax(), gain.shape)
     at = (view.project(box.pivots[[node]].astype(float))[0] * [1, -1] + 1) / 2 * SIZE

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven_viewer.render.camera import FilmCamera, OrbitCamera, look_at, orthographic, perspective
+from enliven_viewer.render.camera_moves import CameraMoves
 
 number = st.floats(-3, 3)
 size = st.floats(0.1, 2)
@@ -119,3 +120,54 @@ def test_a_film_does_not_shake_with_its_subject() -> None:
         camera.follow(box_at(np.array([0, 0.9, 0]) + rng.normal(0, 0.03, 3), 0.9), 1 / 30, 16 / 9)
         eyes.append(camera.view(16 / 9).eye)
     assert np.abs(np.diff(eyes, axis=0)).mean() < 0.01
+
+
+@given(st.floats(-4, 4), st.floats(-4, 4), st.floats(-3, 3), st.floats(0.05, 1.0), st.floats(1 / 120, 0.1))
+@settings(deadline=None, max_examples=60)
+def test_what_is_followed_stays_in_the_picture_from_the_side_that_was_chosen(x, z, across, up, step) -> None:
+    camera, moves = OrbitCamera(), CameraMoves()
+    camera.orbit(across, up)
+    half = np.array([0.3, 0.9, 0.3])
+    begin, pace = np.array([0.0, 0.9, 0.0]), np.array([x, 0.0, z])
+    camera.frame((begin - half, begin + half), 1.5, at_once=True, room=1.6)
+    moves.toggle_follow()
+    offset = camera.view(1.5).eye - begin
+    for k in range(80):
+        middle = begin + pace * step * k
+        moves.advance(camera, (middle - half, middle + half), step)
+        camera.advance(step)
+        seen = camera.view(1.5).project(middle[None])
+        assert np.abs(seen).max() < 1
+    for _ in range(200):
+        moves.advance(camera, (middle - half, middle + half), 0.1)
+        camera.advance(0.1)
+    np.testing.assert_allclose(camera.view(1.5).eye - middle, offset, atol=1e-3)
+
+
+def test_a_pan_while_it_follows_is_kept_and_switching_on_moves_nothing() -> None:
+    camera, moves = OrbitCamera(), CameraMoves()
+    box = (np.array([4.0, 0.0, 0.0]), np.array([5.0, 1.0, 1.0]))
+    before = camera.target
+    moves.toggle_follow()
+    moves.advance(camera, box, 0.1)
+    camera.advance(10.0)
+    np.testing.assert_allclose(camera.target, before)
+    camera.pan(0.2, 0.0)
+    camera.advance(10.0)
+    panned = camera.target
+    moves.advance(camera, box, 0.1)
+    camera.advance(10.0)
+    np.testing.assert_allclose(camera.target, panned)
+
+
+def test_a_turntable_goes_round_and_comes_back() -> None:
+    camera, moves = OrbitCamera(), CameraMoves()
+    begin = camera.view(1.0).eye
+    moves.toggle_turntable()
+    eyes = []
+    for _ in range(160):
+        moves.advance(camera, None, 0.1)
+        camera.advance(10.0)
+        eyes.append(camera.view(1.0).eye)
+    assert np.linalg.norm(eyes[79] - begin) > 5
+    np.testing.assert_allclose(eyes[-1], begin, atol=1e-6)

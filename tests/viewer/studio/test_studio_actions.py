@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from in_a_window import in_a_window
 from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
 
 from enliven.document.project import same
@@ -23,18 +19,6 @@ from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SESSION = Path(__file__).parents[1] / "studio_actions_session.py"
-
-
-def in_a_window(session: Path, *arguments: str) -> dict:
-    """What a session in the real window printed."""
-    command = [sys.executable, str(session), *arguments]
-    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        if shutil.which("xvfb-run") is None:
-            pytest.skip("there is no display, and no xvfb-run to make one")
-        command = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24", *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
 
 
 def test_every_action_is_done_from_its_menu_and_by_its_key(tmp_path) -> None:

@@ -102,9 +102,9 @@ def test_only_the_chosen_puppet_shows_more_than_its_layers() -> None:
     assert lanes.height < chosen.height
 
 
-def drag(workspace: Workspace, start: tuple[float, float], x: float) -> None:
+def drag(workspace: Workspace, start: tuple[float, float], x: float, **held: bool) -> None:
     timeline = workspace.timeline
-    timeline.press(*start)
+    timeline.press(*start, **held)
     for share in (0.3, 0.7, 1.0):
         timeline.drag(start[0] + share * (x - start[0]))
     timeline.release(x)
@@ -135,7 +135,7 @@ def test_bars_are_moved_stretched_and_muted(tmp_path) -> None:
     drag(workspace, (left + 20, y), left + 20 + timeline.layout.x(0.6) - timeline.layout.x(0.0))
     assert workspace.editor.project.puppets["star"].layers[0].offset == pytest.approx(0.6)
     workspace.editor.undo()
-    drag(workspace, (right, y), (left + right) / 2)
+    drag(workspace, (right, y), (left + right) / 2, ctrl=True)
     assert workspace.editor.project.puppets["star"].layers[0].speed == pytest.approx(2.0, rel=0.01)
     timeline.press(5.0, y)
     timeline.release(5.0)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from in_a_window import in_a_window
 
 from enliven.document.project import same
 from enliven.errors import InputError, ResourceError
@@ -16,6 +19,9 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.workspace import Workspace
+
+FILES = Path(__file__).parents[1] / "studio_files_session.py"
+KILLED = Path(__file__).parents[1] / "studio_killed.py"
 
 
 @pytest.fixture
@@ -224,6 +230,45 @@ def test_a_file_is_replaced_only_when_it_is_said_twice(tmp_path) -> None:
     assert browser.chosen() == tmp_path / "old.enliven"
     own = FileBrowser(tmp_path, (".enliven",), "old", saving=True, own=tmp_path / "old.enliven")
     assert own.chosen() == tmp_path / "old.enliven"
+
+
+def test_files_are_saved_dropped_filmed_and_opened_again_in_the_window(tmp_path) -> None:
+    said = in_a_window(FILES, str(tmp_path))
+    assert said["done"], said
+    assert said["at first"] == "Untitled - enliven" and said["changed"] == "*Untitled - enliven"
+    assert said["saved"] == ["Untitled - enliven", "", True], "Ctrl+S and Enter save at once"
+    assert said["saved as"] == ["squid - enliven", ""]
+    assert said["warns"] == ["save as", True] and said["replaced"] == ["squid - enliven", ""]
+    assert said["dropped"] == ["limb", "limb 2", "post", "star"] and "nothing.glb" in said["told"][0]
+    assert said["recent"] == ["limb.glb", "squid.enliven", "Untitled.enliven"]
+    assert said["film"] == ["squid.mp4"] and "Wrote 2 shapes to squid.mp4" in said["film told"]
+    assert said["went on"] and said["still drawn"] > 5, "the window goes on while a film is written"
+    assert said["recent asks"] == "unsaved"
+    assert said["opened"] == ["squid - enliven", ["squid.enliven", "limb.glb", "Untitled.enliven"]]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="studios are forked to be killed")
+def test_50_studios_killed_at_random_moments_lose_20_seconds_at_most(tmp_path) -> None:
+    command = [sys.executable, str(KILLED), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    lost = [(told - recovered) * said["tick"] for told, recovered in said["results"]]
+    assert len(lost) == 50 and max(lost) <= 20.0
+    assert sum(recovered > 0 for _, recovered in said["results"]) > 10, "many had a recovery file"
+    assert len(set(told for told, _ in said["results"])) > 5, "they were killed at many moments"
+    assert all(name.count("recovery") == 0 for name in said["left"]), said["left"]
+
+
+def test_recent_files_are_kept_between_runs_and_opened_again(workspace: Workspace, tmp_path) -> None:
+    assert "Ctrl+O" in workspace.actions["file.again"].why_not()
+    workspace.ask("save")
+    workspace.chosen(tmp_path / "work.enliven")
+    after = Workspace.new(Editor(), tmp_path / "recovery")
+    assert [Path(name).name for name in after.preferences.recent] == ["work.enliven"]
+    assert after.actions.do("file.again") and "limb" in after.editor.project.shapes
+    (tmp_path / "work.enliven").unlink()
+    assert after.actions.do("file.again") and "no such file" in said(after)
 
 
 def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -> None:

@@ -20,7 +20,7 @@ from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.live import cards_of, draw_cards, time_text
 from enliven_viewer.playback import NS, Document, SolvedSurfaces, TimelineMoment
-from enliven_viewer.render import EMPTY_BOX, FilmCamera, Renderer, SceneStyle, scene_of
+from enliven_viewer.render import EMPTY_BOX, FilmCamera, Renderer, SceneStyle, Showing, scene_of
 from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.settings import ViewerSettings
 
@@ -104,8 +104,8 @@ class _Studio:
             self._canvas = Canvas(self._renderer.ctx)
         self._camera = FilmCamera(settings.render.opening)
         self._surfaces = SolvedSurfaces(wait=True)
-        self._possessed_at: float | None = None
         film = settings.film
+        self._showing = Showing(settings.render, film.overlay_seconds)
         self.tiles = Tiles(film.columns * film.rows, film.tile_width)
         self.count, self.draw_seconds = 0, 0.0
 
@@ -117,7 +117,8 @@ class _Studio:
     def draw(self, moment: TimelineMoment, second: float) -> UInt8:
         """(H, W, 4) the picture of a moment, ``second`` seconds into the film; bottom row first."""
         began = time.perf_counter()
-        scene = scene_of(self.document, moment, self._style(moment, second), self._surfaces)
+        style = self._showing.style(SceneStyle(), moment, second)
+        scene = scene_of(self.document, moment, style, self._surfaces)
         aspect = self.size[0] / self.size[1]
         self._camera.follow(scene.box or EMPTY_BOX, 1 / self.settings.film.rate, aspect)
         view = self._camera.view(aspect)
@@ -131,21 +132,6 @@ class _Studio:
         self.count += 1
         self.draw_seconds += time.perf_counter() - began
         return picture
-
-    def _style(self, moment: TimelineMoment, second: float) -> SceneStyle:
-        """Body and attachments until some seconds after possession, then the mesh alone."""
-        if not moment.possessed:
-            self._possessed_at = None
-            return SceneStyle()
-        if self._possessed_at is None:
-            self._possessed_at = second
-        since = second - self._possessed_at - self.settings.film.overlay_seconds
-        left = 1 - min(max(since / 1.2, 0.0), 1.0)
-        shown = left * left * (3 - 2 * left)
-        # Whoever plays along without a mesh has nothing else to be seen by.
-        holding = sum(cues.state == "possessed" for cues in moment.cues.values())
-        playing = moment.props is not None and len(moment.bodies) > holding
-        return SceneStyle(body=1.0 if playing else shown, reveal=shown, cues=shown)
 
     def _caption(self, moment: TimelineMoment, second: float) -> None:
         """Write the time, and whether the mesh is possessed, in the lower right corner."""

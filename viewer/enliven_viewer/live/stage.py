@@ -9,8 +9,9 @@ from enliven.wire import Browse, Lock, Mode, Possess, Release, Smooth
 from enliven_viewer.link import Feed
 from enliven_viewer.live.possession_choice import PossessionChoice
 from enliven_viewer.live.view_report import ViewReporter, hidden, turn_to_bones
-from enliven_viewer.playback import Document, Playhead, SolvedSurfaces
-from enliven_viewer.render import CameraView, OrbitCamera, Scene, SceneStyle, scene_of
+from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
+from enliven_viewer.render import CameraView, OrbitCamera, Scene, SceneStyle, Showing, scene_of
+from enliven_viewer.settings import ViewerSettings
 
 _QUIET = 2.0
 """Seconds without a message, four heartbeats of an edge, after which the window may rest."""
@@ -31,12 +32,16 @@ class LiveStage:
         scrubbing: whether the pointer drags the playhead.
     """
 
-    def __init__(self, feed: Feed, document: Document, *, take: str = "") -> None:
+    def __init__(
+        self, feed: Feed, document: Document, settings: ViewerSettings | None = None, *, take: str = ""
+    ) -> None:
         self.feed, self.document, self.take = feed, document, take
         self.playhead = Playhead(document.timeline, live=not take, loop=bool(take))
         self.style = SceneStyle()
         self.possession = PossessionChoice()
         self.scene = Scene()
+        settings = settings or ViewerSettings()
+        self._showing = Showing(settings.render, settings.film.overlay_seconds)
         self._view_reporter = ViewReporter()
         self._surfaces = SolvedSurfaces()
         self._since, self.scrubbing = 0.0, False
@@ -47,7 +52,9 @@ class LiveStage:
         playing = not (self.playhead.live or self.playhead.paused)
         self._since = 0.0 if arrived or playing else self._since + seconds
         self.playhead.advance(seconds)
-        self.scene = scene_of(self.document, self.playhead.moment(), self.style, self._surfaces)
+        moment = self.playhead.moment()
+        style = self._showing.style(self.style, moment, self.playhead.time_ns / NS)
+        self.scene = scene_of(self.document, moment, style, self._surfaces)
 
     @property
     def quiet(self) -> bool:

@@ -5,6 +5,8 @@ from .camera import (
     FilmCamera as FilmCamera,
     OrbitCamera as OrbitCamera,
 )
+from .camera_moves import CameraMoves as CameraMoves
+from .looks import LOOKS as LOOKS
 from .renderer import EMPTY_BOX as EMPTY_BOX, Renderer as Renderer
 from .scene import (
     PLAIN as PLAIN,
@@ -13,4 +15,5 @@ from .scene import (
     SceneStyle as SceneStyle,
     scene_of as scene_of,
 )
+from .showing import Showing as Showing
 from .materials import linear_from_srgb as linear_from_srgb

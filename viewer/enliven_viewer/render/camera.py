@@ -142,6 +142,10 @@ class OrbitCamera:
         self._goal[:3] += span * (across * rows[0] + up * rows[1])
         self._goal[1] = max(self._goal[1], 0.0)
 
+    def move(self, way: Float) -> None:
+        """Move the target, and the eye with it, by (3,) metres."""
+        self._goal[:3] += way
+
     def zoom(self, factor: float) -> None:
         """Multiply the distance by ``factor`` (0.9 comes closer), between 0.2 and 60 metres."""
         distance = self._goal[5] + math.log(factor)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.settings import RenderSettings
+from enliven_viewer.settings import LookName, RenderSettings
 
 Light = tuple[float, float, float]
 """Linear red, green and blue; 1 is a white wall in the sun."""
@@ -39,7 +39,7 @@ class StageLook:
     pool: float = 1.0
 
 
-LOOKS = {
+LOOKS: dict[LookName, StageLook] = {
     "studio": StageLook(
         key=(3.05, 2.74, 2.34),
         sky=(0.34, 0.41, 0.56),

@@ -18,6 +18,9 @@ from enliven_viewer.settings import RenderSettings
 ALPHA_TO_COVERAGE = 0x809E
 """GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl has no name for."""
 
+_OUTLINE = 0.0056
+"""Width of the line around what is held as a share of the picture's height: four pixels of 720."""
+
 
 class MeshPass:
     """Draws the meshes of a scene with the programs that they need, compiled when one first does.
@@ -29,6 +32,7 @@ class MeshPass:
     def __init__(self, ctx: moderngl.Context, settings: RenderSettings) -> None:
         self.ctx, self.settings = ctx, settings
         self._bones = ctx.buffer(reserve=3 * 64 * 16, dynamic=True)
+        self.height = 1
         self._programs: dict[tuple[str, tuple[str, ...]], moderngl.Program] = {}
 
     def draw(self, picture: RenderTarget, meshes: Sequence[SkinnedMesh], scene: Scene, eye: Float) -> None:
@@ -37,6 +41,7 @@ class MeshPass:
         Args:
             eye: (3,) metres; what is seen through is drawn from the farthest mesh to the nearest.
         """
+        self.height = picture.size[1]
         block, count = bone_block(scene.bodies, scene.style.reveal)
         revealing = count > 0 and scene.style.reveal > 0
         if revealing:
@@ -52,6 +57,9 @@ class MeshPass:
                     clear.append((mesh, each))
                 else:
                     self._draw_part(mesh, each, revealing, count)
+        for mesh in meshes:
+            if mesh.held:
+                self._outline(mesh)
         if clear:
             clear.sort(key=lambda one: -float(np.linalg.norm(one[0].hull().mean(0) - eye)))
             self._draw_clear(picture, clear, revealing, count)
@@ -65,9 +73,26 @@ class MeshPass:
                     program["clip_from_caster"] = tuple(clip_from_world.T.astype("f4").ravel())
                     self._render(mesh, each, program)
 
+    def _outline(self, mesh: SkinnedMesh) -> None:
+        """Draw a line around what is held of a mesh."""
+        program = self._program("grip", ())
+        program["pixels"] = max(_OUTLINE * self.height, 1.0)
+        mesh.use_hold()
+        self.ctx.enable(moderngl.CULL_FACE | moderngl.BLEND)
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        self.ctx.cull_face = "front"
+        for each in mesh.parts:
+            if each.part.alpha == "OPAQUE":
+                mesh.render(program, each)
+        self.ctx.cull_face = "back"
+        self.ctx.disable(moderngl.CULL_FACE | moderngl.BLEND)
+
     def _draw_part(self, mesh: SkinnedMesh, each: DrawnPart, revealing: bool, count: int) -> None:
         part = each.part
-        defines = ("FINE",) * (revealing and mesh.fine) + ("REVEALING",) * revealing
+        defines = ("FINE",) * (revealing and mesh.fine) + ("REVEALING",) * revealing + ("HELD",) * mesh.held
+        if mesh.held:
+            mesh.use_hold()
         program = self._program("mesh", (*defines, *part.defines))
         set_uniform(program, "bone_count", count)
         set_uniform(program, "normal_scale", part.normal_scale)

@@ -21,6 +21,7 @@ from enliven_viewer.render.gl import (
     set_uniform,
 )
 from enliven_viewer.render.ground import STAGE_RADIUS, GroundPass, Patch
+from enliven_viewer.render.held import held_light
 from enliven_viewer.render.lights import contact_from_world, light_from_world
 from enliven_viewer.render.looks import LOOKS, look_rows, to_key
 from enliven_viewer.render.materials import Textures
@@ -53,6 +54,7 @@ class Renderer:
     def __init__(self, ctx: moderngl.Context, size: Size, settings: RenderSettings | None = None) -> None:
         self.ctx = ctx
         self.settings = settings or RenderSettings()
+        self.look = self.settings.look
         self.picture = RenderTarget(ctx, size, self.settings.samples)
         self._shadow = SoftMap(ctx, self.settings.shadow_size)
         self._contact = SoftMap(ctx, self.settings.contact_size)
@@ -138,6 +140,7 @@ class Renderer:
     def _skinned(self, scene: Scene) -> list[SkinnedMesh]:
         """The meshes of the scene in their poses; new characters are loaded, gone ones released."""
         names = {actor.character.id for actor in scene.actors}
+        glow, bodies = self.settings.held_light * scene.style.held, [body.id for body in scene.bodies]
         for gone in set(self._meshes) - names:
             self._meshes.pop(gone).release()
         for actor in scene.actors:
@@ -149,6 +152,7 @@ class Renderer:
                     known.release()  # after the new one has taken the textures that both have
                 known = made
                 self._meshes[actor.character.id] = made
+            known.hold(held_light(actor, glow, bodies))
             if actor.vertices is None:
                 known.skin(actor.pose)
             else:
@@ -168,7 +172,7 @@ class Renderer:
         self._light, self._below = light_from_world(box, self._to_key), contact_from_world(box)
         matrices = [view.clip_from_world, np.linalg.inv(view.clip_from_world), self._light, self._below]
         where = [[*view.eye, 1.0], [*self._to_key, 0.0], [*self._stage, STAGE_RADIUS], [*self.size, 0.0, 0.0]]
-        look = look_rows(LOOKS[self.settings.look], self.settings)
+        look = look_rows(LOOKS[self.look], self.settings)
         values = np.concatenate([*(m.T.ravel() for m in matrices), np.ravel(where), look.ravel()])
         self._frame.write(values.astype("f4").tobytes())
         self._frame.bind_to_uniform_block(BLOCKS["Frame"])

@@ -28,15 +28,17 @@ class SceneStyle:
         reveal: transparency of the mesh where the body is inside it.
         cues: glowing attachment points.
         graph: nodes and edges of the deformation graph, or bones.
+        held: light on the parts that are held.
     """
 
     body: float = 1.0
     reveal: float = 1.0
     cues: float = 1.0
     graph: float = 0.0
+    held: float = 1.0
 
 
-PLAIN = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0)
+PLAIN = SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.0, held=0.0)
 """Meshes alone, without overlays: how the studio shows shapes and puppets."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import moderngl
@@ -12,6 +13,7 @@ from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose
 from enliven.meshes import Texture, longest_edge
 from enliven_viewer.render.gl import UNITS
+from enliven_viewer.render.held import HeldLight, reach_of_points
 from enliven_viewer.render.materials import Part, Textures, paint_keys, painted
 from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.scene import corners
@@ -97,6 +99,9 @@ class SkinnedMesh:
         self._textures = textures
         self._boxes = boxes_of(character)
         self._placed: Float32 | None = None
+        self.held = False
+        self._held: HeldLight | None = None
+        self._light: Float32 = np.zeros((0, 3), np.float32)
         self._skinned = ctx.buffer(reserve=self.count * 24)
         layouts = (("3f 3f", "in_rest", "in_rest_normal"), ("4u2", "in_nodes"), ("4f", "in_weights"))
         content = [(buffer, *layout) for buffer, layout in zip(self._inputs, layouts, strict=True)]
@@ -153,6 +158,26 @@ class SkinnedMesh:
         if self.closed:
             self._ctx.disable(moderngl.CULL_FACE)
 
+    def hold(self, light: Float32 | None) -> None:
+        """Set the light (J, 3) on each transform for the pictures from here on; None for no light."""
+        self.held = light is not None
+        if light is not None:
+            self._held = self._held or HeldLight(self._ctx, len(self.character.pivots))
+            self._light = light
+
+    def use_hold(self) -> None:
+        """Bind the light on the transforms."""
+        if self._held is not None:
+            self._held.use(self._light)
+
+    @cached_property
+    def _grip(self) -> list[moderngl.Buffer]:
+        """Which transforms light each drawn vertex, and how much."""
+        if self.character.kind != "points":
+            return self._inputs[1:]
+        reach, source = reach_of_points(self.character), self._surface.source
+        return [self._ctx.buffer(part[source].tobytes()) for part in (reach.indices, reach.weights)]
+
     def positions(self) -> Float32:
         """(N, 3) the skinned vertices, read back; copies along creases included."""
         return np.frombuffer(self._skinned.read(), np.float32).reshape(-1, 6)[:, :3]
@@ -169,6 +194,11 @@ class SkinnedMesh:
         for buffer in buffers:
             buffer.release()
         self._transforms.release()
+        if self._held is not None:
+            self._held.release()
+        if self.character.kind == "points" and "_grip" in vars(self):
+            for buffer in self._grip:
+                buffer.release()
         for each in self.parts:
             for name, number, _ in each.part.maps:
                 self._textures.give_back(self._sources[number], name)
@@ -190,6 +220,8 @@ class SkinnedMesh:
         whole = "in_normal" in program
         layout = ("3f 3f", "in_position", "in_normal") if whole else ("3f 12x", "in_position")
         content = [(self._skinned, *layout)]
+        if "in_nodes" in program:
+            content += [(self._grip[0], "4u2", "in_nodes"), (self._grip[1], "4f", "in_weights")]
         named = [name for name, _ in _PAINT if name in program]
         if named:
             formats = [size if name in named else _skipped(size) for name, size in _PAINT]

@@ -16,14 +16,12 @@ from enliven.errors import ResourceError
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions import KEYS, held_keys
+from enliven_viewer.studio.desktop import Desktop
 from enliven_viewer.studio.panels import (
     apply_style,
     draw_dialogs,
-    draw_live,
     draw_menu,
     draw_overlay,
-    draw_perform,
-    draw_rooms,
     draw_side,
     draw_source,
     draw_timeline,
@@ -32,6 +30,7 @@ from enliven_viewer.studio.panels import (
     split_side,
 )
 from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
+from enliven_viewer.studio.panels.stage import draw_live, draw_perform, draw_rooms
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
@@ -79,6 +78,7 @@ class StudioWindow:
         self._source: Viewport | None = None
         self._performer: PerformerPicture | None = None
         self._thumbnails: Thumbnails | None = None
+        self._desktop: Desktop | None = None
         self._screen: Any = None
         self._last = time.monotonic()
         self._framed = False
@@ -207,6 +207,7 @@ class StudioWindow:
         self._source = Viewport(context, (64, 64), settings.render)
         self._performer = PerformerPicture(self._source.renderer)
         self._thumbnails = Thumbnails(context, self.workspace.puppets.stage.surfaces)
+        self._desktop = Desktop(self.workspace)
 
     def _framebuffer_size(self) -> tuple[int, int]:
         io = imgui.get_io()
@@ -232,6 +233,7 @@ class StudioWindow:
         scale = imgui.get_io().display_framebuffer_scale.y
         size = max(round(area.width * scale), 1), max(round(area.height * scale), 1)
         renderer = self._viewport.renderer
+        renderer.look = editor.look
         renderer.resize(size)
         self._viewport.draw(
             [one for one in editor.standing if one.id not in perform.hidden],
@@ -283,6 +285,8 @@ class StudioWindow:
         draw_dialogs(self.workspace)
         self._listen(places.viewport, keys=not asking)
         self.workspace.store.autosave()
+        if self._desktop is not None:
+            self._desktop.follow()
         if self.workspace.ended:
             self.workspace.store.close()
             self.close()

@@ -21,6 +21,7 @@ UNITS = {
     "normal_map": 6,
     "occlusion_map": 7,
     "emissive_map": 8,
+    "held": 9,
 }
 """Texture unit of each sampler; those that no program uses together share one."""
 

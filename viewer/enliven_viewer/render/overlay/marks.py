@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float32
+from enliven_viewer.playback import CueFrame
 from enliven_viewer.render.gl import load_program, set_uniform
 from enliven_viewer.render.scene import Scene, SceneCharacter
 
@@ -42,14 +43,18 @@ def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ())
     rows = np.empty((int(known.sum()), 8), np.float32)
     rows[:, :3] = actor.pose.positions[cues.nodes[known]]
     rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * held)
-    rows[:, 4:7] = CUE_TINT
-    owners = cues.owners[known] if len(cues.owners) == len(known) else np.empty(0, np.int32)
-    if len(set(owners.tolist())) > 1:
-        everybody = dict.fromkeys([*bodies, *sorted(owners.tolist())])
-        number = {body: k % len(CUE_TINTS) for k, body in enumerate(everybody)}
-        rows[:, 4:7] = np.array(CUE_TINTS)[[number[owner] for owner in owners.tolist()]]
+    several = len(set(cues.owners.tolist())) > 1
+    rows[:, 4:7] = cue_tints(cues, bodies)[known] if several else CUE_TINT
     rows[:, 7] = strength * (0.35 + 0.65 * held) * np.where(cues.firm[known], 1.0, 0.45)
     return rows
+
+
+def cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
+    """(A, 3) linear light of attachment points, as :func:`cue_rows`: as the skeletons of their performers."""
+    owners = cues.owners.tolist() if len(cues.owners) == len(cues.nodes) else [0] * len(cues.nodes)
+    everybody = dict.fromkeys([*bodies, *sorted(owners)]) if len(cues.owners) else {0: None}
+    number = {body: k % len(CUE_TINTS) for k, body in enumerate(everybody)}
+    return np.array(CUE_TINTS, np.float32)[[number[owner] for owner in owners]]
 
 
 def node_rows(actor: SceneCharacter, strength: float) -> Float32:

@@ -80,7 +80,8 @@ vec3 shaded(Surface s, vec3 n, vec3 p, out vec3 mirrored) {
     float spread = nh * nh * (a * a - 1.0) + 1.0;
     float lobe = a * a / (3.14159265 * spread * spread);
     float smith = 0.5 / mix(2.0 * key * facing, key + facing, a);
-    vec3 fresnel = straight + (1.0 - straight) * pow(1.0 - max(dot(v, h), 0.0), 5.0);
+    float away = 1.0 - max(dot(v, h), 0.0);
+    vec3 fresnel = straight + (1.0 - straight) * (away * away) * (away * away) * away;
     vec3 glint = fresnel * min(lobe * smith, 40.0) * key * visible * key_light.rgb;
 
     vec3 around = surroundings(reflect(-v, n), roughness) * low;

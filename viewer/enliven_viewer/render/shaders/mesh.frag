@@ -17,6 +17,9 @@ in vec4 albedo;
 in vec2 finish;
 in vec3 emission;
 in float shown;
+#ifdef HELD
+in vec3 grip;  // light of the performers' hold
+#endif
 out vec4 colour;
 
 #ifdef NORMAL_MAP
@@ -69,6 +72,13 @@ void main() {
 #else
     light += emission;
 #endif
+#endif
+#ifdef HELD
+    // A tint inside and a bright rim: seen on dark and on light, and the surface stays to be read.
+    float rim = 1.0 - abs(dot(n, normalize(eye.xyz - position)));
+    float most = max(grip.r, max(grip.g, grip.b));
+    light = mix(light, light * grip / max(most, 1e-4), 0.28 * min(most, 1.0));
+    light += grip * (0.10 + 1.25 * rim * rim * rim);
 #endif
     colour = vec4(developed(light), cover);
 #ifdef BLEND

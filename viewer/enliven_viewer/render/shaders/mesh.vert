@@ -11,6 +11,10 @@ in vec4 in_uv;
 in vec4 in_albedo;
 in vec2 in_finish;
 in vec3 in_emission;
+#ifdef HELD
+#include "grip.glsl"
+out vec3 grip;
+#endif
 out vec3 position;
 out vec3 normal;
 out vec4 uv;        // two places in textures
@@ -27,6 +31,9 @@ void main() {
     finish = in_finish;
     emission = in_emission;
     shown = 1.0;
+#ifdef HELD
+    grip = held_light();
+#endif
 #if defined(FINE) && defined(REVEALING)
     shown = opacity(in_normal, in_position);
 #endif

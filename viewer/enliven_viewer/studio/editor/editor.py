@@ -11,7 +11,7 @@ import numpy as np
 from enliven.document import History, Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven_viewer.playback import bounds_of
-from enliven_viewer.render import EMPTY_BOX, Box, OrbitCamera
+from enliven_viewer.render import EMPTY_BOX, LOOKS, Box, CameraMoves, OrbitCamera
 from enliven_viewer.studio.background import BackgroundTask
 from enliven_viewer.studio.editor.stage import StudioStage
 from enliven_viewer.studio.examples import Solving
@@ -38,6 +38,7 @@ class Editor:
         self.history = History(project or Project())
         self.draft: Project | None = None
         self.camera = OrbitCamera(self.settings.render.opening)
+        self.moves, self.look = CameraMoves(), self.settings.render.look
         self.size: tuple[float, float] = (float(self.settings.width), float(self.settings.height))
         self.selection = Selection()
         self.toasts = Toasts(self.settings.toast)
@@ -147,6 +148,7 @@ class Editor:
 
     def advance(self, seconds: float) -> None:
         """Let time pass: the playhead, the camera, the messages."""
+        self.moves.advance(self.camera, self._followed(), seconds)
         self.camera.advance(seconds)
         self.toasts.advance(seconds)
         self.puppets.advance()
@@ -166,6 +168,19 @@ class Editor:
         """Bring every character into the picture."""
         aspect = self.size[0] / max(self.size[1], 1.0)
         self.camera.frame(self.box() or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
+
+    def next_look(self) -> None:
+        """Show the stage in the next look."""
+        names = list(LOOKS)
+        self.look = names[(names.index(self.look) + 1) % len(names)]
+        self.toasts.say(f"Look: {self.look}")
+
+    def _followed(self) -> Box | None:
+        """The box around what the camera follows: the chosen character, or all; None where it stays."""
+        if not self.moves.follow:
+            return None
+        chosen = [one for one in self.standing if one.id == self.selection.character]
+        return bounds_of([one.extent for one in chosen or self.standing])
 
     def box(self) -> Box | None:
         """The box around all characters now, and what is live; None where there are none."""

@@ -6,6 +6,3 @@ from .style import apply_style as apply_style, load_fonts as load_fonts
 from .timeline import draw_timeline as draw_timeline
 from .toolbar import draw_toolbar as draw_toolbar
 from .viewport_overlay import draw_overlay as draw_overlay
-from .live import draw_live as draw_live
-from .perform import draw_perform as draw_perform
-from .rooms import draw_rooms as draw_rooms

@@ -20,7 +20,8 @@ _FOLDER = "\uf07b"
 _TITLES = {
     "open": "Open",
     "save as": "Save the project",
-    "export": "Export GLB",
+    "export": "Export",
+    "film": "Write a film",
     "perform": "Play a recording on the stage",
     "session": "Save the examples",
 }
@@ -65,7 +66,8 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
     if browser.problem:
         quiet(browser.problem)
     imgui.end_child()
-    if imgui.is_window_appearing():
+    if imgui.is_window_appearing() or browser.again:
+        browser.again = False
         imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
@@ -82,7 +84,7 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     try:
         path = browser.chosen()
     except EnlivenError as error:
-        browser.said = f"{error.what}. {error.mend}"
+        browser.said, browser.again = f"{error.what}. {error.mend}", True
         return
     workspace.attempt(lambda: workspace.chosen(path))
 

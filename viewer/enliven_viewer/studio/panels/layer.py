@@ -17,6 +17,8 @@ _NUMBERS = {
     "weight": (0.0, 1.0, "weight %.2f"),
     "offset": (-5.0, 30.0, "begins at %.2f s"),
     "speed": (-3.0, 3.0, "speed %.2f"),
+    "smooth": (0.0, 0.5, "smoothed over %.2f s"),
+    "ease": (0.0, 1.0, "comes and goes in %.2f s"),
 }
 """Lowest, highest, and how the number is written."""
 _SLOWEST = 0.02
@@ -24,6 +26,7 @@ _SLOWEST = 0.02
 _TOLD = {
     "loop": "Begin again at the end",
     "muted": "It does not play",
+    "hold": "The first and the last frame stand beyond the clips; otherwise nothing plays there",
     "mirrored": "Play the take's mirror image: left for right",
     "travel": "Go through the world with the performer, on its feet",
     "level_feet": "Where the weight goes from one foot to another, both have one height",

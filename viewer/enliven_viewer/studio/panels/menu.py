@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from imgui_bundle import imgui
 
 from enliven_viewer.studio.actions import Action
@@ -21,6 +23,8 @@ def draw_menu(workspace: Workspace) -> None:
                 if action.apart and number:
                     imgui.separator()
                 _entry(workspace, action)
+                if action.id == "file.open":
+                    _recent(workspace)
             imgui.end_menu()
     imgui.end_main_menu_bar()
 
@@ -33,3 +37,16 @@ def _entry(workspace: Workspace, action: Action) -> None:
         actions.do(action.id)
     workspace.remember(f"menu {action.menu}/{action.label}")
     action_tip(workspace, action.id)
+
+
+def _recent(workspace: Workspace) -> None:
+    """The files that were opened or saved last; the folder is on the tooltip."""
+    paths = [Path(name) for name in workspace.preferences.recent]
+    if not imgui.begin_menu("Open recent", bool(paths)):
+        return
+    for number, path in enumerate(paths):
+        if imgui.menu_item(f"{path.name}##{number}", "", False, True)[0]:
+            workspace.attempt(lambda path=path: workspace.open(path))
+        workspace.remember(f"recent {path.name}")
+        imgui.set_item_tooltip(str(path.parent))
+    imgui.end_menu()

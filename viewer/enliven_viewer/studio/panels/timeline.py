@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-import zlib
-
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.panels.fields import told
-from enliven_viewer.studio.panels.growing import draw_growing
-from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, quiet, small
+from enliven_viewer.studio.panels.stage import draw_growing
+from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
+from enliven_viewer.studio.panels.timeline_lanes import LanePainter
+from enliven_viewer.studio.panels.timeline_markers import draw_markers
 from enliven_viewer.studio.panels.timeline_puppets import draw_details, tell_details
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.timeline import LABELS, LANE, RULER, Lane, TimelineLayout
+from enliven_viewer.studio.timeline import LABELS, RULER
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, DARK, INK, LANES, LINE, QUIET, RAISED, Colour
+from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
 
 _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
 """Icons of Font Awesome 4, on the buttons of the transport."""
+_SPLIT, _FLAG, _MAGNET, _ALL = "\uf0c4", "\uf024", "\uf076", "\uf07e"
+"""Icons of Font Awesome 4: split, marker, snapping, and all of the project."""
+_CLICKED = ("bar", "mute", "lock", "fold", "solo", "name", "marker", "pose", "suggested", "held", "found")
+"""Handles over which the pointer is a hand."""
+_WHEEL = 40.0
+"""Pixels that the timeline moves for a notch of the wheel with Shift."""
+_PAINTER = LanePainter()
 _NO_MOTION = "No motion yet. Take the Map tool (M), choose a chain of a take, then a chain of your shape."
 _NO_TAKE = "The puppet plays no take yet. Choose one in the performer's view."
 
@@ -36,6 +43,7 @@ def draw_timeline(workspace: Workspace, area: Area) -> None:
         draw.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
         _lanes(workspace, origin, size)
         _ruler(workspace, origin, size)
+        draw_markers(workspace, origin, size)
         _playhead(workspace, origin, size)
         draw.pop_clip_rect()
 
@@ -66,6 +74,33 @@ def _transport(workspace: Workspace) -> None:
     if changed:
         editor.speed = speed
     told("Drag: how fast it plays here; nothing is changed by it")
+    _buttons(workspace)
+
+
+def _buttons(workspace: Workspace) -> None:
+    """The buttons of the clips, at the right."""
+    timeline = workspace.timeline
+    imgui.same_line(imgui.get_window_width() - 4 * 42 - 12)
+    if imgui.button(_SPLIT + "##split", ImVec2(34, 0)):
+        workspace.actions.do("clip.split")
+    workspace.remember("split")
+    told("Split the clip under the playhead  (Shift+S)")
+    imgui.same_line()
+    if imgui.button(_FLAG + "##marker", ImVec2(34, 0)):
+        workspace.actions.do("clip.mark")
+    workspace.remember("add marker")
+    told("A marker at the playhead  (Shift+M); double-click one to name it")
+    imgui.same_line()
+    with tinted(ACCENT if timeline.snapping else QUIET, imgui.Col_.text):
+        if imgui.button(_MAGNET + "##snap", ImVec2(34, 0)):
+            timeline.snapping = not timeline.snapping
+    workspace.remember("snapping")
+    told("Drags stick to clips, markers, the playhead and frames")
+    imgui.same_line()
+    if imgui.button(_ALL + "##all", ImVec2(34, 0)):
+        timeline.show_all()
+    workspace.remember("show all")
+    told("Show the whole project; Ctrl+wheel zooms, Shift+wheel goes along")
 
 
 def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
@@ -76,9 +111,11 @@ def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         if imgui.is_mouse_double_clicked(0) and timeline.double(x, y):
             pass
         elif imgui.is_mouse_clicked(0):
-            timeline.press(x, y)
-        low = max(timeline.layout.height - size.y, 0.0)
-        timeline.scrolled = min(max(timeline.scrolled - 24 * imgui.get_io().mouse_wheel, 0.0), low)
+            io = imgui.get_io()
+            timeline.press(x, y, alt=io.key_alt, ctrl=io.key_ctrl)
+        _turned(workspace, x, size)
+        if imgui.is_mouse_dragging(2, 0.0):
+            timeline.pan(-imgui.get_io().mouse_delta.x)
         _cursor(timeline.layout.handle_at(x, y).kind)
     elif imgui.is_mouse_clicked(0):
         timeline.rows.marked = None
@@ -88,10 +125,22 @@ def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         timeline.release(x)
 
 
+def _turned(workspace: Workspace, x: float, size: ImVec2) -> None:
+    """The wheel: up and down the lanes, along with Shift, closer and farther with Ctrl."""
+    io, timeline = imgui.get_io(), workspace.timeline
+    if io.key_ctrl and io.mouse_wheel:
+        timeline.zoom(io.mouse_wheel, x)
+    elif io.mouse_wheel_h or (io.key_shift and io.mouse_wheel):
+        timeline.pan(-_WHEEL * (io.mouse_wheel_h or io.mouse_wheel))
+    elif io.mouse_wheel:
+        low = max(timeline.layout.height - size.y, 0.0)
+        timeline.scrolled = min(max(timeline.scrolled - 24 * io.mouse_wheel, 0.0), low)
+
+
 def _cursor(kind: str) -> None:
-    if kind in ("edge", "switch"):
+    if kind in ("edge", "begin", "blend", "switch"):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-    elif kind in ("bar", "mute", "pose", "suggested", "held", "found"):
+    elif kind in _CLICKED:
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
 
 
@@ -101,6 +150,8 @@ def _ruler(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     with small():
         for time, numbered in layout.ticks():
             x = origin.x + layout.x(time)
+            if x < origin.x + LABELS - 1:
+                continue
             top = origin.y + (RULER - 9 if numbered else RULER - 4)
             draw.add_line(ImVec2(x, top), ImVec2(x, origin.y + RULER), packed(QUIET, 0.6))
             if numbered:
@@ -112,7 +163,9 @@ def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     lanes = layout.lanes()
     for lane in lanes:
         if lane.kind == "bar":
-            _lane(workspace, layout, lane, origin, size)
+            _PAINTER.lane(workspace, layout, lane, origin, size)
+        elif lane.kind == "head":
+            _PAINTER.head(workspace, lane, origin, size)
         else:
             draw_details(workspace, layout, lane, origin, size)
     tell_details(workspace, layout, origin)
@@ -121,47 +174,17 @@ def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         quiet(_NO_TAKE if workspace.editor.puppets.puppet is not None else _NO_MOTION)
 
 
-def _lane(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2, size: ImVec2) -> None:
-    draw, layer = imgui.get_window_draw_list(), lane.layer
-    top, right = origin.y + lane.top, origin.x + size.x
-    selection = workspace.editor.selection
-    chosen = selection.character == lane.character.id and selection.layer in lane.layers
-    draw.add_rect_filled(
-        ImVec2(origin.x, top), ImVec2(right, top + LANE), packed(RAISED, 0.95 if chosen else 0.5), 4.0
-    )
-    tint, faded = colour_of(layer.take), 0.3 if layer.muted else 1.0
-    icon = CLOSED_EYE if layer.muted else EYE
-    draw.add_text(ImVec2(origin.x + 5, top + 4), packed(QUIET if layer.muted else INK, 0.9), icon)
-    name_right = origin.x + LABELS - 14
-    draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(name_right, top + LANE), True)
-    draw.add_text(ImVec2(origin.x + 28, top + 4), packed(ACCENT if chosen else INK, faded), lane.label)
-    draw.pop_clip_rect()
-    left, end = origin.x + lane.left, origin.x + lane.right
-    if layer.loop:
-        last = origin.x + layout.x(layout.length)
-        draw.add_rect_filled(
-            ImVec2(end, top + 3), ImVec2(last, top + LANE - 3), packed(tint, 0.25 * faded), 4.0
-        )
-    draw.add_rect_filled(ImVec2(left, top + 2), ImVec2(end, top + LANE - 2), packed(tint, 0.8 * faded), 4.0)
-    if chosen:
-        draw.add_rect(ImVec2(left, top + 2), ImVec2(end, top + LANE - 2), packed(INK), 4.0, 1.5)
-    draw.push_clip_rect(ImVec2(left, top), ImVec2(end, top + LANE), True)
-    words = layer.take if layer.speed == 1 else f"{layer.take}  {layer.speed:.2g}x"
-    with small():
-        draw.add_text(ImVec2(left + 8, top + 5), packed(DARK, 1.0), words)
-    draw.pop_clip_rect()
-
-
 def _playhead(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     draw = imgui.get_window_draw_list()
-    x = origin.x + workspace.timeline.layout.x(workspace.editor.time)
+    layout, stuck = workspace.timeline.layout, workspace.timeline.stuck
+    if stuck is not None:
+        at = origin.x + layout.x(stuck)
+        draw.add_line(ImVec2(at, origin.y + RULER), ImVec2(at, origin.y + size.y), packed(CHAIN, 0.9), 1.0)
+    edge = origin.x + LABELS - 12
+    draw.add_line(ImVec2(edge, origin.y), ImVec2(edge, origin.y + size.y), packed(LINE))
+    x = origin.x + layout.x(workspace.editor.time)
+    if x < edge:
+        return
     draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
     y = origin.y + RULER - 1
     draw.add_triangle_filled(ImVec2(x - 6, y - 9), ImVec2(x + 6, y - 9), ImVec2(x, y), packed(ACCENT))
-    edge = origin.x + LABELS - 12
-    draw.add_line(ImVec2(edge, origin.y), ImVec2(edge, origin.y + size.y), packed(LINE))
-
-
-def colour_of(take: str) -> Colour:
-    """The colour of a take's bars."""
-    return LANES[zlib.crc32(take.encode()) % len(LANES)]

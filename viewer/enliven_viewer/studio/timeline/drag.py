@@ -1,21 +1,26 @@
-"""Dragging on the timeline: scrub, move a layer in time, change its speed, mute it."""
+"""The pointer over the timeline: scrub, drag clips and markers, zoom, mute, lock, fold."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from enliven.document import Switch
-from enliven.modeling.edits import change_layers, stretch_clip
+from enliven.document import Project, Switch
+from enliven.modeling.edits import change_layers, move_marker
 from enliven_viewer.studio.editor import Edit, Editor
-from enliven_viewer.studio.timeline.layout import (
-    SNAP,
-    Lane,
-    LaneHandle,
-    TimelineLayout,
-)
+from enliven_viewer.studio.timeline.clip_drag import ClipDrag
+from enliven_viewer.studio.timeline.clip_pictures import ClipPictures
+from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_drag import DRAGGED, PuppetRows
+from enliven_viewer.studio.timeline.snapping import places_of, snapped
 
 _NOTHING = LaneHandle("nothing")
+_CLOSEST = 0.25
+"""Seconds that the track shows at least: some frames."""
+_BEYOND = 1.25
+"""Times the project's length that the track shows at most: room to drag the last clip's end."""
+_ZOOM = 0.85
+"""Share of the seconds that are shown after one notch of the wheel."""
+_CLIP = ("bar", "begin", "edge", "blend")
 
 
 class TimelineInput:
@@ -23,13 +28,26 @@ class TimelineInput:
 
     Attributes:
         rows: what the pointer does on the rows under a puppet's bars.
+        width, scrolled: pixels of the area, and by which the lanes are moved up.
+        start, span: seconds of the project at the track's left, and that it shows; a span of 0 shows all.
+        folded: characters with one row for all of their lanes.
+        locked: lanes that no drag changes: the character and the first layer of each.
+        snapping: whether what is dragged sticks to clips, markers, the playhead and frames.
+        stuck: the second that the drag sticks to now, or None.
+        clip: which clip of the chosen layer is chosen.
+        marker: the marker that is named anew, or empty.
+        pictures: of what the takes do.
     """
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
-        self.width, self.scrolled = 1000.0, 0.0
-        self.rows = PuppetRows(editor)
+        self.width, self.scrolled, self.start, self.span = 1000.0, 0.0, 0.0, 0.0
+        self.folded, self.locked = frozenset[str](), frozenset[tuple[str, int]]()
+        self.snapping, self.clip, self.marker = True, 0, ""
+        self.stuck: float | None = None
+        self.rows, self.pictures = PuppetRows(editor), ClipPictures()
         self._handle = _NOTHING
+        self._drag: ClipDrag | None = None
         self._from, self._held_layout = 0.0, self.layout
         self._switches: tuple[Switch, ...] = ()
 
@@ -37,30 +55,61 @@ class TimelineInput:
     def layout(self) -> TimelineLayout:
         """The layout at this moment."""
         editor = self.editor
-        return TimelineLayout(editor.project, editor.length, self.width, self.scrolled, self.rows.details)
+        how = (self.scrolled, self.rows.details, self.start, self.span, self.folded)
+        return TimelineLayout(editor.project, editor.length, self.width, *how)
 
     @property
     def busy(self) -> bool:
         """Whether something is held."""
         return self._handle.kind != "nothing"
 
-    def press(self, x: float, y: float) -> None:
-        """The left button went down."""
+    @property
+    def held(self) -> LaneHandle:
+        """What is held."""
+        return self._handle
+
+    def press(self, x: float, y: float, *, alt: bool = False, ctrl: bool = False) -> None:
+        """The left button went down; with Alt a clip is slipped, with Ctrl its speed is changed."""
         layout = self.layout
         handle = layout.handle_at(x, y)
         self.rows.marked = None
-        if handle.layers:
-            self.editor.select(character=handle.character, layer=handle.number)
+        self._handle, self._from, self._held_layout, self._drag = handle, x, layout, None
         if handle.kind == "ruler":
             self.editor.scrub(layout.time(x))
+        elif handle.kind in ("fold", "solo", "name"):
+            self._press_head(handle)
+        elif handle.layers:
+            self.editor.select(character=handle.character, layer=handle.number)
+            self._press_lane(handle, layout, x, alt=alt, ctrl=ctrl)
+
+    def _press_lane(
+        self, handle: LaneHandle, layout: TimelineLayout, x: float, *, alt: bool, ctrl: bool
+    ) -> None:
+        locked = (handle.character, handle.number) in self.locked
+        if handle.kind == "lock":
+            self.locked = self.locked ^ {(handle.character, handle.number)}
         elif handle.kind == "mute":
             muted = not self.editor.project.characters[handle.character].playing[handle.number].muted
             self.editor.edit("mute" if muted else "unmute", _changing(handle, muted=muted))
-        elif handle.layers and handle.kind not in ("bar", "edge", "label"):
+        elif handle.kind in _CLIP:
+            self.clip = handle.item
+            frame = self.editor.settings.frame_step if self.snapping else 0.0
+            if locked:
+                self.editor.toasts.say("This lane is locked", "Click its lock first.")
+            else:
+                self._drag = ClipDrag.of(layout, handle, self.editor.time, frame, alt=alt, ctrl=ctrl)
+        elif handle.kind != "label":
             if handle.kind == "switch":
                 self._switches = tuple(self.rows.details.switches(handle.number))
             self.rows.press(handle, layout, x)
-        self._handle, self._from, self._held_layout = handle, x, layout
+
+    def _press_head(self, handle: LaneHandle) -> None:
+        """Fold a character's lanes, choose it, or let it play alone and again with the others."""
+        if handle.kind == "fold":
+            self.folded = self.folded ^ {handle.character}
+        elif handle.kind == "solo":
+            self.editor.edit("solo", lambda project: _alone(project, handle.character))
+        self.editor.choose(handle.character)
 
     def drag(self, x: float) -> None:
         """The pointer moved."""
@@ -78,44 +127,84 @@ class TimelineInput:
             self.editor.edit(word, self._change(x))
         elif handle.kind == "pose":
             self.rows.edit_pose(handle.item)
-        self._handle = _NOTHING
+        elif handle.kind == "marker":
+            self.editor.scrub(self.editor.project.markers[handle.name].seconds)
+        self._handle, self._drag, self.stuck = _NOTHING, None, None
 
     def double(self, x: float, y: float) -> bool:
         """The second click of two; whether it meant something."""
-        return self.rows.double(self.layout.handle_at(x, y))
+        handle = self.layout.handle_at(x, y)
+        if handle.kind == "marker":
+            self.marker = handle.name
+            return True
+        return self.rows.double(handle)
+
+    def zoom(self, notches: float, x: float) -> None:
+        """Show less time around a pixel, or more."""
+        layout = self.layout
+        at, most = layout.time(x), _BEYOND * layout.length
+        span = min(max(layout.shown * _ZOOM**notches, _CLOSEST), most)
+        share = (at - layout.start) / layout.shown
+        self.span = 0.0 if span >= layout.length and notches < 0 else span
+        self._start_at(at - share * span)
+
+    def pan(self, pixels: float) -> None:
+        """Show what is to the right of it by some pixels."""
+        layout = self.layout
+        self._start_at(layout.start + pixels * layout.shown / layout.track)
+
+    def show_all(self) -> None:
+        """Show the whole project."""
+        self.start = self.span = 0.0
+
+    def _start_at(self, start: float) -> None:
+        room = max(_BEYOND * self.editor.length - self.span, 0.0) if self.span else 0.0
+        self.start = min(max(start, 0.0), room)
 
     @property
     def _dragged(self) -> str | None:
         """What dragging the held part is called; None for what is not dragged."""
-        return {"bar": "move layer", "edge": "change speed", **DRAGGED}.get(self._handle.kind)
+        if self._drag is not None:
+            return self._drag.word
+        return {"marker": "move marker", **DRAGGED}.get(self._handle.kind)
 
     def _change(self, x: float) -> Edit:
         """The edit that dragging to ``x`` makes."""
         layout, handle = self._held_layout, self._handle
+        moved = layout.time(x) - layout.time(self._from)
+        if self._drag is not None:
+            change, self.stuck = self._drag.edit(moved)
+            return change
+        if handle.kind == "marker":
+            return self._marker_moved(handle, moved)
         lane = next(
             one
             for one in layout.lanes()
-            if (one.character.id, one.layers) == (handle.character, handle.layers)
+            if (one.character.id, one.layers) == (handle.character, handle.layers) and one.kind != "head"
         )
-        if handle.kind in DRAGGED:
-            return self.rows.dragged(handle, layout.second(lane, x), self._switches)
-        moved = layout.time(x) - layout.time(self._from)
-        if handle.kind == "bar":
-            return _changing(handle, offset=self._snapped(layout, lane, lane.layer.offset + moved))
-        ends = layout.time(lane.right) + moved
-        return lambda project: stretch_clip(project, handle.character, handle.layers, 0, end=ends)
+        return self.rows.dragged(handle, layout.second(lane, x), self._switches)
 
-    def _snapped(self, layout: TimelineLayout, lane: Lane, offset: float) -> float:
-        """An offset that sticks to what is near: zero, the playhead, the ends of other bars."""
-        places = [0.0, self.editor.time]
-        for other in layout.bars():
-            if (other.character, other.layers) != (lane.character, lane.layers):
-                places += [other.layer.offset, layout.time(other.right)]
-        nearest = min(places, key=lambda place: abs(place - offset))
-        near = abs(layout.x(nearest) - layout.x(offset)) <= SNAP
-        return nearest if near else offset
+    def _marker_moved(self, handle: LaneHandle, moved: float) -> Edit:
+        layout = self._held_layout
+        seconds = layout.project.markers[handle.name].seconds + moved
+        if self.snapping:
+            places = places_of(layout, self.editor.time, handle)
+            more, self.stuck = snapped(layout, [seconds], places, self.editor.settings.frame_step)
+            seconds += more
+        return lambda project: move_marker(project, handle.name, seconds)
 
 
 def _changing(handle: LaneHandle, **changes: Any) -> Edit:
     """The edit that changes attributes of a lane's layers."""
     return lambda project: change_layers(project, handle.character, handle.layers, **changes)
+
+
+def _alone(project: Project, name: str) -> Project:
+    """The project in which a character plays alone; or all, where the others are silent already."""
+    playing = {key: one for key, one in project.characters.items() if one.playing}
+    others = [one for key, one in playing.items() if key != name]
+    silent = bool(others) and all(layer.muted for one in others for layer in one.playing)
+    for key, one in playing.items():
+        muted = not silent and key != name
+        project = change_layers(project, key, range(len(one.playing)), muted=muted)
+    return project

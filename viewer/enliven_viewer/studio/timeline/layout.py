@@ -1,29 +1,35 @@
-"""The layout of the timeline: ruler, lanes and playhead, and the handle under the pointer."""
+"""The layout of the timeline: ruler, lanes by character, clips, and the handle under the pointer."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import Protocol
 
-from enliven.document import Playing, Project, RigBase
+from enliven.document import Marker, Playing, Project, RigBase, Segment
 
 LABELS = 190.0
 """Pixels, width of the labels: about 25 letters."""
 RULER = 26.0
 """Pixels, height of the ruler."""
-LANE = 24.0
-"""Pixels, height of a lane: a line of text."""
+LANE = 28.0
+"""Pixels, height of a lane: small figures and a line of text over them."""
+HEAD = 20.0
+"""Pixels, height of the row with a character's name over its lanes."""
 GAP = 3.0
 """Pixels between two lanes."""
 END = 12.0
 """Pixels that are left free at the right, so that the last bar's end can be taken."""
 EDGE = 7.0
-"""Pixels around a bar's right end that change its speed."""
+"""Pixels around a clip's end that trim it, or change its speed with Ctrl."""
 MUTE = 22.0
-"""Pixels at the left of a label that mute the layer: as wide as the icon of the eye."""
-SNAP = 6.0
-"""Pixels within which a bar's start sticks to zero, to the playhead and to other bars' ends."""
+"""Pixels of an icon at the left of a label: the eye that mutes, the lock after it, what folds a character."""
+SOLO = 20.0
+"""Pixels at the right of a character's label that let it play alone."""
+MARK = 6.0
+"""Pixels around a marker on the ruler that take hold of it."""
 _FEW = 12
 """Layers of a take that have a lane each; a model with more has a layer a bone, and they share lanes."""
 _STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
@@ -35,10 +41,12 @@ class LaneHandle:
     """The part of the timeline under the pointer.
 
     Attributes:
-        kind: "ruler", "bar", "edge", "mute", "label", "nothing"; or of a row of details.
+        kind: "ruler", "marker"; of a lane "bar", "begin" and "edge" (a clip and its ends), "blend", "mute",
+            "lock", "label"; of a character "fold", "solo", "name"; "nothing"; or of a row of details.
         character, layers: of what it is a part.
-        item: which of those in a row of details.
+        item: which of the clips, or of those in a row of details.
         seconds: of the layer's take, at the pixel.
+        name: of a marker.
     """
 
     kind: str
@@ -46,6 +54,7 @@ class LaneHandle:
     layers: tuple[int, ...] = ()
     item: int = 0
     seconds: float = 0.0
+    name: str = ""
 
     @property
     def number(self) -> int:
@@ -55,10 +64,13 @@ class LaneHandle:
 
 @dataclass(frozen=True)
 class Lane:
-    """A row: a bar, or details of a layer; and the first and last pixel of the take played once.
+    """A row: a bar, details of a layer, or a character's name; and the first and last pixel of its clips.
 
     Layers of a character that play one take in the same way share a bar: a model that comes with its own
     animation has a layer for every bone.
+
+    Attributes:
+        clips: of a bar, in seconds of the project.
     """
 
     kind: str
@@ -68,6 +80,7 @@ class Lane:
     height: float
     left: float
     right: float
+    clips: tuple[Segment, ...] = ()
 
     @property
     def layer(self) -> Playing:
@@ -98,10 +111,13 @@ class TimelineLayout:
 
     Attributes:
         project: its layers are shown.
-        length: seconds that are shown.
+        length: seconds of the whole project.
         width: pixels of the whole area.
         scrolled: pixels by which the lanes are moved up.
         details: what rigs show under their bars.
+        start: the second at the track's left.
+        span: seconds that the track shows; 0: all.
+        folded: the characters with one row for all of their lanes.
     """
 
     project: Project
@@ -109,11 +125,19 @@ class TimelineLayout:
     width: float
     scrolled: float = 0.0
     details: Details | None = None
+    start: float = 0.0
+    span: float = 0.0
+    folded: frozenset[str] = frozenset()
 
     @property
     def track(self) -> float:
         """Pixels of the track's width."""
         return max(self.width - LABELS - END, 1.0)
+
+    @property
+    def shown(self) -> float:
+        """Seconds that the track shows."""
+        return self.span or self.length
 
     @property
     def height(self) -> float:
@@ -123,11 +147,11 @@ class TimelineLayout:
 
     def x(self, time: float) -> float:
         """The pixel of a time."""
-        return LABELS + self.track * time / self.length
+        return LABELS + self.track * (time - self.start) / self.shown
 
     def time(self, x: float) -> float:
         """The time of a pixel, seconds; outside the track it goes on."""
-        return (x - LABELS) / self.track * self.length
+        return self.start + (x - LABELS) / self.track * self.shown
 
     def x_of(self, lane: Lane, second: float) -> float:
         """The pixel of a second of a lane's take."""
@@ -140,14 +164,26 @@ class TimelineLayout:
 
     def lanes(self) -> tuple[Lane, ...]:
         """All rows, from the top: of each layer a bar, and under it what its rig shows."""
-        top, found = RULER - self.scrolled, list[Lane]()
-        for name, numbers in self._shared():
+        return self._lanes
+
+    @cached_property
+    def _lanes(self) -> tuple[Lane, ...]:
+        top, found, shared = RULER - self.scrolled, list[Lane](), self._shared()
+        named, before = len({name for name, _ in shared}) > 1, ""
+        for name, numbers in shared:
             character = self.project.characters[name]
             layer = character.playing[numbers[0]]
-            span = self.x(layer.offset), self.x(layer.end(self.project.length_of(layer)))
+            if named and name != before:
+                every = tuple(number for other, some in shared if other == name for number in some)
+                found.append(Lane("head", character, every, top, HEAD, LABELS, LABELS))
+                top, before = top + HEAD + 1.0, name
+            if named and name in self.folded:
+                continue
+            clips = layer.clips(self.project.length_of(layer))
+            span = self.x(clips[0].begin), self.x(clips[-1].end)
             rows = self.details.rows(character, numbers[0]) if self.details is not None else ()
             for kind, height in (("bar", LANE), *rows):
-                found.append(Lane(kind, character, numbers, top, height, *span))
+                found.append(Lane(kind, character, numbers, top, height, *span, clips))
                 top += height + 1.0
             top += GAP - 1.0
         return tuple(found)
@@ -155,6 +191,11 @@ class TimelineLayout:
     def bars(self) -> tuple[Lane, ...]:
         """The lanes that are bars, from the top."""
         return tuple(lane for lane in self.lanes() if lane.kind == "bar")
+
+    def markers(self) -> tuple[tuple[Marker, float], ...]:
+        """Every marker with its pixel, in the order of time."""
+        ordered = sorted(self.project.markers.values(), key=lambda one: one.seconds)
+        return tuple((one, self.x(one.seconds)) for one in ordered)
 
     def _shared(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
         """The character and the numbers of its layers that share a bar, from the top."""
@@ -170,31 +211,55 @@ class TimelineLayout:
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:
         """Times to mark on the ruler, and whether each is numbered; numbers stand 60 pixels apart or more."""
-        wanted = 60.0 * self.length / self.track
+        wanted = 60.0 * self.shown / self.track
         step = next((s for s in _STEPS if s >= wanted), _STEPS[-1])
         small = step / 5
-        count = int(self.length / small + 1e-9)
-        return tuple((k * small, k % 5 == 0) for k in range(count + 1))
+        first, last = -int(-self.start / small), int((self.start + self.shown) / small + 1e-9)
+        return tuple((k * small, k % 5 == 0) for k in range(first, last + 1))
 
     def handle_at(self, x: float, y: float) -> LaneHandle:
         """The handle under a pixel."""
         if y < RULER:
-            return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
+            return self._on_ruler(x)
         for lane in self.lanes():
             if lane.top <= y < lane.top + lane.height:
                 kind, item = self._at(lane, x)
                 if kind != "nothing":
-                    second = 0.0 if lane.kind == "bar" else self.second(lane, x)
+                    second = 0.0 if lane.kind in ("bar", "head") else self.second(lane, x)
                     return LaneHandle(kind, lane.character.id, lane.layers, item, second)
+        return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
+
+    def _on_ruler(self, x: float) -> LaneHandle:
+        near = [(abs(at - x), one.id) for one, at in self.markers() if abs(at - x) <= MARK]
+        if near:
+            return LaneHandle("marker", name=min(near)[1])
         return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
 
     def _at(self, lane: Lane, x: float) -> tuple[str, int]:
         """What is at a pixel of a lane."""
+        if lane.kind == "head":
+            if x >= LABELS - END:
+                return "nothing", 0
+            return ("fold" if x < MUTE else "solo" if x >= LABELS - END - SOLO else "name"), 0
         if lane.kind != "bar" and self.details is not None:
             return self.details.at(self, lane, x)
         if x < LABELS - END:
-            return ("mute" if x < MUTE else "label"), 0
-        if abs(x - lane.right) <= EDGE:
-            return "edge", 0
-        on = lane.left <= x <= lane.right or (lane.layer.loop and x >= lane.left)
-        return ("bar" if on else "nothing"), 0
+            return ("mute" if x < MUTE else "lock" if x < 2 * MUTE else "label"), 0
+        return self._on_clips(lane, x)
+
+    def _on_clips(self, lane: Lane, x: float) -> tuple[str, int]:
+        """The clip, or the end of one, at a pixel of a bar; of a narrow one its end and the middle."""
+        ends = [(self.x(one.begin), self.x(one.end)) for one in lane.clips]
+        for k, ((_, right), (left, _)) in enumerate(pairwise(ends)):
+            if right - left > 2 * EDGE and left + EDGE < x < right - EDGE:
+                return "blend", k
+        near = [(abs(right - x), 0, k) for k, (_, right) in enumerate(ends)]
+        near += [(abs(left - x), 1, k) for k, (left, right) in enumerate(ends) if right - left > 3 * EDGE]
+        away, which, number = min(near)
+        if away <= EDGE:
+            # Where two clips meet, the side of the pointer decides which of them is trimmed.
+            return ("begin" if which else "edge"), number
+        inside = [k for k, (left, right) in enumerate(ends) if left <= x <= right]
+        if not inside and lane.layer.loop and x >= lane.left:
+            inside = [len(ends) - 1]
+        return ("bar", inside[-1]) if inside else ("nothing", 0)

@@ -53,13 +53,14 @@ class PuppetDetails:
         return tuple(
             (number, layout.x_of(lane, pose.time))
             for number, pose in enumerate(poses)
-            if pose.take == lane.layer.take
+            if pose.take == lane.layer.take and _plays(layout, lane, pose.time)
         )
 
     def suggested(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
         """Second and pixel of the key poses that are missing."""
         coverage = self.coverage(lane.layer.take)
-        return tuple((t, layout.x_of(lane, t)) for t in coverage.times) if coverage is not None else ()
+        times = coverage.times if coverage is not None else ()
+        return tuple((t, layout.x_of(lane, t)) for t in times if _plays(layout, lane, t))
 
     def bands(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[Switch, float, float], ...]:
         """Each switch with the pixels from which and up to which it holds."""
@@ -102,6 +103,11 @@ class PuppetDetails:
         """A layer of the chosen puppet."""
         assert self.chosen is not None
         return self.chosen.layers[number]
+
+
+def _plays(layout: TimelineLayout, lane: Lane, second: float) -> bool:
+    """Whether a second of the take was not trimmed off."""
+    return lane.layer.plays(second, layout.project.length_of(lane.layer))
 
 
 def _nearest(marks: Iterable[tuple[int, float]], x: float, reach: float) -> int | None:

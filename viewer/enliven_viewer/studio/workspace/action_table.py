@@ -8,7 +8,9 @@ import numpy as np
 
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.workspace.clip_actions import clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import exportable
 from enliven_viewer.studio.workspace.input import ViewportInput
@@ -17,26 +19,26 @@ Ask = Callable[[str], None]
 """Opens a dialogue of the window by its name, or does at once what needs none."""
 
 
-def studio_actions(commands: Commands, user_input: ViewportInput, ask: Ask) -> Iterator[Action]:
+def studio_actions(
+    commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
+) -> Iterator[Action]:
     """Every action of the studio's own menus, in their order."""
-    yield from _file(commands, ask)
+    yield from _file(ask, preferences)
+    yield from _out(commands, ask)
     yield from _edit(commands, user_input, ask)
     yield from _motion(commands)
     yield from _shape(commands)
     yield from _tools(user_input)
+    yield from clip_actions(commands.clips)
     yield from _view(commands)
     yield from _cameras(commands)
     yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
     yield Action("help.keys", "Help", "Keys", ("f1", "h"), lambda: ask("help"))
 
 
-def _file(commands: Commands, ask: Ask) -> Iterator[Action]:
-    def lacks_export() -> str:
-        try:
-            exportable(commands.editor.project)
-        except EnlivenError as error:
-            return f"{error.what[0].upper()}{error.what[1:]}. {error.mend}"
-        return ""
+def _file(ask: Ask, preferences: Preferences) -> Iterator[Action]:
+    def lacks_recent() -> str:
+        return "" if preferences.recent else "No file was opened yet. Open one with Ctrl+O."
 
     yield Action("file.new", "File", "New", ("ctrl+n",), lambda: ask("new"))
     yield Action(
@@ -47,17 +49,38 @@ def _file(commands: Commands, ask: Ask) -> Iterator[Action]:
         lambda: ask("open"),
         about="A project, a model, a mesh, or a take.",
     )
+    again = "Open the last again"
+    yield Action("file.again", "File", again, ("ctrl+shift+o",), lambda: ask("again"), lacks_recent)
     yield Action("file.save", "File", "Save", ("ctrl+s",), lambda: ask("save"), apart=True)
     yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
+
+
+def _out(commands: Commands, ask: Ask) -> Iterator[Action]:
+    def lacks_export() -> str:
+        try:
+            exportable(commands.editor.project)
+        except EnlivenError as error:
+            return f"{error.what[0].upper()}{error.what[1:]}. {error.mend}"
+        return ""
+
     yield Action(
         "file.export",
         "File",
-        "Export GLB...",
+        "Export...",
         ("ctrl+e",),
         lambda: ask("export"),
         lacks_export,
-        about="All shapes with their motion, for other programs.",
+        about="All shapes with their motion, for other programs: GLB, or BVH for one with bones.",
         apart=True,
+    )
+    yield Action(
+        "file.film",
+        "File",
+        "Film...",
+        ("ctrl+shift+f",),
+        lambda: ask("film"),
+        lacks_export,
+        about="All shapes in motion, as an MP4.",
     )
     yield Action(
         "file.session",
@@ -240,17 +263,45 @@ def _view(c: Commands) -> Iterator[Action]:
     yield Action(
         "view.crossing",
         "View",
-        "Faces that pass through one another",
+        "Faces that cross",
         ("w",),
         c.puppets.warn,
         on=lambda: editor.puppets.warn,
-        about="They are red while a key pose is edited.",
+        about="Faces that pass through one another are red while a key pose is edited.",
     )
 
 
 def _cameras(c: Commands) -> Iterator[Action]:
     editor, right = c.editor, np.pi / 2
-    yield Action("view.all", "View", "Frame everything", ("f",), editor.frame_all, apart=True)
+    yield Action(
+        "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
+    )
+    yield Action(
+        "view.follow",
+        "View",
+        "Follow what moves",
+        ("shift+f",),
+        editor.moves.toggle_follow,
+        on=lambda: editor.moves.follow,
+        about="The view goes along with the chosen character, or with all, from the side that you chose.",
+    )
+    yield Action(
+        "view.turntable",
+        "View",
+        "Turntable",
+        ("shift+t",),
+        editor.moves.toggle_turntable,
+        on=lambda: editor.moves.turntable,
+        about="The view goes around slowly.",
+    )
+    yield Action(
+        "view.look",
+        "View",
+        "Next look",
+        ("shift+l",),
+        editor.next_look,
+        about="Another light, backdrop and floor: studio, night, white, dawn, garden.",
+    )
     sides = (
         ("front", "1", 0.0, 0.0),
         ("back", "2", np.pi, 0.0),

@@ -25,6 +25,7 @@ from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove_joint
+from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, aside
 
 
@@ -36,7 +37,7 @@ class Commands:
         self._copied: tuple[Project, str] | None = None
         self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None
-        self.puppets = PuppetCommands(editor, self.add)
+        self.puppets, self.clips = PuppetCommands(editor, self.add), ClipCommands(editor)
 
     def play(self) -> None:
         """Start or stop playing."""

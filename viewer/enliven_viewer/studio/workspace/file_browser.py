@@ -20,6 +20,7 @@ class FileBrowser:
         own: a file that may be replaced without asking: the project's own.
         problem: why the folder cannot be listed, or empty.
         said: what is wrong with what was chosen, or empty.
+        again: a name is to be typed, or Enter to be pressed, once more.
     """
 
     folder: Path
@@ -29,6 +30,7 @@ class FileBrowser:
     own: Path | None = None
     problem: str = field(default="", init=False)
     said: str = field(default="", init=False)
+    again: bool = field(default=False, init=False)
     _warned: Path | None = field(default=None, init=False)
 
     def folders(self) -> list[Path]:

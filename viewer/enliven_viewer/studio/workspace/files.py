@@ -10,7 +10,7 @@ import numpy as np
 from enliven.document import Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.example_sessions import read_session, write_session
-from enliven.exporters import exporter_of, performance_of
+from enliven.exporters import exporter_of, performance_of, suffixes
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of
@@ -23,6 +23,8 @@ MESHES = (".obj", ".ply", ".stl", ".off")
 TAKES = (".bvh", ".txt")
 PERFORMANCES = (".mcap",)
 SESSIONS = (".toml",)
+FILM = ".mp4"
+EXPORTS = (".glb", *(ending for ending in suffixes() if ending not in (".glb", FILM)))
 _LONGEST = 130
 """Letters of a file's note that are shown."""
 _BESIDE = 0.3

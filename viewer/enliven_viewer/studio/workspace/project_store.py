@@ -49,6 +49,11 @@ class ProjectStore:
         """Whether something is not saved."""
         return self.editor.history.project is not self._saved
 
+    @property
+    def title(self) -> str:
+        """The title of the window: the file, with a star while something is not saved."""
+        return f"{'*' * self.dirty}{self.name} - enliven"
+
     def forget(self) -> None:
         """Give up the unsaved changes."""
         self._saved = self.editor.history.project
@@ -106,9 +111,15 @@ class ProjectStore:
             )
 
     def recoverable(self) -> list[Path]:
-        """Recovery files of studios that are no longer running, the newest first."""
+        """Recovery files of studios that are no longer running, the newest first.
+
+        What a studio had half written when it was killed is removed; the file before it is whole.
+        """
         if not self.folder.is_dir():
             return []
+        for part in self.folder.glob(f".recovery-*{PROJECT}.part"):
+            if not _running(Path(part.stem.removeprefix("."))):
+                part.unlink(missing_ok=True)
         found = [path for path in self.folder.glob(f"recovery-*{PROJECT}") if not _running(path)]
         return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
 

@@ -19,6 +19,8 @@ from enliven_viewer.studio.workspace.action_table import studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.files import (
+    EXPORTS,
+    FILM,
     MESHES,
     MODELS,
     PERFORMANCES,
@@ -61,7 +63,7 @@ class Workspace:
         self.actions = ActionTable(editor.toasts, self.preferences)
         self.commands = Commands(editor)
         self.input = ViewportInput(editor, self.actions)
-        self.actions.add(*studio_actions(self.commands, self.input, self.ask))
+        self.actions.add(*studio_actions(self.commands, self.input, self.ask, self.preferences))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
         self.timeline = TimelineInput(editor)
@@ -94,11 +96,13 @@ class Workspace:
             self.store.new(Project().with_takes(*library()))
         elif dialogue == "quit":
             self.ended = True
+        elif dialogue == "again":
+            self.open(Path(self.preferences.recent[0]))
         elif dialogue == "history":
             self.history_shown = not self.history_shown
         elif dialogue == "save" and self.store.path is not None:
             self.attempt(self.store.save)
-        elif dialogue in ("open", "save", "save as", "export", "session", "perform"):
+        elif dialogue in ("open", "save", "save as", "export", "film", "session", "perform"):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
             self.finding, self.wanted_key = Finding(self.actions), WantedKey()
@@ -114,8 +118,16 @@ class Workspace:
             add_file(self.editor, path)
         elif self.store.dirty:
             self._after, self._wanted, self.asking = "open", path, "unsaved"
+            return
         else:
             self.store.open(path)
+        self.preferences.opened(path)
+
+    def drop(self, paths: list[Path]) -> None:
+        """Open files that were dropped onto the window, up to one that asks something."""
+        for path in paths:
+            if not self.asking:
+                self.attempt(lambda path=path: self.open(path))
 
     def chosen(self, path: Path) -> None:
         """A file was chosen in the dialogue.
@@ -126,7 +138,7 @@ class Workspace:
         dialogue, self.asking = self.asking, ""
         if dialogue == "open":
             self.open(path)
-        elif dialogue == "export":
+        elif dialogue in ("export", "film"):
             self._export(path)
         elif dialogue == "perform":
             self.perform.connect_nearby("--loop", "--recording", str(path))
@@ -139,6 +151,7 @@ class Workspace:
             except EnlivenError:
                 self.cancel()  # what waited for the work to be saved must not go on later
                 raise
+            self.preferences.opened(path)
             self._go_on()
 
     def go_on(self, *, discard: bool) -> None:
@@ -225,7 +238,7 @@ class Workspace:
         self.widgets[name] = (low.x, low.y, high.x, high.y)
 
     def _export(self, path: Path) -> None:
-        """Write the GLB beside the window, since surfaces may have to be solved for it."""
+        """Write the file beside the window, since surfaces may have to be solved for it."""
         project, toasts = self.editor.project, self.editor.toasts
         chosen = exportable(project)
 
@@ -240,12 +253,13 @@ class Workspace:
         endings = {
             "open": (PROJECT, *MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS),
             "save as": (PROJECT,),
-            "export": (".glb",),
+            "export": EXPORTS,
+            "film": (FILM,),
             "session": SESSIONS,
             "perform": PERFORMANCES,
         }[dialogue]
         puppet, unnamed = self.editor.puppets.puppet, self.store.path is None
-        about_it = dialogue == "session" or (dialogue == "export" and unnamed)
+        about_it = dialogue == "session" or (dialogue in ("export", "film") and unnamed)
         stem = puppet.id if puppet is not None and about_it else self.store.name
         opens = dialogue in ("open", "perform")
         name = "" if opens else f"{stem}{endings[0]}"
@@ -258,6 +272,6 @@ class Workspace:
         after, self._after = self._after, ""
         wanted, self._wanted = self._wanted, None
         if after == "open" and wanted is not None:
-            self.attempt(lambda: self.store.open(wanted))
+            self.attempt(lambda: self.open(wanted))
         elif after:
             self.ask(after)

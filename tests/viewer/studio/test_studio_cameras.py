@@ -1,0 +1,69 @@
+"""The studio's camera: F keeps the side that was chosen, and what is followed stays in the picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.document import Project
+from enliven.modeling.edits import move_character
+from enliven_viewer.render import LOOKS
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.workspace import Workspace
+
+
+def settle(editor: Editor, seconds: float = 3.0) -> None:
+    for _ in range(int(seconds / 0.05)):
+        editor.advance(0.05)
+
+
+def workspace_of(make_limb) -> Workspace:
+    project = Project().with_characters(make_limb("walker"), make_limb("stayer", at=(0.6, 0.2, 0.0)))
+    return Workspace(Editor(StudioSettings(), project))
+
+
+def seen(editor: Editor, name: str) -> float:
+    """How far from the middle of the picture a character is, 1 at its edge."""
+    posed = editor.posed(name)
+    aspect = editor.size[0] / editor.size[1]
+    return float(np.abs(editor.camera.view(aspect).project(posed.vertices)).max())
+
+
+def test_f_frames_everything_from_the_side_that_was_chosen(make_limb) -> None:
+    workspace = workspace_of(make_limb)
+    editor = workspace.editor
+    editor.camera.face(2.0, 0.9)
+    settle(editor)
+    before = editor.camera.view(1.5).camera_from_world[:3, :3]
+    workspace.input.key("f")
+    settle(editor)
+    np.testing.assert_allclose(editor.camera.view(1.5).camera_from_world[:3, :3], before, atol=1e-6)
+    assert max(seen(editor, "walker"), seen(editor, "stayer")) < 1
+
+
+def test_the_chosen_character_is_followed_when_it_walks_off_and_not_when_it_is_switched_off(
+    make_limb,
+) -> None:
+    for follow in (True, False):
+        workspace = workspace_of(make_limb)
+        editor = workspace.editor
+        workspace.input.key("f")
+        settle(editor)
+        editor.choose("walker")
+        if follow:
+            workspace.input.key("shift+f")
+        for _ in range(60):
+            editor.edit("walk", lambda project: move_character(project, "walker", [0.1, 0.0, 0.0]))
+            editor.advance(1 / 30)
+            assert seen(editor, "walker") < 1 or not follow
+        assert (seen(editor, "walker") < 1) == follow
+
+
+def test_looks_come_in_turn_and_come_back(make_limb) -> None:
+    workspace = workspace_of(make_limb)
+    begin = workspace.editor.look
+    found = []
+    for _ in LOOKS:
+        workspace.input.key("shift+l")
+        found.append(workspace.editor.look)
+    assert set(found) == set(LOOKS) and found[-1] == begin

@@ -1,0 +1,133 @@
+"""Opens the studio's window and saves, drops and films files as an artist does; prints what came of it."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+import glfw
+from imgui_bundle import hello_imgui, imgui
+from imgui_bundle.glfw_utils import glfw_window_hello_imgui
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+
+from made_acting_stage import acting_stage
+
+from enliven.exporters import exporter_of, performance_of
+from enliven_viewer.studio.window import StudioWindow
+
+said: dict[str, object] = {"done": False}
+
+
+def title() -> str:
+    """The title of the window on the desktop."""
+    return glfw.get_window_title(glfw_window_hello_imgui())
+
+
+def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """Save by Ctrl+S and Enter, change something, save again, drop a mesh, write a film."""
+    workspace = window.workspace
+    ctx.yield_(3)
+    said["at first"] = title()
+    workspace.editor.choose("limb")
+    workspace.actions.do("shape.larger")
+    ctx.yield_(3)
+    said["changed"] = title()
+    save(ctx, int(imgui.Key.s))
+    said["saved"] = [title(), workspace.asking, Path("Untitled.enliven").is_file()]
+    workspace.actions.do("shape.larger")
+    save(ctx, int(imgui.Key.mod_shift) | int(imgui.Key.s), "squid")
+    said["saved as"] = [title(), workspace.asking]
+    workspace.store.save(Path("other.enliven"))
+    save(ctx, int(imgui.Key.mod_shift) | int(imgui.Key.s), "squid")
+    said["warns"] = [workspace.asking, bool(workspace.browser and workspace.browser.said)]
+    ctx.key_press(imgui.Key.enter)
+    ctx.yield_(3)
+    said["replaced"] = [title(), workspace.asking]
+    drop("limb.glb", "nothing.glb")
+    ctx.yield_(3)
+    said["dropped"] = sorted(workspace.editor.project.characters)
+    said["told"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    said["recent"] = [Path(name).name for name in workspace.preferences.recent]
+    film(ctx, window)
+    ctx.menu_click("##MainMenuBar/File/Open recent/squid.enliven##1")
+    ctx.yield_(2)
+    said["recent asks"] = workspace.asking
+    workspace.go_on(discard=True)
+    ctx.yield_(3)
+    said["opened"] = [title(), [Path(name).name for name in workspace.preferences.recent]]
+    said["done"] = True
+
+
+def save(ctx: imgui.test_engine.TestContext, key: int, name: str = "") -> None:
+    """Press Ctrl and a key, perhaps type a name, and press Enter."""
+    ctx.key_press(int(imgui.Key.mod_ctrl) | key)
+    ctx.yield_(3)
+    if name:
+        ctx.key_chars(name)
+        ctx.yield_(2)
+    ctx.key_press(imgui.Key.enter)
+    ctx.yield_(3)
+
+
+def drop(*paths: str) -> None:
+    """Drop files as the desktop does: through the window's own callback."""
+    window = glfw_window_hello_imgui()
+    called = glfw.set_drop_callback(window, None)
+    glfw.set_drop_callback(window, called)
+    names = [str(Path(path).resolve()).encode() for path in paths]
+    called(window, len(names), (ctypes.c_char_p * len(names))(*names))
+
+
+def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """Write a film from the menu, while the window goes on."""
+    workspace, pictures = window.workspace, window.pictures
+    for name in ("star", "post"):
+        workspace.editor.edit("delete", lambda project, name=name: project.without(name))
+    ctx.menu_click("##MainMenuBar/File/Film...")
+    ctx.yield_(3)
+    ctx.key_press(imgui.Key.enter)
+    end = time.monotonic() + 100
+    ctx.yield_(2)
+    while workspace.editor.beside.busy and time.monotonic() < end:
+        ctx.yield_()
+    said["film"] = [path.name for path in Path().glob("*.mp4")]
+    said["film told"] = [toast.text for toast in workspace.editor.toasts.shown]
+    said["went on"] = window.pictures - pictures > 10
+    said["still drawn"] = float(window.pixels().std())
+
+
+def main() -> None:
+    folder = Path(sys.argv[1])
+    os.chdir(folder)
+    workspace = acting_stage(folder / "own", 700, 520)
+    workspace.preferences.recent.clear()
+    limb = performance_of(workspace.editor.project, workspace.editor.project.characters["limb"])
+    exporter_of("limb.glb").write(Path("limb.glb"), [limb], "limb")
+    window = StudioWindow(workspace)
+
+    def guarded(ctx: imgui.test_engine.TestContext) -> None:
+        try:
+            work(ctx, window)
+        finally:
+            window.close()
+
+    def register() -> None:
+        engine = hello_imgui.get_imgui_test_engine()
+        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
+        imgui.test_engine.get_io(engine).config_watchdog_kill_test = 600.0
+        test = imgui.test_engine.register_test(engine, "studio", "files")
+        test.test_func = guarded
+        imgui.test_engine.queue_test(engine, test)
+
+    window.run(seconds=240, register_tests=register)
+    print(json.dumps(said))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""Works in studios that are killed at random moments; prints what each next one recovered.
+
+A clock of its own ticks 7 seconds for every edit, so that a kill comes minutes into the work. Each studio
+is a forked process: the modules are imported once.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from enliven.document.project import Project
+from enliven.document.rigged import Shape, still_shape
+from enliven.document.skeleton import Skeleton
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.workspace.project_store import ProjectStore
+
+KILLS = 50
+"""Studios that are killed."""
+TICK = 7.0
+"""Seconds of the studio's clock from one edit to the next: two edits are lost at most."""
+LONGEST = 0.08
+"""Seconds that one works at most: some dozens of edits and a dozen recovery files."""
+
+
+def bone(number: int) -> Shape:
+    """A shape whose place says which edit made it."""
+    places = np.random.default_rng(1).normal(0, 1, (40, 3))
+    places[0] = number, 0.0, 0.0
+    names = tuple(f"bone {k}" for k in range(40))
+    return still_shape("bone", Skeleton(names, np.arange(-1, 39, dtype=np.int32), places))
+
+
+def edited(project: Project) -> int:
+    """The number of the last edit in a project; 0 where there is none."""
+    return int(round(project.shapes["bone"].skeleton.positions[0, 0])) if project.shapes else 0
+
+
+def work(folder: Path, told: int) -> None:
+    """Edit without end, some seconds an edit by the studio's own clock; tell the number of each edit."""
+    editor = Editor()
+    store = ProjectStore(editor, folder)
+    store.new()
+    start = store._since
+    for number in range(1, 1 << 30):
+        editor.edit("edit", lambda project, number=number: project.with_characters(bone(number)))
+        store.autosave(start + number * TICK)
+        os.write(told, number.to_bytes(4, "little"))
+
+
+def killed(folder: Path, moment: float) -> tuple[int, int]:
+    """Let a studio work for so long and kill it.
+
+    Returns:
+        The last edit that it told of, and the last that is recovered.
+    """
+    read, write = os.pipe()
+    child = os.fork()
+    if not child:
+        os.close(read)
+        work(folder, write)
+    os.close(write)
+    first = os.read(read, 4)  # it works
+    time.sleep(moment)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    with os.fdopen(read, "rb") as rest:
+        told = first + rest.read()
+    editor = Editor()
+    store = ProjectStore(editor, folder)
+    found = store.recoverable()
+    if found:
+        store.recover(found[0])
+    recovered = edited(editor.project)
+    store.close()
+    return int.from_bytes(told[-4:], "little"), recovered
+
+
+def main() -> None:
+    folder, chance = Path(sys.argv[1]), random.Random(9)
+    results = [killed(folder, chance.uniform(0.0, LONGEST)) for _ in range(KILLS)]
+    print(
+        json.dumps({"results": results, "tick": TICK, "left": sorted(path.name for path in folder.iterdir())})
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""The light on the parts of a mesh that performers hold: seen from across a room, as long as they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float32
+from enliven.document import Character, SkinWeights
+from enliven_viewer.render.gl import UNITS
+from enliven_viewer.render.overlay import cue_tints
+from enliven_viewer.render.scene import SceneCharacter
+
+_STEPS = 3
+"""Edges of a graph that light goes on beyond what is held: as far as a hand's breadth."""
+_LEFT = 0.72
+"""Share of the light that goes on by an edge."""
+_PREVIEW = 0.4
+"""Share of the light on what would be held, and is not yet."""
+_REACH = 0.16
+"""Distance from a control point at which its light has sunk to a third, as a share of the mesh's size."""
+PER_ROW = 256
+"""Transforms in a row of the texture; shaders/mesh.vert has the same number."""
+
+
+def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
+    """(J, 3) linear light on each transform of an actor; None where nothing is held.
+
+    Args:
+        bodies: the ids of those in the picture, in the order of their tints.
+    """
+    cues, character = actor.cues, actor.character
+    count = len(character.pivots)
+    if cues is None or strength <= 0 or not (known := (cues.nodes >= 0) & (cues.nodes < count)).any():
+        return None
+    level = strength * np.clip(cues.strengths[known], 0, 1) * np.where(cues.firm[known], 1.0, _PREVIEW)
+    light = np.zeros((count, 3), np.float32)
+    np.maximum.at(light, cues.nodes[known], (level[:, None] * cue_tints(cues, bodies)[known]).astype("f4"))
+    edges = character.edges if character.kind == "graph" else np.zeros((0, 2), np.int32)
+    both = np.concatenate([edges, edges[:, ::-1]])
+    for _ in range(_STEPS):
+        np.maximum.at(light, both[:, 1], _LEFT * light[both[:, 0]])
+    return light
+
+
+def reach_of_points(character: Character) -> SkinWeights:
+    """How the light of four control points reaches each vertex at rest: the farther, the less."""
+    vertices, points = character.vertices, character.pivots[1:]
+    away = np.linalg.norm(vertices[:, None] - points[None], axis=2)
+    nearest = np.argsort(away, axis=1)[:, :4]
+    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    share = np.exp(-((np.take_along_axis(away, nearest, 1) / (_REACH * max(size, 1e-6))) ** 2))
+    padding = ((0, 0), (0, 4 - nearest.shape[1]))
+    return SkinWeights(np.pad(nearest + 1, padding).astype("u2"), np.pad(share, padding).astype("f4"))
+
+
+class HeldLight:
+    """The light on the transforms of one character, as a texture.
+
+    Args:
+        count: of the transforms.
+    """
+
+    def __init__(self, ctx: moderngl.Context, count: int) -> None:
+        rows = -(-count // PER_ROW)
+        self._staged = np.zeros((rows * PER_ROW, 4), np.float32)
+        self._texture = ctx.texture((PER_ROW, rows), 4, dtype="f4")
+        self._texture.filter = moderngl.NEAREST, moderngl.NEAREST
+        self._written: Float32 | None = None
+
+    def use(self, light: Float32) -> None:
+        """Bind the light (J, 3), written where it has changed."""
+        if self._written is None or not np.array_equal(light, self._written):
+            self._staged[: len(light), :3] = light
+            self._texture.write(self._staged)
+            self._written = light
+        self._texture.use(UNITS["held"])
+
+    def release(self) -> None:
+        """Give the GPU's memory back."""
+        self._texture.release()

@@ -1,0 +1,63 @@
+"""The markers on the timeline's ruler, and the field in which one is named."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven.modeling.edits import remove_marker, rename_marker
+from enliven_viewer.studio.panels.fields import name_field
+from enliven_viewer.studio.panels.style import packed, small
+from enliven_viewer.studio.timeline import LABELS, RULER
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import CHAIN, DARK, INK
+
+_POPUP = "marker name"
+
+
+def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+    """Draw a flag and a thin line at each marker."""
+    draw, timeline = imgui.get_window_draw_list(), workspace.timeline
+    for marker, x in timeline.layout.markers():
+        if x < LABELS - 1:
+            continue
+        at, top = origin.x + x, origin.y
+        draw.add_line(ImVec2(at, top + 6), ImVec2(at, origin.y + size.y), packed(CHAIN, 0.45), 1.0)
+        flag = (ImVec2(at, top + 2), ImVec2(at + 9, top + 6), ImVec2(at, top + 10))
+        draw.add_triangle_filled(*flag, packed(CHAIN))
+        with small():
+            wide = imgui.calc_text_size(marker.id).x
+            draw.add_rect_filled(
+                ImVec2(at + 1, top + 9), ImVec2(at + wide + 8, top + RULER), packed(DARK, 0.9), 3.0
+            )
+            draw.add_text(ImVec2(at + 5, top + 10), packed(INK, 0.95), marker.id)
+    if timeline.marker and not imgui.is_popup_open(_POPUP):
+        imgui.open_popup(_POPUP)
+    _named(workspace)
+
+
+def _named(workspace: Workspace) -> None:
+    """The field in which a marker is named, or taken away."""
+    timeline, editor = workspace.timeline, workspace.editor
+    name = timeline.marker
+    if not imgui.begin_popup(_POPUP):
+        return
+    imgui.text("Marker")
+    imgui.set_next_item_width(160)
+    if imgui.is_window_appearing():
+        imgui.set_keyboard_focus_here()
+
+    def rename(wanted: str) -> None:
+        editor.edit("rename marker", lambda project: rename_marker(project, name, wanted))
+        timeline.marker = ""
+        imgui.close_current_popup()
+
+    name_field(workspace, "marker", name, rename)
+    if imgui.button("Remove##marker"):
+        editor.edit("remove marker", lambda project: remove_marker(project, name))
+        timeline.marker = ""
+    imgui.same_line()
+    if imgui.button("Done##marker"):
+        timeline.marker = ""
+    if not timeline.marker:
+        imgui.close_current_popup()
+    imgui.end_popup()

@@ -1,0 +1,96 @@
+"""What dragging a clip makes: moved, slipped, trimmed, stretched, or blended with the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.document import Segment
+from enliven.modeling.edits import (
+    blend_clips,
+    move_clip,
+    slip_clip,
+    stretch_clip,
+    trim_clip,
+)
+from enliven_viewer.studio.editor import Edit
+from enliven_viewer.studio.timeline.layout import Lane, LaneHandle, TimelineLayout
+from enliven_viewer.studio.timeline.snapping import places_of, snapped
+
+_WORDS = {
+    "bar": "move clip",
+    "slip": "slip clip",
+    "begin": "trim clip",
+    "edge": "trim clip",
+    "blend": "blend clips",
+    "stretch": "change speed",
+    "stretch begin": "change speed",
+}
+"""What a drag is called."""
+
+
+@dataclass(frozen=True)
+class ClipDrag:
+    """A drag of one clip, as it began.
+
+    Attributes:
+        handle: what was taken hold of.
+        how: "bar", "slip", "begin", "edge", "stretch", "stretch begin" or "blend".
+        lane, layout: as they were.
+        playhead: seconds.
+        frame: seconds of a frame; 0: nothing sticks.
+    """
+
+    handle: LaneHandle
+    how: str
+    lane: Lane
+    layout: TimelineLayout
+    playhead: float
+    frame: float
+
+    @staticmethod
+    def of(
+        layout: TimelineLayout, handle: LaneHandle, playhead: float, frame: float, *, alt: bool, ctrl: bool
+    ) -> ClipDrag | None:
+        """The drag that begins at a handle; None where it is not of a clip."""
+        changed = {"bar": "slip"} if alt else {}
+        changed |= {"edge": "stretch", "begin": "stretch begin"} if ctrl else {}
+        how = changed.get(handle.kind, handle.kind)
+        lanes = (one for one in layout.bars() if one.character.id == handle.character)
+        lane = next((one for one in lanes if one.layers == handle.layers), None)
+        known = how in _WORDS and lane is not None
+        return ClipDrag(handle, how, lane, layout, playhead, frame) if known and lane is not None else None
+
+    @property
+    def word(self) -> str:
+        """What the edit is called."""
+        return _WORDS[self.how]
+
+    @property
+    def clip(self) -> Segment:
+        """The clip as it was."""
+        return self.lane.clips[self.handle.item]
+
+    def edit(self, moved: float) -> tuple[Edit, float | None]:
+        """The edit that moving the pointer by some seconds makes, and the second that it sticks to."""
+        name, numbers, item, clip = self.handle.character, self.handle.layers, self.handle.item, self.clip
+        if self.how == "slip":
+            return lambda p: slip_clip(p, name, numbers, item, -moved * clip.speed), None
+        if self.how == "blend":
+            overlap = clip.end - self.lane.clips[item + 1].begin
+            return lambda p: blend_clips(p, name, numbers, item, max(overlap + 2.0 * moved, 0.0)), None
+        if self.how == "bar":
+            more, stuck = self._snapped(clip.begin + moved, clip.end + moved)
+            delay = moved + more
+            return lambda p: move_clip(p, name, numbers, item, delay), stuck
+        at = clip.begin if self.how in ("begin", "stretch begin") else clip.end
+        more, stuck = self._snapped(at + moved)
+        at += moved + more
+        end = {"begin" if self.how in ("begin", "stretch begin") else "end": at}
+        change = stretch_clip if self.how.startswith("stretch") else trim_clip
+        return lambda p: change(p, name, numbers, item, **end), stuck
+
+    def _snapped(self, *times: float) -> tuple[float, float | None]:
+        if self.frame <= 0.0:
+            return 0.0, None
+        places = places_of(self.layout, self.playhead, self.handle)
+        return snapped(self.layout, times, places, self.frame)

@@ -1,0 +1,116 @@
+"""Small pictures of what takes do, for the clips of the timeline: drawn beside the window, kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Int32, UInt8
+from enliven.document import Clip, GraphShape, PoseStream, Project
+from enliven.examples import joint_places
+
+POSES = 64
+"""Poses of a take that have a picture: of a long one every few seconds, of a short one every frame."""
+COLUMNS = 8
+"""Tiles of a picture side by side."""
+TILE = 48
+"""Pixels, width and height of one pose: twice those of a lane, for screens with small pixels."""
+_ROOM = 0.9
+"""Share of a tile that the take's largest pose fills."""
+_LINES = 400
+"""Lines of a figure at most: a mesh with more edges shows some of them."""
+_THICK = 1.6
+"""Pixels, half the width of a limb of a figure with few lines."""
+_THIN = 0.45
+"""Pixels, half the width of a line of a figure with many, so that it does not become a blot."""
+_MANY = 60
+"""Lines from which on a figure has many: a performer has some twenty bones."""
+
+
+class ClipPictures:
+    """Sheets of :data:`POSES` figures of a take, from its first frame to its last; white on nothing."""
+
+    def __init__(self) -> None:
+        self._pool: ThreadPoolExecutor | None = None
+        self._known: WeakKeyDictionary[object, Future[UInt8]] = WeakKeyDictionary()
+
+    def sheet(self, project: Project, take: Clip | PoseStream) -> UInt8 | None:
+        """(R, C, 4) uint8 pixels, upper row first, or None until it is drawn."""
+        future = self._known.get(take)
+        if future is None:
+            self._pool = self._pool or ThreadPoolExecutor(1, "pictures of clips")
+            work = _figures(project, take)
+            future = self._known[take] = self._pool.submit(lambda: drawn(*work()))
+        return future.result() if future.done() and future.exception() is None else None
+
+    def finish(self) -> None:
+        """Wait for all of them."""
+        for future in list(self._known.values()):
+            future.exception()
+
+
+def _figures(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Float, AnyArray]]:
+    """What finds the points (P, N, 3) and lines (L, 2) of a take's figures, in any thread."""
+    if isinstance(take, Clip):
+        return lambda: (_joints(take, _frames(len(take.turns))), _bones(take))
+    parts = (part for one in project.of(GraphShape).values() for part in [(one, p) for p in one.parts])
+    edges = next((_edges(one, part.nodes) for one, part in parts if part.take == take.id), None)
+    frames = _frames(len(take.positions))
+    return lambda: (take.positions[frames], np.zeros((0, 2), np.int32) if edges is None else edges)
+
+
+def _frames(count: int) -> Int32:
+    """(P,) the frames that have a picture."""
+    return np.linspace(0, count - 1, POSES).round().astype(np.int32)
+
+
+def _joints(take: Clip, frames: Int32) -> Float:
+    """(P, N, 3) metres, the joints of a take at frames."""
+    return joint_places(replace(take, turns=take.turns[frames], root=take.root[frames]))
+
+
+def _bones(take: Clip) -> AnyArray:
+    parents = np.asarray(take.skeleton.parents)
+    return np.stack([parents[1:], np.arange(1, len(parents))], 1)
+
+
+def _edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
+    """(L, 2) the lines between the nodes of a stream; a part plays its first nodes."""
+    inside = (shape.edges < len(nodes)).all(1)
+    lines = np.asarray(nodes)[shape.edges[inside]]
+    return lines[:: max(len(lines) // _LINES, 1)]
+
+
+def drawn(points: Float, lines: AnyArray) -> UInt8:
+    """(R, C, 4) a sheet of figures with points (P, N, 3) in metres, each centred, seen from the front."""
+    flat = np.stack([points[..., 0], -points[..., 1]], -1)
+    # A figure is centred where it is; all have one size, and one floor.
+    low, high = flat.min(1), flat.max(1)
+    wide = max(float((high[:, 0] - low[:, 0]).max()), 1e-6)
+    tall = max(float(flat[..., 1].max() - flat[..., 1].min()), 1e-6)
+    scale = _ROOM * TILE / max(wide, tall)
+    middle = np.stack([(low[:, 0] + high[:, 0]) / 2, np.full(len(flat), flat[..., 1].max() - tall / 2)], 1)
+    flat = (flat - middle[:, None]) * scale + TILE / 2
+    tiles = np.stack([_figure(one, lines) for one in flat])
+    rows = tiles.reshape(POSES // COLUMNS, COLUMNS, TILE, TILE).transpose(0, 2, 1, 3)
+    sheet = np.full((*rows.reshape(-1, COLUMNS * TILE).shape, 4), 255, np.uint8)
+    sheet[..., 3] = rows.reshape(-1, COLUMNS * TILE)
+    return sheet
+
+
+def _figure(points: Float, lines: AnyArray) -> UInt8:
+    """(TILE, TILE) opacity of lines (L, 2) between points (N, 2) pixels; of points without lines, dots."""
+    if not len(lines):
+        lines = np.stack([np.arange(len(points))] * 2, 1)
+    across = np.arange(TILE) + 0.5
+    pixels = np.stack(np.meshgrid(across, across), -1).reshape(-1, 1, 2)
+    start, way = points[lines[:, 0]], points[lines[:, 1]] - points[lines[:, 0]]
+    along = ((pixels - start) * way).sum(-1) / np.maximum((way**2).sum(-1), 1e-12)
+    nearest = start + np.clip(along, 0.0, 1.0)[..., None] * way
+    away = np.sqrt(((pixels - nearest) ** 2).sum(-1)).min(1)
+    half = _THICK if len(lines) < _MANY else _THIN
+    return np.asarray(255 * np.clip(half + 0.5 - away, 0.0, 1.0), np.uint8).reshape(TILE, TILE)

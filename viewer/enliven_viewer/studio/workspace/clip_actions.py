@@ -1,0 +1,28 @@
+"""The actions of clips and markers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.workspace.clip_commands import ClipCommands
+
+
+def clip_actions(c: ClipCommands) -> Iterator[Action]:
+    """What is done to the clips under the playhead: of the chosen lane, or of all where none is chosen."""
+    deeds = (
+        ("split", "Split at the playhead", ("shift+s",), "It plays as before, in two clips."),
+        ("blend", "Blend with the next", ("shift+b",), "The clip goes over into the next one."),
+        ("reverse", "Play backwards", ("shift+r",), "From its end to its begin, where it is."),
+        ("mirror", "Swap left and right", ("shift+x",), "The take as a mirror shows it."),
+        ("remove", "Remove", ("shift+delete",), "The take stays in the project."),
+    )
+    for name, label, keys, about in deeds:
+        how = (lambda name=name: c.do(name), lambda name=name: c.lacks(name))
+        yield Action(f"clip.{name}", "Clip", label, keys, *how, about=about)
+    about = "Drag it along the ruler; double-click it to name it."
+    yield Action(
+        "clip.mark", "Clip", "A marker at the playhead", ("shift+m",), c.mark, about=about, apart=True
+    )
+    yield Action("clip.next_marker", "Clip", "To the next marker", ("shift+right",), lambda: c.jump(1))
+    yield Action("clip.marker_before", "Clip", "To the marker before", ("shift+left",), lambda: c.jump(-1))

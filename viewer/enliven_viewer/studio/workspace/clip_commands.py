@@ -1,0 +1,119 @@
+"""The commands of clips and markers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from enliven.document import Project
+from enliven.errors import InputError
+from enliven.modeling.edits import (
+    add_marker,
+    blend_clips,
+    clips_of,
+    mirror_layers,
+    remove_clip,
+    remove_layer,
+    reverse_clip,
+    split_clip,
+)
+from enliven_viewer.studio.editor import Edit, Editor
+from enliven_viewer.studio.timeline import Lane, TimelineLayout
+
+_BLEND = 0.4
+"""Seconds of a blend that is made by key: about a step."""
+_PAST = 1e-6
+"""Seconds: the marker under the playhead is neither the next nor the one before."""
+
+
+def _split(project: Project, name: str, numbers: tuple[int, ...], _: int, time: float) -> Project:
+    return split_clip(project, name, numbers, time)
+
+
+def _blend(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
+    return blend_clips(project, name, numbers, clip, _BLEND)
+
+
+def _reverse(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
+    return reverse_clip(project, name, numbers, clip)
+
+
+def _mirror(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
+    return mirror_layers(project, name, numbers)
+
+
+def _remove(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
+    """The last clip of a lane goes with its layers."""
+    if len(clips_of(project, name, numbers[0])) > 1:
+        return remove_clip(project, name, numbers, clip)
+    for number in sorted(numbers, reverse=True):
+        project = remove_layer(project, name, number)
+    return project
+
+
+_DEEDS: dict[str, tuple[str, Callable[[Project, str, tuple[int, ...], int, float], Project]]] = {
+    "split": ("split clip", _split),
+    "blend": ("blend clips", _blend),
+    "reverse": ("reverse clip", _reverse),
+    "mirror": ("mirror motion", _mirror),
+    "remove": ("remove clip", _remove),
+}
+"""What can be done to the clips under the playhead: the edit's name, and the edit of one clip at a time."""
+
+
+class ClipCommands:
+    """Commands on the clips under the playhead: of the chosen lane, or of all where none is chosen."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+
+    def do(self, deed: str) -> None:
+        """Split, blend, reverse, mirror or remove the clips under the playhead."""
+        self.editor.edit(_DEEDS[deed][0], self._edit(deed))
+
+    def lacks(self, deed: str) -> str:
+        """Why that cannot be done now, and what to do about it; empty where it can."""
+        if not self._lanes():
+            return "No clip is under the playhead. Put the playhead over one."
+        try:
+            self._edit(deed)(self.editor.project)
+        except InputError as error:
+            return f"{error.what[0].upper()}{error.what[1:]}. {error.mend}"
+        return ""
+
+    def _edit(self, deed: str) -> Edit:
+        """The edit of every clip that is meant."""
+        time, change = self.editor.time, _DEEDS[deed][1]
+        found = [
+            (lane, next(k for k, clip in enumerate(lane.clips) if clip.begin <= time <= clip.end))
+            for lane in self._lanes()
+        ]
+
+        def every(project: Project) -> Project:
+            # A lane that goes takes its numbers with it: the last first.
+            for lane, clip in reversed(found):
+                project = change(project, lane.character.id, lane.layers, clip, time)
+            return project
+
+        return every
+
+    def mark(self) -> None:
+        """Put a marker at the playhead."""
+        time = self.editor.time
+        self.editor.edit("add marker", lambda project: add_marker(project, time)[0])
+
+    def jump(self, way: int) -> None:
+        """Go to the next marker, or with a way of -1 to the one before."""
+        times = sorted(
+            {0.0, self.editor.length, *(one.seconds for one in self.editor.project.markers.values())}
+        )
+        ahead = [time for time in times if (time - self.editor.time) * way > _PAST]
+        if ahead:
+            self.editor.scrub(min(ahead) if way > 0 else max(ahead))
+
+    def _lanes(self) -> list[Lane]:
+        """The chosen lane, or else all that are heard, where a clip is under the playhead."""
+        editor, chosen = self.editor, self.editor.selection
+        lanes = TimelineLayout(editor.project, editor.length, 1.0).bars()
+        mine = [one for one in lanes if one.character.id == chosen.character and chosen.layer in one.layers]
+        heard = mine or [lane for lane in lanes if not lane.layer.muted]
+        return [one for one in heard if any(clip.begin <= editor.time <= clip.end for clip in one.clips)]
