@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from enliven.camera import project
 from enliven.frames import DepthFrame
-from enliven.meshes import Mesh
+from enliven.meshes import Mesh, load_mesh, save_mesh
 from enliven.samples import load_sample
 from enliven.scanning import (
     DepthPreparation,
@@ -27,9 +28,11 @@ from enliven.scanning import (
     Scanner,
     ScanSettings,
     VolumeSettings,
+    decimated,
     draw_mesh,
 )
 from enliven_edge.importing.placed_images import PosedDepthReader
+from enliven_edge.stage import cast_mesh
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -125,7 +128,13 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
     start = time.perf_counter()
     thing = scanner.thing()
     yield Figure("scanning.mesh_s", time.perf_counter() - start, "s")
+    made = decimated(thing, 50_000)
+    with tempfile.TemporaryDirectory() as folder:
+        save_mesh(made.mesh, Path(folder) / "chair.glb")
+        cast_mesh(load_mesh(Path(folder) / "chair.glb").mesh, "chair").warm_up()
+    yield Figure("scanning.to_possess_s", time.perf_counter() - start, "s")
     yield Figure("scanning.triangles", float(len(thing.faces)), "triangles")
+    yield Figure("scanning.decimated_mm", 1e3 * made.mean, "mm")
     yield Figure("scanning.mb", scanner.megabytes, "MB")
     turn, move = _laid(np.array([p[:3, 3] for p in found]), np.array([p[:3, 3] for p in truth]))
     whole = scanner.surface()

@@ -14,14 +14,18 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+import trimesh
+import typer
 from patience import PATIENCE
 from typer.testing import CliRunner
 
 from enliven.formats.project import project_of_mesh
-from enliven.meshes import Mesh, save_mesh
-from enliven.recording import Recording
+from enliven.meshes import Mesh, load_mesh, save_mesh
+from enliven.recording import Recorder, Recording
 from enliven.samples import cactus_project, load_sample
 from enliven.wire import CUES, POSE, Answer, Done, Endpoint, Refused, StageMessage
+from enliven_edge.commands.scan import scan
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 from enliven_viewer.commands.stage import stage as command
 from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.link.take_feed import TakeFeed
@@ -154,3 +158,23 @@ def test_the_command_lists_puts_and_removes_and_says_what_is_wrong(edge: StagedE
     assert np.ptp(stool[:, 1]) == pytest.approx(1.75, abs=1e-3), "it stands upright, as tall as a person"
     assert "gone" in run("remove", "stool") and "there is no character 'stool'" in run("remove", "stool")
     assert "no such file" in run("put", str(tmp_path / "none.obj"))
+
+
+def test_a_scan_stands_on_the_stage_of_an_edge_that_runs(edge: StagedEdge, tmp_path: Path) -> None:
+    box = trimesh.creation.box((0.4, 0.5, 0.3))
+    thing = Mesh(np.add(box.vertices, [0.0, 0.25, 0.0]), np.array(box.faces, np.int32))
+    path = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.25, height=(0.8, 1.0), turns=0.1, seconds=0.4)
+    with Recorder(tmp_path / "carried.mcap") as recorder:
+        for frame in HandheldScan(thing, load_profile("kinect1"), path, width=320):
+            recorder.write_frame(frame)
+    app, made = typer.Typer(pretty_exceptions_enable=False), tmp_path / "box.glb"
+    app.command()(scan)
+    words = ["--recording", str(tmp_path / "carried.mcap"), "-o", str(made), "--voxel", "12"]
+    found = CliRunner().invoke(app, [*words, "--edge", str(edge.endpoint)])
+    assert found.exit_code == 0 and "box stands on the stage" in found.output, found.output
+    edge.until(lambda: "box" in edge.link.characters)
+    there, scanned = np.ptp(edge.link.characters["box"].vertices, 0), np.ptp(load_mesh(made).mesh.vertices, 0)
+    assert there == pytest.approx(scanned * 1.75 / scanned[1], abs=1e-3), "as tall as a person"
+    assert edge.holders("chair"), "who holds another goes on"
+    nowhere = CliRunner().invoke(app, [*words, "--overwrite", "--edge", "127.0.0.1:1"])
+    assert "no edge answers" in str(nowhere.exception) and made.exists()

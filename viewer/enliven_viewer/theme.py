@@ -16,12 +16,12 @@ GLASS: Colour = (0.05, 0.06, 0.085, 0.58)
 """Panels over the picture: dark enough to read on, and the stage shows through."""
 ACCENT: Colour = (1.0, 0.69, 0.30, 1.0)
 """Amber: what is active or live."""
-GOOD: Colour = (0.42, 0.86, 0.56, 1.0)
-"""Green: all is well."""
-WAIT: Colour = (1.0, 0.74, 0.30, 1.0)
+GOOD: Colour = (0.24, 0.80, 0.72, 1.0)
+"""Bluish green: all is well. Eyes that mix up red and green still tell it from the next two."""
+WAIT: Colour = (1.0, 0.82, 0.36, 1.0)
 """Yellow: a warning, or something that is waited for."""
-BAD: Colour = (1.0, 0.36, 0.33, 1.0)
-"""Red: an error."""
+BAD: Colour = (0.98, 0.36, 0.27, 1.0)
+"""Vermilion: an error."""
 TRACK: Colour = (1.0, 1.0, 1.0, 0.20)
 """The part of the timeline that was not played yet."""
 FAINT: Colour = (0.78, 0.81, 0.86, 0.42)

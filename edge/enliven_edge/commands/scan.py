@@ -17,7 +17,6 @@ from enliven_edge.commands.progress import frame_progress, interruptible
 if TYPE_CHECKING:
     from enliven.frames import DepthFrame
     from enliven.meshes import Mesh
-    from enliven.scanning import Scanner
 
 log = logging.getLogger(__name__)
 
@@ -26,7 +25,9 @@ _PATIENCE = 0.25
 
 
 def scan(
-    output: Annotated[Path, typer.Option("--output", "-o", help="The mesh to make: .glb, .ply, .obj, .stl.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The mesh to make: .glb, .ply, .obj, .stl; or .enliven.")
+    ],
     recording: Annotated[Path | None, typer.Option(help="A recording of a carried depth camera.")] = None,
     sensor: Annotated[str | None, typer.Option(help="Instead of a recording, a sensor's name.")] = None,
     setting: Annotated[
@@ -42,6 +43,12 @@ def scan(
     whole: Annotated[
         bool, typer.Option(help="Keep all that was scanned, not what stands on the floor.")
     ] = False,
+    triangles: Annotated[
+        int, typer.Option(min=0, help="Triangles of the mesh at most; 0 keeps all.")
+    ] = 50_000,
+    edge: Annotated[
+        str | None, typer.Option(help="Put it on the stage of this running edge: HOST, or HOST:PORT.")
+    ] = None,
     sheet: Annotated[Path | None, typer.Option(help="A PNG of six views to write beside it.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing mesh.")] = False,
 ) -> None:
@@ -52,13 +59,15 @@ def scan(
 
     \b
       enliven scan --sensor realsense -o chair.glb --sheet chair.png
+      enliven scan --sensor realsense -o chair.glb --edge 192.168.1.20
       enliven scan --recording TAKE.mcap -o room.glb --whole --voxel 10 --reach 5
     """
-    from enliven.meshes import save_mesh
     from enliven.scanning import Scanner, ScanSettings, VolumeSettings
-    from enliven_edge.scanning import ScanDiary
+    from enliven_edge.scanning import ScanDiary, finished, put_on_stage, stage_command, write_scan
 
     _checked(output, recording, sensor, overwrite)
+    if edge is not None:
+        stage_command()  # what is missing for it is said before the scan
     console, diary = Console(), ScanDiary()
     scanner = Scanner(ScanSettings(volume=VolumeSettings(voxel=voxel * 1e-3, reach=reach)))
     where = str(recording or sensor)
@@ -72,25 +81,29 @@ def scan(
             diary.add(scanner.add(frame), frame.time_ns)
             progress.update(task, count=diary.frames, description=f"Scanning, {diary.now}")
     diary.refuse(where)
-    mesh = _mesh_of(scanner, whole)
-    save_mesh(mesh, output)
+    made = finished(scanner, whole, triangles, output.stem)
+    write_scan(made, output)
     if sheet is not None:
-        _write_sheet(mesh, sheet)
-    low, high = mesh.bounds
+        _write_sheet(made.mesh, sheet)
+    low, high = made.mesh.bounds
     size = " x ".join(f"{100 * side:.0f}" for side in high - low)
-    typer.echo(f"{output}: {len(mesh.faces)} triangles, {size} cm, of {diary.frames} frames, {diary.now}")
+    few = f" (within {1e3 * made.most:.1f} mm of the full scan)" if made.most else ""
+    said = f"{len(made.mesh.faces)} triangles{few}, {size} cm, of {diary.frames} frames, {diary.now}"
+    typer.echo(f"{output}: {said}")
+    if edge is not None:
+        put_on_stage(output, edge)
     for sentence in diary.advice():
         typer.echo(f"Note: {sentence}")
 
 
 def _checked(output: Path, recording: Path | None, sensor: str | None, overwrite: bool) -> None:
     """Refuses what cannot be, before the first frame."""
-    from enliven.meshes import WRITABLE
+    from enliven_edge.scanning import ENDINGS
 
     if (recording is None) == (sensor is None):
         raise InputError("give a recording or a sensor", where="scan", mend="Add --recording or --sensor.")
-    if output.suffix.lower() not in WRITABLE:
-        known = ", ".join(ending[1:] for ending in WRITABLE)
+    if output.suffix.lower() not in ENDINGS:
+        known = ", ".join(ending[1:] for ending in ENDINGS)
         raise InputError(
             f"cannot write {output.suffix or 'no'} files", where=str(output), mend=f"Known: {known}."
         )
@@ -132,22 +145,6 @@ def _frames(
                 return
             if isinstance(frame, DepthFrame) and not flaw_of(frame):
                 yield frame
-
-
-def _mesh_of(scanner: Scanner, whole: bool) -> Mesh:
-    """Returns the mesh to write."""
-    if not whole:
-        try:
-            return scanner.thing()
-        except InputError as error:
-            mend = f"{error.mend} Or add --whole to keep all that was scanned."
-            raise InputError(error.what, where=error.where, mend=mend) from None
-    mesh = scanner.surface()
-    if not len(mesh.faces):
-        raise InputError(
-            "no surface was seen often enough", where="scan", mend="Scan for longer, and nearer."
-        )
-    return mesh
 
 
 def _write_sheet(mesh: Mesh, path: Path) -> None:

@@ -1,2 +1,9 @@
 from .diary import ScanDiary as ScanDiary
+from .finish import (
+    ENDINGS as ENDINGS,
+    finished as finished,
+    put_on_stage as put_on_stage,
+    stage_command as stage_command,
+    write_scan as write_scan,
+)
 from .sheet import sheet_of as sheet_of

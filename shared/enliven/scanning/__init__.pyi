@@ -1,5 +1,12 @@
 from .camera_tracker import Alignment as Alignment, CameraTracker as CameraTracker
-from .ground import Ground as Ground, cut_out as cut_out, find_ground as find_ground, focus_of as focus_of
+from .ground import (
+    Ground as Ground,
+    cut_out as cut_out,
+    find_ground as find_ground,
+    focus_of as focus_of,
+    levelled as levelled,
+)
+from .decimation import Decimated as Decimated, decimated as decimated
 from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
 from .keyframes import Keyframes as Keyframes
 from .marching_cubes import surface_of as surface_of

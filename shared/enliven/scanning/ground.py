@@ -130,15 +130,21 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
         raise InputError(
             what, where="scan", mend="Carry the camera round the thing, and look at it all the time."
         )
-    turn = rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0])))
-    vertices = thing.vertices @ turn.T
-    vertices[:, 1] -= ground.offset
-    low, high = vertices.min(0), vertices.max(0)
-    vertices[:, [0, 2]] -= ((low + high) / 2)[[0, 2]]
+    vertices = levelled(thing, ground).vertices
     # What the cut took off its feet is given back to them.
     feet = vertices[:, 1] < s.clearance + 1e-9
     vertices[feet, 1] = 0.0
     return _closed(replace(thing, vertices=vertices), feet, s)
+
+
+def levelled(mesh: Mesh, ground: Ground) -> Mesh:
+    """Returns the mesh turned upright and moved so that the ground is y = 0, its box centred on x and z."""
+    turn = rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0])))
+    vertices = mesh.vertices @ turn.T
+    vertices[:, 1] -= ground.offset
+    low, high = vertices.min(0), vertices.max(0)
+    vertices[:, [0, 2]] -= ((low + high) / 2)[[0, 2]]
+    return replace(mesh, vertices=vertices)
 
 
 def _above(mesh: Mesh, ground: Ground, clearance: float) -> Mesh:

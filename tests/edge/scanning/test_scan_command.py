@@ -1,6 +1,7 @@
 """``enliven scan``: a carried camera's recording becomes a mesh; what cannot be is refused in words."""
 
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from enliven.errors import InputError
+from enliven.formats.project import read_project
 from enliven.frames import BodyFrame
 from enliven.meshes import Mesh, load_mesh
 from enliven.recording import Recorder
@@ -63,6 +65,30 @@ def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
     assert mesh.colours is not None and np.abs(np.median(mesh.colours, axis=0) - 90).max() < 12
     picture = np.asarray(Image.open(sheet))
     assert picture.shape == (720, 1080, 3) and (picture != picture[0, 0]).any(-1).mean() > 0.05
+
+
+def test_a_budget_is_kept_and_told_and_a_project_opens(carried, tmp_path):
+    made = tmp_path / "box.enliven"
+    words = ["--recording", carried, "-o", made, "--voxel", 12, "--seconds", 2]
+    said = run(*words, "--triangles", 900)
+    assert re.search(r"(8\d\d|900) triangles \(within \d+\.\d mm of the full scan\)", said)
+    (one,) = read_project(made).characters.values()
+    assert one.id == "box" and len(one.mesh.faces) <= 900 and one.mesh.colours is not None
+    full = run(*words, "--triangles", 0, "--overwrite")
+    assert "within" not in full
+    (one,) = read_project(made).characters.values()
+    assert len(one.mesh.faces) > 2000
+
+
+def test_all_that_was_scanned_is_level_on_the_floor(carried, tmp_path):
+    made = tmp_path / "room.ply"
+    run("--recording", carried, "-o", made, "--voxel", 16, "--seconds", 1, "--whole", "--triangles", 0)
+    mesh = load_mesh(made).mesh
+    # The camera looked down by a third of a right angle, and its first image has no pose.
+    floor = (mesh.face_normals()[:, 1] > 0.9) & (np.abs(mesh.vertices[mesh.faces[:, 0], 1]) < 0.02)
+    areas = np.linalg.norm(mesh.face_vectors(), axis=1)
+    assert areas[floor].sum() > 0.3 * areas.sum()
+    assert abs(np.median(mesh.vertices[mesh.faces[floor, 0], 1])) < 0.004
 
 
 def test_what_cannot_be_scanned_is_refused(carried, tmp_path):

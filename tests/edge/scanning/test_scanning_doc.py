@@ -19,6 +19,7 @@ def test_its_options_are_those_of_the_command():
     said = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output
     named = set(re.findall(r"--[a-z]+", PAGE)) - {"--help"}
     assert {"--voxel", "--reach", "--whole", "--sheet", "--seconds", "--sensor", "--recording"} <= named
+    assert {"--triangles", "--edge"} <= named
     assert all(option in said for option in named)
 
 
@@ -34,7 +35,7 @@ def test_its_refusals_are_in_the_code():
     )
     table = PAGE.split("## What is refused")[1].split("## In a program")[0]
     quoted = re.findall(r"`([^`-][^`]*)`", table)
-    assert len(quoted) == 5
+    assert len(quoted) == 6
     for sentence in quoted:
         assert re.sub(r"\d+", "", sentence).split("  ")[0] in re.sub(r"\{[^}]*\}", "", code), sentence
 

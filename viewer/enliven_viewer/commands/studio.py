@@ -50,6 +50,7 @@ def studio(
     workspace = Workspace.new(Editor(chosen))
     for file in files or []:
         workspace.open(file)
+    workspace.starting = not files
     if workspace.store.recoverable():
         workspace.ask("recover")
     StudioWindow(workspace, opening=WindowStart(full_screen=fullscreen)).run(seconds=seconds)

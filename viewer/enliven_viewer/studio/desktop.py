@@ -1,23 +1,36 @@
-"""What the window has from the desktop: its title, and files that are dropped onto it."""
+"""What the window has from the desktop: its title, files that are dropped onto it, and the size of text.
+
+A screen of twice the usual density, and text that an artist wants larger, are one thing: the whole window is
+laid out in usual pixels, and each is several pixels of the screen. ImGui knows that from the screens of Macs,
+so panels, pictures and pointer count in usual pixels everywhere, and nothing else knows of a scale.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import glfw
+from imgui_bundle import ImVec2, imgui
 from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 
 from enliven_viewer.studio.workspace import Workspace
 
+_SMALLEST = (640.0, 360.0)
+"""Usual pixels: a window is never laid out for less, so that large text in a small window stays usable."""
+
 
 class Desktop:
-    """The title of the studio's window, and files dropped onto it; to be made once the window is open."""
+    """The title of the studio's window, files dropped onto it, and its scale; made when it is open."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace, self._title = workspace, ""
-        self._window = glfw_window_hello_imgui()
+        self._window: Any = glfw_window_hello_imgui()
         self._dropped: list[Path] = []
+        self.scale = self._density()
         glfw.set_drop_callback(self._window, self._drop)
+        self._listen()
+        self._fit()
 
     def follow(self) -> None:
         """Open what was dropped, and show the project's name; to be called once a picture."""
@@ -27,6 +40,52 @@ class Desktop:
         if title != self._title:
             self._title = title
             glfw.set_window_title(self._window, title)
+
+    def lay_out(self) -> None:
+        """Let the window be laid out in usual pixels; to be called right after a new frame of ImGui."""
+        io, view = imgui.get_io(), imgui.get_main_viewport()
+        raw, own = io.display_size, io.display_framebuffer_scale
+        wanted = self._density() * self._workspace.preferences.text_size
+        most = min(raw.x / _SMALLEST[0], raw.y / _SMALLEST[1])
+        self.scale = max(min(wanted, most), min(self._density(), 1.0))
+        size, density = (
+            ImVec2(raw.x / self.scale, raw.y / self.scale),
+            ImVec2(own.x * self.scale, own.y * self.scale),
+        )
+        io.display_size = view.size = view.work_size = size
+        io.display_framebuffer_scale = view.framebuffer_scale = density
+
+    def _density(self) -> float:
+        """Pixels of the window over usual pixels; 1 on Macs, where windows count in usual pixels anyway."""
+        dense = glfw.get_window_content_scale(self._window)[0]
+        across = glfw.get_window_size(self._window)[0]
+        return dense * across / max(glfw.get_framebuffer_size(self._window)[0], 1) if across else 1.0
+
+    def _fit(self) -> None:
+        """Give the window its usual size on a dense screen, as far as the screen has room."""
+        monitor = glfw.get_primary_monitor()
+        if self.scale == 1.0 or not monitor:
+            return
+        room, settings = glfw.get_monitor_workarea(monitor), self._workspace.editor.settings
+        size = (round(settings.width * self.scale), round(settings.height * self.scale))
+        glfw.set_window_size(self._window, min(size[0], room[2]), min(size[1], room[3]))
+
+    def _listen(self) -> None:
+        """Count the pointer's places in usual pixels; it stays in the window while a button is held."""
+        library = glfw._glfw  # ImGui's own callbacks are known to the library alone
+        before: list[Any] = []
+
+        def move(window: Any, x: float, y: float) -> None:
+            before[0](window, x / self.scale, y / self.scale)
+
+        def enter(window: Any, inside: int) -> None:
+            held = any(glfw.get_mouse_button(self._window, button) for button in range(3))
+            if inside or not held:
+                before[1](window, inside)
+
+        self._kept = (glfw._GLFWcursorposfun(move), glfw._GLFWcursorenterfun(enter))
+        before.append(library.glfwSetCursorPosCallback(self._window, self._kept[0]))
+        before.append(library.glfwSetCursorEnterCallback(self._window, self._kept[1]))
 
     def _drop(self, window: object, paths: list[str]) -> None:
         self._dropped += [Path(path) for path in paths]

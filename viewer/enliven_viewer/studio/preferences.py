@@ -15,6 +15,8 @@ log = logging.getLogger(__name__)
 _NAME = "preferences.json"
 _MOST = 1 << 20
 """Bytes of the file that are read: it holds a few hundred short lines."""
+SIZES = (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
+"""Sizes of text that are offered, over the usual: steps that are seen, up to twice."""
 _RECENT = 10
 """Files that are remembered: as many as are read at a glance."""
 
@@ -25,7 +27,6 @@ class _Kept(msgspec.Struct):
     keys: dict[str, tuple[str, ...]] = {}
     recent: list[str] = []
     text_size: float = 1.0
-    safe_colours: bool = False
     less_motion: bool = False
     toured: bool = False
 
@@ -40,8 +41,7 @@ class Preferences:
         keys: the keys of actions by their ids, of those that have others than their own.
         recent: paths of projects and models that were opened or saved last, the newest first.
         text_size: size of the text and of the layout over the usual.
-        safe_colours: colours that people with any kind of colour vision tell apart.
-        less_motion: the camera and messages do not glide.
+        less_motion: the view turns at once, without gliding.
         toured: whether the tour was finished or put away.
     """
 
@@ -50,7 +50,7 @@ class Preferences:
         kept = self._read()
         self.keys, self.recent = dict(kept.keys), list(kept.recent)
         self.text_size, self.toured = kept.text_size, kept.toured
-        self.safe_colours, self.less_motion = kept.safe_colours, kept.less_motion
+        self.less_motion = kept.less_motion
 
     def save(self) -> None:
         """Write the file; where it cannot be written, the choices hold until the program ends."""
@@ -59,6 +59,17 @@ class Preferences:
             write_file(self.path, msgspec.json.format(msgspec.json.encode(kept), indent=2))
         except ResourceError as error:
             log.warning("preferences are not kept: %s", error)
+
+    def resize(self, steps: int) -> None:
+        """Make text, and the layout with it, some steps larger; below 0 smaller."""
+        nearest = min(range(len(SIZES)), key=lambda k: abs(SIZES[k] - self.text_size))
+        self.text_size = SIZES[min(max(nearest + steps, 0), len(SIZES) - 1)]
+        self.save()
+
+    def calm(self) -> None:
+        """Let the view turn at once, or let it glide again."""
+        self.less_motion = not self.less_motion
+        self.save()
 
     def opened(self, path: Path) -> None:
         """Put a file first among the recent ones."""

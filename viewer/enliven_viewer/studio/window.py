@@ -111,6 +111,7 @@ class StudioWindow:
             runner.app_window_params.window_geometry.full_screen_mode = mode
         runner.fps_idling.enable_idling = False
         runner.ini_disable = True
+        runner.dpi_aware_params.dpi_window_size_factor = 1.0  # the desktop's own scale is used
         calls = runner.callbacks
         calls.default_icon_font = hello_imgui.DefaultIconFont.font_awesome4
         calls.load_additional_fonts = load_fonts
@@ -139,6 +140,7 @@ class StudioWindow:
                 after(self)
 
         calls.pre_new_frame, calls.before_swap = first, last
+        calls.post_new_frame = lambda: self._desktop.lay_out() if self._desktop else None
         try:
             hello_imgui.run(runner)
         except RuntimeError as error:

@@ -49,6 +49,9 @@ class ActionTable:
     def __iter__(self) -> Iterator[Action]:
         return iter(self._actions.values())
 
+    def __contains__(self, action_id: object) -> bool:
+        return action_id in self._actions
+
     def __getitem__(self, action_id: str) -> Action:
         return self._actions[action_id]
 

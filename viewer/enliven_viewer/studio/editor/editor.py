@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from typing import TypeVar
@@ -46,6 +47,7 @@ class Editor:
         self.show_bones, self.show_meshes = True, True
         self.growing = 0.0  # seconds on the timeline where a recording has come to
         self.beside_box: Box | None = None  # around what stands beside the project, live
+        self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
         self.beside = BackgroundTask(self.toasts, "Something is still being made")
@@ -149,7 +151,7 @@ class Editor:
     def advance(self, seconds: float) -> None:
         """Let time pass: the playhead, the camera, the messages."""
         self.moves.advance(self.camera, self._followed(), seconds)
-        self.camera.advance(seconds)
+        self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
         self.puppets.advance()
         self.beside.poll()

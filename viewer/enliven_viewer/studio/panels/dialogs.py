@@ -12,7 +12,7 @@ from enliven_viewer.studio.panels.key_list import draw_key_list
 from enliven_viewer.studio.panels.modal import button, choice, modal
 from enliven_viewer.studio.panels.palette import draw_palette
 from enliven_viewer.studio.panels.preferences import draw_preferences
-from enliven_viewer.studio.panels.style import px, quiet, tinted
+from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.workspace import FileBrowser, Workspace
 from enliven_viewer.theme import WAIT
 
@@ -96,10 +96,10 @@ def _unsaved(workspace: Workspace) -> None:
             return
         name = workspace.store.name
         imgui.text_wrapped(f"{name} has changes that are not saved. They are lost unless you save them.")
-        imgui.dummy(ImVec2(0, px(6)))
+        imgui.dummy(ImVec2(0, 6))
         if choice(workspace, "Save", "Cancel"):
             workspace.go_on(discard=False)
-        imgui.same_line(0.0, px(40))
+        imgui.same_line(0.0, 40)
         if button(workspace, "Discard"):
             workspace.go_on(discard=True)
 
@@ -116,7 +116,7 @@ def _recover(workspace: Workspace) -> None:
         imgui.text_wrapped(
             f"The studio ended without saving. Its last work, of {_when(found[0])}, is still there."
         )
-        imgui.dummy(ImVec2(0, px(6)))
+        imgui.dummy(ImVec2(0, 6))
         if button(workspace, "Recover"):
             workspace.asking = ""
             workspace.attempt(lambda: workspace.store.recover(found[0]))

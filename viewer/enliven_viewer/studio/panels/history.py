@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.studio.panels.style import px, tinted
+from enliven_viewer.studio.panels.style import tinted
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK
 
 _SIZE = 250.0, 300.0
-"""Usual pixels: a dozen steps."""
+"""Pixels: a dozen steps."""
 _FROM_RIGHT = 300.0
-"""Usual pixels from the right of the window, until the artist moves it: beside the side panel."""
+"""Pixels from the right of the window, until the artist moves it: beside the side panel."""
 _FROM_TOP = 36.0
-"""Usual pixels from the top: below the menu."""
+"""Pixels from the top: below the menu."""
 
 
 def draw_history(workspace: Workspace) -> None:
     """Draw the list in a window of its own; steps that were undone are faint."""
     editor, wide = workspace.editor, imgui.get_main_viewport().size.x
-    imgui.set_next_window_size(ImVec2(px(_SIZE[0]), px(_SIZE[1])), imgui.Cond_.appearing)
-    corner = ImVec2(wide - px(_FROM_RIGHT), px(_FROM_TOP))
+    imgui.set_next_window_size(ImVec2(_SIZE[0], _SIZE[1]), imgui.Cond_.appearing)
+    corner = ImVec2(wide - _FROM_RIGHT, _FROM_TOP)
     imgui.set_next_window_pos(corner, imgui.Cond_.appearing, ImVec2(1.0, 0.0))
     shown, stays = imgui.begin("History", True, imgui.WindowFlags_.no_saved_settings)
     workspace.history_shown = bool(stays)
@@ -34,5 +34,5 @@ def draw_history(workspace: Workspace) -> None:
             workspace.remember(f"step {number}")
         if workspace.history_seen != (len(steps), at):
             workspace.history_seen = (len(steps), at)
-            imgui.set_scroll_y(px(24) * at)
+            imgui.set_scroll_y(24 * at)
     imgui.end()

@@ -5,15 +5,15 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.panels.modal import button, modal
-from enliven_viewer.studio.panels.style import px, quiet
+from enliven_viewer.studio.panels.style import quiet
 from enliven_viewer.studio.workspace import Workspace
 
 _SIZE = (1000.0, 580.0)
-"""Usual pixels: three columns, and the longest of them."""
+"""Pixels: three columns, and the longest of them."""
 _COLUMN = 320.0
-"""Usual pixels of a column: the longest name beside its key."""
+"""Pixels of a column: the longest name beside its key."""
 _KEY = 122.0
-"""Usual pixels of a key: Ctrl+Shift+Z."""
+"""Pixels of a key: Ctrl+Shift+Z."""
 _MOUSE = (
     ("Right drag", "Turn the view"),
     ("Middle drag", "Move the view"),
@@ -31,17 +31,17 @@ def draw_key_list(workspace: Workspace) -> None:
     with modal("Keys", *_SIZE) as shown:
         if not shown:
             return
-        imgui.begin_child("##all", ImVec2(0, -imgui.get_frame_height() - px(10)))
-        count = max(min(int(imgui.get_content_region_avail().x / px(_COLUMN)), 3), 1)
+        imgui.begin_child("##all", ImVec2(0, -imgui.get_frame_height() - 10))
+        count = max(min(int(imgui.get_content_region_avail().x / _COLUMN), 3), 1)
         for column in _columns([*parts, ("Mouse", list(_MOUSE))], count):
             imgui.begin_group()
             for title, lines in column:
                 quiet(title.upper())
                 for key, label in lines:
                     imgui.text_unformatted(key)
-                    imgui.same_line(px(_KEY))
+                    imgui.same_line(_KEY)
                     imgui.text_disabled(label)
-                imgui.dummy(ImVec2(px(_COLUMN), px(4)))
+                imgui.dummy(ImVec2(_COLUMN, 4))
             imgui.end_group()
             imgui.same_line()
         imgui.end_child()

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven_viewer.studio.panels.style import px
 from enliven_viewer.studio.workspace import Workspace
 
 _FLAGS = imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
@@ -17,12 +16,12 @@ _MARGIN = 24.0
 
 @contextmanager
 def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterator[bool]:
-    """A dialogue in the middle, of a size in usual pixels; 0: fits its contents; True where drawn."""
+    """A dialogue in the middle, of a size in pixels; 0: fits its contents; True where drawn."""
     imgui.open_popup(title)
     view = imgui.get_main_viewport()
-    room = ImVec2(view.size.x - px(_MARGIN), view.size.y - px(_MARGIN))
+    room = ImVec2(view.size.x - _MARGIN, view.size.y - _MARGIN)
     imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, ImVec2(0.5, 0.5))
-    imgui.set_next_window_size(ImVec2(min(px(wide), room.x), min(px(high), room.y)))
+    imgui.set_next_window_size(ImVec2(min(wide, room.x), min(high, room.y)))
     shown = bool(imgui.begin_popup_modal(title, None, _FLAGS | flags)[0])
     yield shown
     if shown:
@@ -31,7 +30,7 @@ def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterato
 
 def button(workspace: Workspace, label: str) -> bool:
     """A button of a dialogue, and its place."""
-    pressed = imgui.button(label, ImVec2(px(110), 0))
+    pressed = imgui.button(label, ImVec2(110, 0))
     workspace.remember(f"dialog {label}")
     return bool(pressed)
 
@@ -49,11 +48,11 @@ def action_button(workspace: Workspace, action_id: str, wide: float = 0.0) -> No
     """A button that does an action, grey where it cannot be done; its tooltip says why, and the key.
 
     Args:
-        wide: usual pixels; 0 as wide as its label.
+        wide: pixels; 0 as wide as its label.
     """
     action = workspace.actions[action_id]
     imgui.begin_disabled(bool(action.why_not()))
-    if imgui.button(action.label, ImVec2(px(wide), 0)):
+    if imgui.button(action.label, ImVec2(wide, 0)):
         workspace.actions.do(action_id)
     imgui.end_disabled()
     workspace.remember(f"do {action.label}")

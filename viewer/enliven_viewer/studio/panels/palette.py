@@ -6,12 +6,12 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.panels.modal import modal
-from enliven_viewer.studio.panels.style import packed, px
+from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK, QUIET
 
 _SIZE = (600.0, 420.0)
-"""Usual pixels: a name, its menu and its key side by side, and a dozen of them."""
+"""Pixels: a name, its menu and its key side by side, and a dozen of them."""
 
 
 def draw_palette(workspace: Workspace) -> None:
@@ -63,19 +63,19 @@ def _row(workspace: Workspace, action: Action, marked: bool, follow: bool) -> bo
     """One action: its name, its menu or why it cannot be done, and its key; True where it is clicked."""
     reason, key = action.why_not(), workspace.actions.shown_key(action)
     at, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-    clicked = imgui.selectable(f"##{action.id}", marked, 0, ImVec2(0, px(24)))[0]
+    clicked = imgui.selectable(f"##{action.id}", marked, 0, ImVec2(0, 24))[0]
     workspace.remember(f"palette {action.id}")
     if marked and follow:
         imgui.set_scroll_here_y()
     draw, font = imgui.get_window_draw_list(), imgui.get_font()
-    top = at.y + (px(24) - imgui.get_font_size()) / 2
-    draw.add_text(ImVec2(at.x + px(6), top), packed(FAINT if reason else INK), action.label)
-    left = at.x + px(18) + imgui.calc_text_size(action.label).x
+    top = at.y + (24 - imgui.get_font_size()) / 2
+    draw.add_text(ImVec2(at.x + 6, top), packed(FAINT if reason else INK), action.label)
+    left = at.x + 18 + imgui.calc_text_size(action.label).x
     size = imgui.get_font_size() * 0.85
-    room = wide - (left - at.x) - imgui.calc_text_size(key).x - px(20)
-    draw.push_clip_rect(ImVec2(left, at.y), ImVec2(left + max(room, 0.0), at.y + px(24)), True)
-    draw.add_text(font, size, ImVec2(left, top + px(2)), packed(QUIET, 0.7), reason or action.menu)
+    room = wide - (left - at.x) - imgui.calc_text_size(key).x - 20
+    draw.push_clip_rect(ImVec2(left, at.y), ImVec2(left + max(room, 0.0), at.y + 24), True)
+    draw.add_text(font, size, ImVec2(left, top + 2), packed(QUIET, 0.7), reason or action.menu)
     draw.pop_clip_rect()
-    right = at.x + wide - imgui.calc_text_size(key).x - px(6)
+    right = at.x + wide - imgui.calc_text_size(key).x - 6
     draw.add_text(ImVec2(right, top), packed(FAINT if reason else QUIET), key)
     return bool(clicked)

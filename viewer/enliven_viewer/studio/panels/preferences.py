@@ -1,4 +1,4 @@
-"""The preferences: which keys actions have."""
+"""The preferences: the size of text, motion, and which keys actions have."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.actions import KEYS, Action, held_keys, spoken
 from enliven_viewer.studio.panels.modal import button, modal
-from enliven_viewer.studio.panels.style import px, quiet, tinted
+from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
 _SIZE = (620.0, 520.0)
-"""Usual pixels: an action with its key and a button beside it, and fifteen of them."""
+"""Pixels: an action with its key and a button beside it, and fifteen of them."""
 _KEY = 150.0
-"""Usual pixels of a key's button: Ctrl+Shift+PgDn."""
+"""Pixels of a key's button: Ctrl+Shift+PgDn."""
 
 
 def draw_preferences(workspace: Workspace) -> None:
@@ -21,8 +21,9 @@ def draw_preferences(workspace: Workspace) -> None:
     with modal("Preferences", *_SIZE) as shown:
         if not shown:
             return
+        _reading(workspace)
         asking = bool(workspace.wanted_key.action)
-        imgui.begin_child("##keys", ImVec2(0, -3 * imgui.get_frame_height() - px(18)))
+        imgui.begin_child("##keys", ImVec2(0, -3 * imgui.get_frame_height() - 18))
         for menu, actions in workspace.actions.menus.items():
             quiet(menu.upper())
             for action in actions:
@@ -39,14 +40,34 @@ def draw_preferences(workspace: Workspace) -> None:
         imgui.end_disabled()
 
 
+def _reading(workspace: Workspace) -> None:
+    """The size of text, and whether the view glides."""
+    preferences, actions = workspace.preferences, workspace.actions
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted("Size of text")
+    imgui.same_line(110)
+    for sign, action in (("-", "view.smaller_text"), ("+", "view.larger_text")):
+        imgui.begin_disabled(bool(actions[action].why_not()))
+        if imgui.button(f"{sign}##{action}", ImVec2(32, 0)):
+            actions.do(action)
+        imgui.end_disabled()
+        workspace.remember(action)
+        imgui.same_line()
+    imgui.text_unformatted(f"{preferences.text_size:.0%}")
+    imgui.same_line(260)
+    if imgui.checkbox("Less motion", preferences.less_motion)[0]:
+        actions.do("view.less_motion")
+    imgui.separator()
+
+
 def _row(workspace: Workspace, action: Action) -> None:
     """An action with a button for each way to change its key."""
     wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(action.label)
-    imgui.same_line(imgui.get_content_region_avail().x - px(_KEY + 42))
+    imgui.same_line(imgui.get_content_region_avail().x - _KEY + 42)
     said = "Press a key ..." if wanted.action == action.id else key or "none"
-    if imgui.button(f"{said}###key {action.id}", ImVec2(px(_KEY), 0)):
+    if imgui.button(f"{said}###key {action.id}", ImVec2(_KEY, 0)):
         wanted.begin(action.id)
     workspace.remember(f"key {action.id}")
     imgui.same_line()
@@ -66,7 +87,7 @@ def _capture(workspace: Workspace) -> None:
     other = actions.holder(wanted.key) if wanted.key else None
     if other is None:
         quiet("Click a key to change it. While a tool works, keys that it names in its hint are its own.")
-        imgui.dummy(ImVec2(0, imgui.get_frame_height() - px(8)))
+        imgui.dummy(ImVec2(0, imgui.get_frame_height() - 8))
         return
     with tinted(WAIT, imgui.Col_.text):
         imgui.text_unformatted(f"{spoken(wanted.key)} is the key of \u201c{other.label}\u201d.")

@@ -15,7 +15,7 @@ from enliven_viewer.studio.viewport import default_colour
 from enliven_viewer.studio.workspace import Workspace
 
 _HALF = 126.0
-"""Usual pixels of a button: two are side by side."""
+"""Pixels of a button: two are side by side."""
 _DEEDS = (
     "edit.duplicate",
     "shape.mirror",

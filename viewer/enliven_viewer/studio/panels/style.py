@@ -76,12 +76,6 @@ def apply_style() -> None:
         style.set_color_(which, ImVec4(*colour))
 
 
-def px(usual: float) -> float:
-    """Pixels of a length that has so many at the usual size of text, on a screen of usual density."""
-    style = imgui.get_style()
-    return usual * style.font_scale_main * style.font_scale_dpi
-
-
 def packed(colour: Colour, opacity: float = 1.0) -> int:
     """A colour as draw lists take it."""
     return imgui.get_color_u32(ImVec4(colour[0], colour[1], colour[2], colour[3] * opacity))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.actions import spoken
+from enliven_viewer.studio.panels.start import draw_start
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.toasts import Toast
@@ -23,6 +24,9 @@ def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True) -> None
     if tool:
         _tool(workspace, draw, area)
     _toasts(workspace, draw, area)
+    if tool:
+        draw_start(workspace, area)
+    workspace.watch_tour(imgui.get_io().delta_time)
     if workspace.caption:
         _caption(workspace, draw, area)
     draw.pop_clip_rect()

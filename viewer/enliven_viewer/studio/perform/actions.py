@@ -33,6 +33,8 @@ class PerformAction:
     @property
     def id(self) -> str:
         """A name that stays: "perform.possess_alone"."""
+        if self.label == _STAND:
+            return "perform.stand"  # the start page shows it
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
     def lacks(self, session: PerformSession) -> str:
@@ -72,7 +74,9 @@ def _go(room: str) -> Callable[[PerformSession], object]:
 
 
 _HERE = ("Perform", "Play")
+_STAND = "Stand in front of the camera"
 PERFORM_ACTIONS = (
+    PerformAction(_STAND, "", _go("Perform"), live=False),
     *(
         PerformAction(
             f"Workspace: {room}",

@@ -8,11 +8,11 @@ import numpy as np
 
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.preferences import Preferences
+from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace.clip_actions import clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
-from enliven_viewer.studio.workspace.files import exportable
+from enliven_viewer.studio.workspace.files import SAMPLES, add_sample, exportable
 from enliven_viewer.studio.workspace.input import ViewportInput
 
 Ask = Callable[[str], None]
@@ -32,7 +32,22 @@ def studio_actions(
     yield from clip_actions(commands.clips)
     yield from _view(commands)
     yield from _cameras(commands)
+    yield from _reading(preferences)
     yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
+    yield Action(
+        "help.tour",
+        "Help",
+        "Take the tour",
+        (),
+        lambda: ask("tour"),
+        about="Three minutes: each step sees what you do, and goes on.",
+    )
+    yield Action(
+        "help.start", "Help", "Start page", (), lambda: ask("start"), about="While nothing is there."
+    )
+    for name, label in SAMPLES.items():
+        do = lambda name=name: add_sample(commands.editor, name)  # noqa: E731
+        yield Action(f"sample.{name}", "Help", label, (), do, about="A sample.", apart=name == "cactus")
     yield Action("help.keys", "Help", "Keys", ("f1", "h"), lambda: ask("help"))
 
 
@@ -268,6 +283,40 @@ def _view(c: Commands) -> Iterator[Action]:
         c.puppets.warn,
         on=lambda: editor.puppets.warn,
         about="Faces that pass through one another are red while a key pose is edited.",
+    )
+
+
+def _reading(preferences: Preferences) -> Iterator[Action]:
+    def at_end(size: float, said: str) -> str:
+        return f"The text is as {said} as it gets." if preferences.text_size == size else ""
+
+    yield Action(
+        "view.larger_text",
+        "View",
+        "Larger text",
+        ("ctrl+shift+equal",),
+        lambda: preferences.resize(1),
+        lambda: at_end(SIZES[-1], "large"),
+        about="Text, and everything around it.",
+        apart=True,
+    )
+    yield Action(
+        "view.smaller_text",
+        "View",
+        "Smaller text",
+        ("ctrl+shift+minus",),
+        lambda: preferences.resize(-1),
+        lambda: at_end(SIZES[0], "small"),
+        about="Text, and everything around it.",
+    )
+    yield Action(
+        "view.less_motion",
+        "View",
+        "Less motion",
+        (),
+        preferences.calm,
+        on=lambda: preferences.less_motion,
+        about="The view turns at once, without gliding.",
     )
 
 

@@ -15,6 +15,7 @@ from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of
 from enliven.modeling.puppet import make_puppet
+from enliven.samples import cactus_project, load_sample
 from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.studio.editor import Editor
 
@@ -25,6 +26,8 @@ PERFORMANCES = (".mcap",)
 SESSIONS = (".toml",)
 FILM = ".mp4"
 EXPORTS = (".glb", *(ending for ending in suffixes() if ending not in (".glb", FILM)))
+SAMPLES = {"cactus": "Dancing cactus", "chair": "Armchair", "lamp": "Desk lamp"}
+"""What ships with enliven, by the names of its samples."""
 _LONGEST = 130
 """Letters of a file's note that are shown."""
 _BESIDE = 0.3
@@ -56,6 +59,15 @@ def add_file(editor: Editor, path: Path) -> None:
         known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS))
         what = f"{ending} is of no known kind" if ending else "its name has no ending"
         raise InputError(what, where=str(path), mend=f"Known: {known}.")
+
+
+def add_sample(editor: Editor, name: str) -> None:
+    """Add a sample that ships with enliven: a mesh as a puppet, or a puppet that plays at once."""
+    if name == "cactus":
+        _add_played(editor, "cactus", cactus_project(), name, ())
+        editor.playing = True
+    elif name in ("chair", "lamp"):
+        _add_puppet(editor, Path(name), load_sample(name), ())
 
 
 def exportable(project: Project) -> list[RigBase]:
@@ -152,19 +164,22 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
 
 def _add_session(editor: Editor, path: Path) -> None:
     session = read_session(path)
+    _add_played(editor, path.name, session.project, session.puppet, session.notes)
+
+
+def _add_played(editor: Editor, said: str, source: Project, character: str, notes: tuple[str, ...]) -> None:
+    """A character of another project, with what it plays."""
     made: list[str] = []
 
     def add(project: Project) -> Project:
-        project = project.with_takes(
-            *(t for t in session.project.takes.values() if t.id not in project.takes)
-        )
-        project, puppet = paste_character(project, session.project, session.puppet)
-        made.append(puppet)
+        project = project.with_takes(*(t for t in source.takes.values() if t.id not in project.takes))
+        project, name = paste_character(project, source, character)
+        made.append(name)
         return project
 
-    if editor.edit(f"open {path.name}", add):
+    if editor.edit(f"open {said}", add):
         editor.choose(made[-1])
-        _tell(editor, path, session.notes, "")
+        _tell(editor, Path(said), notes, "")
         editor.frame_all()
 
 

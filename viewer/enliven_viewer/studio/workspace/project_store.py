@@ -45,6 +45,11 @@ class ProjectStore:
         return self.path.stem if self.path else _UNNAMED
 
     @property
+    def named(self) -> bool:
+        """Whether the project has a file."""
+        return self.path is not None
+
+    @property
     def dirty(self) -> bool:
         """Whether something is not saved."""
         return self.editor.history.project is not self._saved

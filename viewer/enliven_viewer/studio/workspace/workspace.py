@@ -14,6 +14,7 @@ from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
+from enliven_viewer.studio.start import Tour, Toured
 from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.workspace.action_table import studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
@@ -52,6 +53,7 @@ class Workspace:
         browser: what a dialogue about files shows.
         finding: what the palette finds; wanted_key: the key that the preferences change.
         history_shown: whether the list of steps is open; history_seen: its length and step when it was drawn.
+        starting: whether the start page is shown while nothing is there; tour: the tour while it is taken.
         caption: what a session says of what it does; empty without a session.
         pressed: the key that a session presses just now.
         ended: whether the studio is to end.
@@ -61,6 +63,7 @@ class Workspace:
         self.editor = editor
         self.preferences = Preferences(folder)
         self.actions = ActionTable(editor.toasts, self.preferences)
+        editor.less_motion = lambda: self.preferences.less_motion
         self.commands = Commands(editor)
         self.input = ViewportInput(editor, self.actions)
         self.actions.add(*studio_actions(self.commands, self.input, self.ask, self.preferences))
@@ -77,7 +80,8 @@ class Workspace:
         self.browser: FileBrowser | None = None
         self.finding, self.wanted_key = Finding(self.actions), WantedKey()
         self.history_shown, self.history_seen = False, (0, 0)
-        self.ended = False
+        self.ended = self.starting = False
+        self.tour: Tour | None = None
         self._after = ""
         self._wanted: Path | None = None
 
@@ -96,6 +100,10 @@ class Workspace:
             self.store.new(Project().with_takes(*library()))
         elif dialogue == "quit":
             self.ended = True
+        elif dialogue == "tour":
+            self.starting, self.tour = False, Tour(Toured(self.editor, self.actions, self.store))
+        elif dialogue == "start":
+            self.starting = not self.starting
         elif dialogue == "again":
             self.open(Path(self.preferences.recent[0]))
         elif dialogue == "history":
@@ -165,6 +173,20 @@ class Workspace:
                 self._go_on()
         else:
             self._browse("save as")
+
+    def watch_tour(self, seconds: float) -> None:
+        """Let the tour see what was done; to be called once a picture, so long after the one before."""
+        if self.tour is None:
+            return
+        self.tour.watch(seconds)
+        if self.tour.step is None:
+            self.end_tour()
+            self.editor.toasts.say("That was the tour", "Ctrl+K finds all that you have not seen yet.")
+
+    def end_tour(self) -> None:
+        """Put the tour away."""
+        self.tour, self.preferences.toured = None, True
+        self.preferences.save()
 
     def cancel(self) -> None:
         """Close the dialogue; nothing goes on."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.panels.fields import told
-from enliven_viewer.studio.panels.style import packed, px
+from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import ROOMS
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, INK
@@ -25,8 +25,8 @@ def draw_rooms(workspace: Workspace) -> None:
     if not imgui.begin_main_menu_bar():
         return
     perform = workspace.perform
-    tab = px(_WIDE)
-    left = max((imgui.get_window_width() - tab * len(ROOMS)) / 2, imgui.get_cursor_pos_x() + px(12.0))
+    tab = _WIDE
+    left = max((imgui.get_window_width() - tab * len(ROOMS)) / 2, imgui.get_cursor_pos_x() + 12.0)
     draw, high = imgui.get_window_draw_list(), imgui.get_window_height()
     for number, room in enumerate(ROOMS):
         x = left + number * tab

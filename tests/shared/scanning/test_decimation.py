@@ -1,0 +1,66 @@
+"""Fewer triangles: within the budget, near the full surface as is said, closed where it was, and coloured."""
+
+import numpy as np
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.meshes import Mesh
+from enliven.scanning import decimated
+from enliven.scanning.decimation import distances
+
+
+def ball(wobble=0.0, detail=4):
+    """A closed ball of 5,120 faces, dented in waves, red above and blue below."""
+    made = trimesh.creation.icosphere(detail, 0.3)
+    vertices = made.vertices * (1 + wobble * np.sin(9 * made.vertices[:, :1] + 5 * made.vertices[:, 1:2]))
+    colours = np.where(vertices[:, 1:2] > 0, (220, 20, 20), (20, 20, 220)).astype(np.uint8)
+    return Mesh(np.asarray(vertices), np.asarray(made.faces, np.int32), "ball", colours)
+
+
+def slow_distance(mesh, point):
+    """Metres from a point to a mesh, by a fine net of points on each face."""
+    share = np.array([(i, j, 60 - i - j) for i in range(61) for j in range(61 - i)]) / 60
+    places = (mesh.vertices[mesh.faces][:, None] * share[None, :, :, None]).sum(2)
+    return np.linalg.norm(places - point, axis=2).min()
+
+
+@settings(max_examples=12)
+@given(faces=st.integers(60, 4000), wobble=st.floats(0.0, 0.15))
+def test_it_keeps_to_its_budget_and_is_as_near_as_it_says(faces, wobble):
+    mesh = ball(wobble)
+    made = decimated(mesh, faces)
+    assert 0.8 * faces <= len(made.mesh.faces) <= faces
+    apart = np.abs(distances(made.mesh, mesh.vertices))
+    assert np.quantile(apart, 0.99) <= 1.1 * made.most and 0 < made.mean <= made.most
+    low, high = mesh.bounds
+    assert np.abs(np.subtract(made.mesh.bounds, (low, high))).max() <= 0.03 + 3 * made.most
+    # Each edge between two faces, once from either side: it is as closed as before.
+    f = made.mesh.faces
+    sides = np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]])
+    assert len(np.unique(np.sort(sides, 1), axis=0)) * 2 == len(sides) == len(np.unique(sides, axis=0))
+    assert len(np.unique(f)) == len(made.mesh.vertices)
+    high = made.mesh.vertices[:, 1]
+    assert (made.mesh.colours[high > 0.05] == (220, 20, 20)).all()
+    assert (made.mesh.colours[high < -0.05] == (20, 20, 220)).all()
+
+
+def test_what_is_flat_costs_hardly_anything():
+    box = trimesh.creation.box((0.4, 0.3, 0.2)).subdivide_to_size(0.02)
+    made = decimated(Mesh(np.array(box.vertices), np.array(box.faces, np.int32)), 100)
+    assert made.most < 1e-5 and len(made.mesh.faces) <= 100
+
+
+@settings(max_examples=20)
+@given(place=st.tuples(*[st.floats(-0.5, 0.5)] * 3))
+def test_the_distance_is_the_slow_one(place):
+    mesh = ball(detail=1)
+    found, slow = distances(mesh, np.array([place]))[0], slow_distance(mesh, np.array(place))
+    # The net's points lie 3 mm apart, and the middle of the ball is as near to all faces.
+    assert abs(found - slow) < 0.004
+
+
+def test_a_small_mesh_stays_as_it_is():
+    mesh = ball(detail=1)
+    made = decimated(mesh, len(mesh.faces))
+    assert made.mesh is mesh and made.mean == made.most == 0.0

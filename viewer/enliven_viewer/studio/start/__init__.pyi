@@ -1,0 +1,1 @@
+from .tour import TOUR as TOUR, Tour as Tour, Toured as Toured
