@@ -15,7 +15,7 @@ from typing import Any
 import typer
 
 from enliven import __version__
-from enliven.commands import LazyCommands
+from enliven.commands import LazyCommands, has_display
 from enliven.errors import EnlivenError
 from enliven.logs import ignore_broken_stderr, start_logging
 
@@ -28,6 +28,7 @@ stay, and Python's own 700 costs 0.1 s of each start."""
 HELP = """Step into any mesh and bring it alive.
 
 \b
+  enliven                                  the window: sketch, animate, perform (enliven studio)
   enliven run                              watch the chair move with a recorded person
   enliven run --recording TAKE.mcap --mesh HORSE.obj
   enliven import DEPTH/*.png -o take.mcap  bring in a recording made by others
@@ -97,7 +98,6 @@ def application() -> Any:
     app = typer.Typer(
         cls=LazyCommands,
         help=HELP,
-        no_args_is_help=True,
         rich_markup_mode=None,
         context_settings={"max_content_width": 100},
     )
@@ -105,10 +105,22 @@ def application() -> Any:
     return typer.main.get_command(app)
 
 
-def _root(version: bool = typer.Option(False, "--version", help="Print the version and stop.")) -> None:
+def _root(
+    context: typer.Context,
+    version: bool = typer.Option(False, "--version", help="Print the version and stop."),
+) -> None:
+    """Opens the window where no command is named and there is one to open; else shows the help."""
     if version:
         typer.echo(__version__)
         raise typer.Exit
+    if context.invoked_subcommand is not None:
+        return
+    group: Any = context.command
+    window = group.get_command(context, "studio") if has_display() else None
+    if window is None:
+        typer.echo(context.get_help())
+        raise typer.Exit
+    context.invoke(window)
 
 
 def _complain(message: str) -> None:

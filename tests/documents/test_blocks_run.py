@@ -88,7 +88,7 @@ def without_processes(monkeypatch):
         return cli.run([*edge, *BOUNDS["edge"]])
 
     class Closed:
-        def __init__(self, workspace) -> None:
+        def __init__(self, workspace, opening) -> None:
             self.workspace = workspace
 
         def run(self, seconds: float | None = None) -> None:

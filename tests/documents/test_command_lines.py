@@ -37,6 +37,7 @@ def parse(words: list[str]):
     Raises:
         Exception: a usage error of click's or typer's.
     """
+    words = list(words) or ["studio"]  # the program alone opens that window
     with GROUP.make_context("enliven", list(words)) as context:
         name, command, rest = GROUP.resolve_command(context, words)
         while hasattr(command, "list_commands"):

@@ -1,6 +1,7 @@
 """An edge as a program of its own that replays a performer for ever, with a chair that the performer holds.
 
-Says its ports, serves until SIGTERM, and then says the longest frame: its milliseconds of processor time.
+Says its ports (free ones, or those that it is given), serves until SIGTERM, and then says the longest frame:
+its milliseconds of processor time.
 """
 
 import logging
@@ -39,20 +40,21 @@ def performer(i: int) -> Body:
     return Body(1, posture.joints(), np.ones(20), stature=1.75)
 
 
-def main(name: str, folder: Path, rate: float) -> None:
+def main(name: str, folder: Path, rate: float, port: int = 0, control_port: int = 0) -> None:
     """Serves."""
     logging.basicConfig(level=logging.WARNING)
     path = folder / "performer.mcap"
-    with Recorder(path) as recorder:
+    with Recorder(path, overwrite=True) as recorder:
         for i in range(FRAMES):
             recorder.write_frame(BodyFrame([performer(i)], i * STEP_NS, "kinect2"))
-    chosen = EdgeSettings(nodes=64, wire=WireSettings(name=name, port=0, control_port=0, rate=rate))
+    wire = WireSettings(name=name, port=port, control_port=control_port, rate=rate)
+    chosen = EdgeSettings(nodes=64, wire=wire)
     actor = cast_mesh(load_sample("chair"), "chair", chosen.nodes, fit=False)
     actor.warm_up()
     stage = Stage([actor])
     with (
         ReplaySensor(path, loop=True) as sensor,
-        Outlet(chosen.wire, sensor.name, record=folder / "take.mcap") as outlet,
+        Outlet(chosen.wire, sensor.name, record=folder / "take.mcap", overwrite=True) as outlet,
     ):
         edge = Edge(sensor, Tracker(), stage, outlet, possess_at=0.1, arrivals=Arrivals(stage, chosen))
         signal.signal(signal.SIGTERM, lambda *_: edge.stop())
@@ -71,4 +73,4 @@ def main(name: str, folder: Path, rate: float) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]), float(sys.argv[3]))
+    main(sys.argv[1], Path(sys.argv[2]), float(sys.argv[3]), *map(int, sys.argv[4:]))

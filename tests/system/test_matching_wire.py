@@ -22,11 +22,13 @@ from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.link.edges import EdgeClient
-from enliven_viewer.live.app import App
 from enliven_viewer.live.match_cards import cards_of
+from enliven_viewer.live.stage import LiveStage
 from enliven_viewer.playback.document import Document
+from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.overlay.match_lines import match_rows
 from enliven_viewer.render.scene import scene_of
+from enliven_viewer.settings import ViewerSettings
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "matching"))
 
@@ -60,9 +62,10 @@ class House:
         self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet)
         self.document = Document()
         self.feed = EdgeFeed(EdgeClient([outlet.publisher.endpoint]))
-        self.app = App(self.feed, self.document)
-        self.app.camera.face(0.0, 0.2)
-        self.app.camera.advance(10.0)
+        self.live = LiveStage(self.feed, self.document)
+        self.camera = OrbitCamera(ViewerSettings().render.opening)
+        self.camera.face(0.0, 0.2)
+        self.camera.advance(10.0)
 
     def step(self) -> None:
         frame = self.sensor.read()
@@ -70,8 +73,8 @@ class House:
         self.edge.step(frame)
         self.edge._listen()
         self.feed.poll(self.document)
-        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.style)
-        self.app.report_view()
+        self.live.scene = scene_of(self.document, self.live.playhead.moment(), self.live.style)
+        self.live.report_view(self.camera.view(1.0))
         time.sleep(0.002)
 
     def until(self, done) -> None:
@@ -82,7 +85,7 @@ class House:
 
     @property
     def board(self):
-        return self.app._scene.boards.get("star")
+        return self.live.scene.boards.get("star")
 
     @property
     def tips(self) -> list[str]:
@@ -103,43 +106,43 @@ def house() -> Iterator[House]:
 
 
 def test_a_viewer_sees_chooses_and_takes(house: House) -> None:
-    app = house.app
-    app.choose_parts(3)  # the arms
+    live, camera = house.live, house.camera
+    live.choose_parts(3)  # the arms
     house.until(lambda: len(house.board.rows[0].lines) == 2)
     house.until(lambda: house.tips == ["left", "right"])
-    cards = cards_of(app._scene, app.camera.view(1.6))
+    cards = cards_of(live.scene, camera.view(1.6))
     assert len(cards) == 6 and [card.meant for card in cards].index(True) == house.board.shown
     assert all(card.bones.min() >= 0.0 and card.bones[..., 1].max() <= 1.0 for card in cards)
-    rows, deep = match_rows(app._scene.boards)
+    rows, deep = match_rows(live.scene.boards)
     assert len(rows) == 2 * (2 + 3) and deep > 0.0
     house.sensor.left = (0.0, 1.0, 0.0)
     house.until(lambda: house.tips == ["up", "right"])
-    app.browse(1)
+    live.browse(1)
     house.until(lambda: house.board.shown == 1)
     second = house.tips
-    app.possess()
+    live.possess()
     house.until(lambda: house.board.state == "playing")
     assert house.tips == second
-    assert cards_of(app._scene, app.camera.view(1.6)) == ()
+    assert cards_of(live.scene, camera.view(1.6)) == ()
     before = house.actor.live_shape.joints
     house.sensor.right = (0.0, -1.0, 0.0)
     house.until(lambda: np.abs(house.actor.live_shape.joints - before).max() > 0.2)
-    app.release()
+    live.release()
     house.until(lambda: house.board.state == "choosing")
 
 
 def test_the_edge_ranks_for_where_the_viewer_looks(house: House) -> None:
-    house.app.choose_parts(3)
+    house.live.choose_parts(3)
     house.until(lambda: house.tips == ["left", "right"])
-    house.app.camera.face(np.pi, 0.2)
-    house.app.camera.advance(10.0)
+    house.camera.face(np.pi, 0.2)
+    house.camera.advance(10.0)
     house.until(lambda: house.tips == ["right", "left"])
 
 
 def test_the_camera_turns_to_where_the_bones_are_seen(house: House) -> None:
-    house.app.camera.face(1.5, 0.2)
-    house.app.camera.advance(10.0)
-    house.app.show_bones()
-    house.app.camera.advance(10.0)
-    forward = -house.app.camera.view(1.0).camera_from_world[2, :3]
+    house.camera.face(1.5, 0.2)
+    house.camera.advance(10.0)
+    house.live.show_bones(house.camera)
+    house.camera.advance(10.0)
+    forward = -house.camera.view(1.0).camera_from_world[2, :3]
     assert abs(forward[2]) > 0.75, "most limbs of the star lie across z"

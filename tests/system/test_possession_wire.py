@@ -25,7 +25,7 @@ from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.link.edges import EdgeClient
-from enliven_viewer.live.app import App
+from enliven_viewer.live.stage import LiveStage
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.scene import scene_of
 
@@ -63,7 +63,7 @@ class House:
         self.edge = Edge(TwoPeople(), Tracker(), Stage([self.actor]), outlet)
         self.document = Document()
         self.feed = EdgeFeed(EdgeClient([outlet.publisher.endpoint]))
-        self.app = App(self.feed, self.document)
+        self.live = LiveStage(self.feed, self.document)
 
     def step(self) -> None:
         frame = self.edge.sensor.read()
@@ -71,7 +71,7 @@ class House:
         self.edge.step(frame)
         self.edge._listen()
         self.feed.poll(self.document)
-        self.app._scene = scene_of(self.document, self.app.playhead.moment(), self.app.style)
+        self.live.scene = scene_of(self.document, self.live.playhead.moment(), self.live.style)
         time.sleep(0.002)
 
     def until(self, done) -> None:
@@ -95,49 +95,49 @@ def house() -> Iterator[House]:
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with Outlet(wire, "two people") as outlet:
         made = House(outlet)
-        made.until(lambda: made.cues and made.document.characters and len(made.app._scene.bodies) == 2)
+        made.until(lambda: made.cues and made.document.characters and len(made.live.scene.bodies) == 2)
         yield made
         made.feed.close()
 
 
 def test_two_performers_take_hold_with_their_parts_from_the_keys(house: House) -> None:
     assert house.cues.state == "preview" and not house.cues.firm.any()
-    house.app.choose_parts(2)
+    house.live.choose_parts(2)
     whole = set(house.cues.nodes)
     house.until(lambda: set(house.cues.nodes) < whole)
     shown = dict(zip(house.cues.nodes.tolist(), house.cues.strengths.tolist(), strict=True))
-    house.app.possess()
+    house.live.possess()
     house.until(lambda: house.cues.state == "possessed" and house.cues.held)
     assert house.holders == {1: ["legs"]}
     strengths = house.actor.holds[0].strengths(48)
     held = {int(n): strengths[n] for n in np.flatnonzero(strengths)}
     assert held.keys() == shown.keys() and all(abs(held[n] - shown[n]) < 1 / 255 for n in held)
-    house.until(lambda: len(house.app._scene.bodies) == 2)
-    house.app.choose_performer()
-    house.app.choose_performer()
-    assert house.app.possession.words == "P takes hold: legs of performer 2"
-    house.app.choose_parts(1)
-    house.app.possess("join")
+    house.until(lambda: len(house.live.scene.bodies) == 2)
+    house.live.choose_performer()
+    house.live.choose_performer()
+    assert house.live.possession.words == "P steps in: the legs of performer 2"
+    house.live.choose_parts(1)
+    house.live.possess("join")
     house.until(lambda: set(house.cues.owners[house.cues.firm].tolist()) == {1, 2})
     assert house.holders == {1: ["legs"], 2: ["upper body"]}
-    house.app.choose_parts(8)
-    house.app.possess("extend")
+    house.live.choose_parts(8)
+    house.live.possess("extend")
     house.until(lambda: len(house.holders[2]) == 2 or house.holders[2] == ["head"])
-    house.app.release()
+    house.live.release()
     house.until(lambda: house.holders == {1: ["legs"]})
-    house.app.possession.body = None
-    house.app.release()
+    house.live.possession.body = None
+    house.live.release()
     house.until(lambda: house.holders == {})
 
 
 def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house: House) -> None:
-    house.app.choose_performer()
-    house.app.smoother(1)
+    house.live.choose_performer()
+    house.live.smoother(1)
     house.until(lambda: house.edge.tracker.output.amount(1) == 2.0)
     assert house.edge.tracker.output.amount(2) == 1.0
-    house.app.toggle_lock()
+    house.live.toggle_lock()
     house.until(lambda: "only the performers of one depth sensor" in house.document.edge.message)
-    assert not house.app.possession.locked
+    assert not house.live.possession.locked
 
 
 def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House) -> None:
@@ -145,14 +145,14 @@ def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House)
     house.edge.tracker = Tracker()  # it has seen nothing yet
     tracker, silent = house.edge.tracker, lambda: (house.edge._listen(), house.feed.poll(house.document))
     for wanted, ids in ((True, frozenset()), (False, None)):
-        house.app.toggle_lock()
+        house.live.toggle_lock()
         deadline = time.monotonic() + PATIENCE
-        while house.app.possession.locked != wanted and time.monotonic() < deadline:
+        while house.live.possession.locked != wanted and time.monotonic() < deadline:
             silent()
-        assert house.app.possession.locked == wanted and tracker._people.roster.lock.ids == ids
+        assert house.live.possession.locked == wanted and tracker._people.roster.lock.ids == ids
 
 
 def test_what_is_refused_is_said(house: House) -> None:
-    house.app.possession.body = 9
-    house.app.possess()
+    house.live.possession.body = 9
+    house.live.possess()
     house.until(lambda: "performer 9 is not in view" in house.document.edge.message)

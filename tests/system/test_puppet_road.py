@@ -35,7 +35,7 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.link.take_feed import TakeFeed
-from enliven_viewer.live.app import App
+from enliven_viewer.live.stage import LiveStage
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.playback.timeline import Timeline
@@ -78,7 +78,7 @@ class House:
         self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet)
         self.document, self.outlet = Document(), outlet
         self.feed = EdgeFeed(EdgeClient([outlet.publisher.endpoint]))
-        self.app, self.surfaces = App(self.feed, self.document), SolvedSurfaces()
+        self.live, self.surfaces = LiveStage(self.feed, self.document), SolvedSurfaces()
 
     def step(self) -> None:
         frame = self.sensor.read()
@@ -86,8 +86,8 @@ class House:
         self.edge.step(frame)
         self.edge._listen()
         self.feed.poll(self.document)
-        moment, style = self.app.playhead.moment(), self.app.style
-        self.app._scene = scene_of(self.document, moment, style, self.surfaces)
+        moment, style = self.live.playhead.moment(), self.live.style
+        self.live.scene = scene_of(self.document, moment, style, self.surfaces)
         time.sleep(0.002)
 
     def until(self, done) -> None:
@@ -99,7 +99,7 @@ class House:
     @property
     def vertices(self) -> np.ndarray | None:
         """(V, 3) metres, the surface that the viewer shows."""
-        actors = self.app._scene.actors
+        actors = self.live.scene.actors
         return actors[0].vertices if actors else None
 
     def hand(self, point: int) -> float:
@@ -119,34 +119,34 @@ def house() -> Iterator[House]:
 
 def test_the_viewer_solves_what_performers_do(house: House) -> None:
     assert house.document.characters["cactus"].kind == "points"
-    house.app.possess()
-    house.until(lambda: house.app._scene.actors[0].cues.state == "possessed")
+    house.live.possess()
+    house.until(lambda: house.live.scene.actors[0].cues.state == "possessed")
     house.until(lambda: house.hand(LEFT) < 0.5)
     house.sensor.left = 2.7
     house.until(lambda: house.hand(LEFT) > 1.05)
     assert house.hand(RIGHT) < 0.5
-    cues = house.app._scene.actors[0].cues
+    cues = house.live.scene.actors[0].cues
     assert len(cues.nodes) == len(NAMES)
     assert set(cues.owners.tolist()) == {1}
 
 
 def test_a_second_performer_joins_with_parts_and_lets_go(house: House) -> None:
-    house.app.possess()
-    house.until(lambda: house.app._scene.actors[0].cues.state == "possessed")
-    house.app.possession.body, house.app.possession.parts = 2, "right arm"
-    house.app.possess("join")
-    house.until(lambda: set(house.app._scene.actors[0].cues.owners.tolist()) == {1, 2})
+    house.live.possess()
+    house.until(lambda: house.live.scene.actors[0].cues.state == "possessed")
+    house.live.possession.body, house.live.possession.parts = 2, "right arm"
+    house.live.possess("join")
+    house.until(lambda: set(house.live.scene.actors[0].cues.owners.tolist()) == {1, 2})
     house.sensor.right = 2.7
     house.until(lambda: house.hand(RIGHT) > 1.05 and house.hand(LEFT) < 0.5)
-    house.app.release()
+    house.live.release()
     house.until(lambda: [hold.body for hold in house.actor.holds] == [1])
-    house.app.possession.parts = "left foot"
-    house.app.possess()
+    house.live.possession.parts = "left foot"
+    house.live.possess()
     house.until(lambda: "no control point goes with" in house.document.edge.message)
 
 
 def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
-    house.app.possess()
+    house.live.possess()
     house.sensor.left = 2.7
     house.until(lambda: house.hand(LEFT) > 1.05)
     late, surfaces = Document(), SolvedSurfaces(wait=True)
@@ -157,7 +157,7 @@ def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
         feed.poll(late)
         if not (late.characters and len(late.timeline)):
             return 0.0
-        (actor,) = scene_of(late, late.timeline.at(late.timeline.end_ns), house.app.style, surfaces).actors
+        (actor,) = scene_of(late, late.timeline.at(late.timeline.end_ns), house.live.style, surfaces).actors
         return 0.0 if actor.vertices is None else float(actor.vertices[PUPPET.points[LEFT - 1].vertex, 1])
 
     house.until(lambda: hand() > 1.05)
@@ -219,7 +219,7 @@ def test_the_take_plays_back_as_it_was_and_opens_in_the_studio(road: Path) -> No
     held = np.asarray(character.held)
     for pose in poses[40::12]:
         (actor,) = scene_of(
-            document, document.timeline.at(pose.time_ns), App(feed, document).style, surfaces
+            document, document.timeline.at(pose.time_ns), LiveStage(feed, document).style, surfaces
         ).actors
         assert actor.vertices is not None
         np.testing.assert_allclose(actor.vertices[held], pose.positions[1:], atol=2e-3)

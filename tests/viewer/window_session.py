@@ -1,37 +1,27 @@
-"""Opens the viewer's window on a walking box, presses keys, and prints what came of it as JSON."""
+"""Opens the window in Play on a walking box, presses keys, and prints what came of it as JSON."""
 
 from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 
-import glfw
 import msgspec
 import numpy as np
+from imgui_bundle import hello_imgui, imgui
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.person.body import Body
-from enliven_viewer.live.app import App
-from enliven_viewer.live.keys import KeyBindings
+from enliven_viewer.live.stage import LiveStage
 from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import NS
-from enliven_viewer.settings import RenderSettings, ViewerSettings
+from enliven_viewer.settings import RenderSettings, WindowStart
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace.workspace import Workspace
 
-PRESSED = [
-    glfw.KEY_P,
-    glfw.KEY_3,
-    glfw.KEY_B,
-    glfw.KEY_J,
-    glfw.KEY_E,
-    glfw.KEY_R,
-    glfw.KEY_H,
-    glfw.KEY_G,
-    glfw.KEY_S,
-    glfw.KEY_SPACE,
-    glfw.KEY_LEFT,
-    glfw.KEY_UP,
-    glfw.KEY_F,
-]
+PRESSED = ["p", "_3", "b", "j", "e", "r", "g", "s", "space", "left_arrow", "up_arrow", "f", "f1"]
 
 
 class Feed:
@@ -64,31 +54,51 @@ class Feed:
 
 
 def main() -> None:
-    feed, said = Feed("empty" in sys.argv), {"frames": 0, "sizes": [], "errors": []}
+    feed, said = Feed("empty" in sys.argv), {"frames": 0, "errors": []}
     render = RenderSettings(shadow_size=64, contact_size=32)
-    app = App(feed, Document(), ViewerSettings(render=render, width=320, height=200))
+    settings = StudioSettings(render=render, width=640, height=480)
+    workspace = Workspace.new(Editor(settings), Path(sys.argv[1]))
+    live = workspace.perform.live = LiveStage(feed, Document())
+    workspace.perform.room = "Play"
+    window = StudioWindow(workspace, opening=WindowStart(bare="bare" in sys.argv, escape_ends=True))
 
-    def on_frame(app: App, renderer) -> None:
-        window = glfw.get_current_context()
-        number = said["frames"]
+    def after(window: StudioWindow) -> None:
         said["frames"] += 1
-        if renderer.ctx.error != "GL_NO_ERROR":
-            said["errors"].append(number)
-        said["sizes"] = list(renderer.size)
-        said["spread"] = float(renderer.pixels().std())
-        said["notice"] = app._notice()
-        if number < len(PRESSED):
-            glfw.set_key_callback(window, keys := glfw.set_key_callback(window, None))
-            keys(window, PRESSED[number], 0, glfw.PRESS, 0)
-        elif number == len(PRESSED):
-            glfw.set_window_size(window, 400, 260)
-        elif number == len(PRESSED) + 10:
-            glfw.set_window_should_close(window, True)
+        if window._viewport.renderer.ctx.error != "GL_NO_ERROR":
+            said["errors"].append(said["frames"])
+        if said["frames"] == 12:
+            said["spread"], said["notice"] = float(window.pixels().std()), live.notice
+            said["size"] = list(window.places.viewport)
 
-    app.run(60, on_frame, KeyBindings)
-    head = app.playhead
-    said |= {"asked": feed.asked, "help": app.help, "look": vars(app.style), "live": head.live}
-    said |= {"paused": head.paused, "speed": head.speed}
+    def work(ctx: imgui.test_engine.TestContext) -> None:
+        while said["frames"] < 15:
+            ctx.yield_()
+        for key in PRESSED:
+            ctx.key_press(int(getattr(imgui.Key, key)))
+            ctx.yield_()
+        said["help"] = workspace.asking
+        head = live.playhead
+        said.update(asked=feed.asked, look=vars(live.style), live=head.live)
+        said.update(paused=head.paused, speed=head.speed)
+        ctx.key_press(int(imgui.Key.escape))
+        ctx.yield_(3)
+        ctx.key_press(int(imgui.Key.f11))
+        ctx.yield_(4)
+        said["full"] = list(window.places.viewport)
+        ctx.key_press(int(imgui.Key.f11))
+        ctx.yield_(4)
+        said["again"] = list(window.places.viewport)
+        ctx.key_press(int(imgui.Key.escape))
+
+    def register() -> None:
+        engine = hello_imgui.get_imgui_test_engine()
+        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
+        test = imgui.test_engine.register_test(engine, "view", "work")
+        test.test_func = work
+        imgui.test_engine.queue_test(engine, test)
+
+    window.run(seconds=60, after=after, register_tests=register)
+    said["over"] = workspace.ended
     print(json.dumps(said))
 
 

@@ -118,6 +118,23 @@ class ViewerSettings:
     height: int = setting(720, "Height of the window or film.", unit="pixels", low=16, high=16384)
 
 
+@dataclass(frozen=True)
+class WindowStart:
+    """How the window begins.
+
+    Attributes:
+        title: of the window.
+        bare: whether nothing is written over the picture, and no panel is shown.
+        full_screen: whether it fills the monitor.
+        escape_ends: whether Escape closes the window, where nothing else is to be dropped.
+    """
+
+    title: str = "enliven"
+    bare: bool = False
+    full_screen: bool = False
+    escape_ends: bool = False
+
+
 def sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
     """The settings with a size such as "1280x720".
 

@@ -1,3 +1,8 @@
 from .lazy import LazyCommands as LazyCommands
 from .part_names import known_parts as known_parts
-from .processes import parent_is_gone as parent_is_gone, terminate_as_interrupt as terminate_as_interrupt
+from .processes import (
+    parent_is_gone as parent_is_gone,
+    start_process as start_process,
+    terminate_as_interrupt as terminate_as_interrupt,
+)
+from .run import has_display as has_display

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import IO
 
 PARENT_VARIABLE = "ENLIVEN_PARENT"
 """The process id of the program that started this one; a child ends when that program is gone."""
@@ -44,7 +45,7 @@ def run_together(processes: Sequence[Process]) -> int:
     with _ended_together() as children:
         try:
             for process in processes:
-                children.append(_start(process))
+                children.append(start_process(process.arguments))
                 code = _wait_until_ready(process, children[-1])
                 if code is not None:
                     return _meaning(code)
@@ -62,14 +63,17 @@ def is_listening(host: str, port: int) -> bool:
         return False
 
 
-def _start(process: Process) -> subprocess.Popen[bytes]:
-    """Starts the program as a child that knows its parent's process id.
+def start_process(arguments: Sequence[str], stderr: IO[str] | None = None) -> subprocess.Popen[bytes]:
+    """Starts the ``enliven`` program with arguments, as a child that knows its parent's process id.
 
     It is born deaf to Ctrl-C, which would end it in the middle of an import: this program ends it.
+
+    Args:
+        stderr: a file for its messages; None: where this program's own go.
     """
     environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
     with _interrupts_held():
-        return subprocess.Popen([sys.executable, "-m", "enliven", *process.arguments], env=environment)
+        return subprocess.Popen([sys.executable, "-m", "enliven", *arguments], env=environment, stderr=stderr)
 
 
 @contextlib.contextmanager

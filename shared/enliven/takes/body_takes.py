@@ -82,16 +82,23 @@ def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
     """Returns the performers of a recording and their holds; None where a recording does not hold them."""
     if HOLDS.name not in recording.info.topics:
         return None
-    frames = [frame for frame in body_frames(recording) if isinstance(frame, BodyFrame)]
-    begin = next((frame.time_ns for frame in frames if frame.bodies), None)
-    if begin is None:
-        return None
-    found = RecordedHolds(body_take_of_frames(frames, id), begin)
+    events = []
     for _, data in recording.messages(HOLDS.name):
         try:
-            said = msgspec.msgpack.decode(data, type=HoldMessage)
+            events.append(msgspec.msgpack.decode(data, type=HoldMessage))
         except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
             continue
+    return holds_among(body_frames(recording), events, id)
+
+
+def holds_among(frames: Iterable[Frame], events: Iterable[HoldMessage], id: str) -> RecordedHolds | None:
+    """Returns the performers of frames as a take, and who held what; None where no performer is in them."""
+    seen = [frame for frame in frames if isinstance(frame, BodyFrame)]
+    begin = next((frame.time_ns for frame in seen if frame.bodies), None)
+    if begin is None:
+        return None
+    found = RecordedHolds(body_take_of_frames(seen, id), begin)
+    for said in events:
         found.events.setdefault((said.character, said.revision), []).append(said)
     return found
 

@@ -1,4 +1,4 @@
-"""The window, where there is a display or Xvfb; and the command that opens it."""
+"""The window in Play, where there is a display or Xvfb; and the command that opens it."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def in_a_window(*arguments: str) -> dict[str, Any]:
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         if shutil.which("xvfb-run") is None:
             pytest.skip("there is no display, and no xvfb-run to make one")
-        command = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *command]
+        command = ["xvfb-run", "-a", "-s", "-screen 0 1000x700x24", *command]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_a_window_shows_the_scene_and_heeds_its_keys() -> None:
-    said = in_a_window()
+def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
+    said = in_a_window(str(tmp_path))
     assert said["frames"] >= 15 and said["spread"] > 5 and said["errors"] == []
     assert said["asked"] == [
         ["possess", "box", None, "all", "alone"],
@@ -45,21 +45,23 @@ def test_a_window_shows_the_scene_and_heeds_its_keys() -> None:
         ["possess", "box", 7, "legs", "extend"],
         ["release", "box", 7],
     ]
-    assert said["help"] and said["look"] == {
-        "body": 0.0,
-        "reveal": 0.0,
-        "cues": 0.0,
-        "graph": 1.0,
-        "held": 1.0,
-    }
+    assert said["help"] == "help"
+    assert said["look"] == {"body": 0.0, "reveal": 0.0, "cues": 0.0, "graph": 1.0, "held": 1.0}
     assert not said["live"] and said["paused"] and said["speed"] == 2.0
-    assert said["sizes"] == [400, 260] and said["notice"] == ""
+    assert said["notice"] == "" and said["size"][2] == 640
+    assert said["full"][2] > 640 and said["again"] == said["size"], "F11 fills the screen, and goes back"
+    assert said["over"], "Escape ends a window that was opened to watch"
 
 
-def test_a_window_without_an_edge_says_where_it_waits() -> None:
-    said = in_a_window("empty")
-    assert said["notice"] == "waiting for an edge at tcp://127.0.0.1:5580"
+def test_a_window_without_an_edge_says_where_it_waits(tmp_path: Path) -> None:
+    said = in_a_window(str(tmp_path), "empty")
+    assert said["notice"] == "Waiting for a stage at 127.0.0.1:5580"
     assert said["spread"] > 3 and said["errors"] == []
+
+
+def test_a_bare_window_is_the_picture_alone(tmp_path: Path) -> None:
+    said = in_a_window(str(tmp_path), "bare")
+    assert said["size"] == [0, 0, 640, 480] and said["spread"] > 5 and said["over"]
 
 
 def command() -> typer.Typer:

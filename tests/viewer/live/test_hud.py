@@ -28,6 +28,13 @@ def canvas_of(gl, width: int, height: int):
     return target
 
 
+def draw(gl, target, state: HudState, scale: float = 1.0) -> None:
+    canvas = Canvas(gl)
+    with canvas.over(target):
+        Hud(canvas, scale).draw((target.width, target.height), state)
+    canvas.release()
+
+
 def pixels(target) -> np.ndarray:
     raw = np.frombuffer(target.read(components=3, alignment=1), np.uint8)
     return raw.reshape(target.height, target.width, 3)[::-1].astype(int)
@@ -93,8 +100,8 @@ def test_no_line_is_wider_than_told_and_nothing_is_lost(gl, text: str, width: in
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 @pytest.mark.parametrize("size", [(1280, 720), (320, 200)])
 def test_the_timeline_is_hit_where_it_is_drawn(gl, scale, size) -> None:
-    target, hud = canvas_of(gl, *size), Hud(gl, scale)
-    hud.draw(target, HudState(fraction=0.5, length_s=10))
+    target = canvas_of(gl, *size)
+    draw(gl, target, HudState(fraction=0.5, length_s=10), scale)
     x, y, width, height = timeline_area(size, scale)
     middle = pixels(target)[int(y + height / 2), int(min(x + width / 4, size[0] - 1))]
     assert middle[0] > 180 or width < 2
@@ -114,21 +121,20 @@ def test_the_timeline_is_hit_where_it_is_drawn(gl, scale, size) -> None:
     ],
 )
 def test_only_frames_that_come_as_they_should_have_a_green_dot(gl, edge, good) -> None:
-    target, hud = canvas_of(gl, 1280, 720), Hud(gl)
-    hud.draw(target, HudState(edge=edge, length_s=10))
+    target = canvas_of(gl, 1280, 720)
+    draw(gl, target, HudState(edge=edge, length_s=10))
     x, y, width, height = timeline_area((1280, 720), 1.0)
     red, green, blue = pixels(target)[int(y + height / 2), int(x + width + 22)][:3].astype(int)
     assert (green > red + 40 and green > blue) == good
 
 
 def test_everything_at_once_draws_without_an_error(gl) -> None:
-    target, hud = canvas_of(gl, 640, 360), Hud(gl)
+    target = canvas_of(gl, 640, 360)
     edge = EdgeState(True, "tcp://127.0.0.1:5580", "possessed", "a note", 21.0, 8.0)
-    hud.draw(target, HudState(edge=edge, fps=60, length_s=3, live=False, notice="waiting", help=True))
+    draw(gl, target, HudState(edge=edge, fps=60, length_s=3, live=False, notice="waiting"))
     assert gl.error == "GL_NO_ERROR"
     before = pixels(target).copy()
-    hud.rescale(2.0)
-    hud.draw(target, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")))
+    draw(gl, target, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")), 2.0)
     assert np.abs(pixels(target) - before).max() > 50
 
 
@@ -144,9 +150,8 @@ def ailing(*severities: Severity) -> EdgeState:
 @pytest.mark.parametrize("size", [(1280, 720), (320, 240)])
 def test_what_is_wrong_is_shown_in_the_colour_of_its_gravity(gl, size) -> None:
     plain, shown = canvas_of(gl, *size), canvas_of(gl, *size)
-    hud = Hud(gl)
-    hud.draw(plain, HudState(edge=ailing()))
-    hud.draw(shown, HudState(edge=ailing(Severity.ERROR)))
+    draw(gl, plain, HudState(edge=ailing()))
+    draw(gl, shown, HudState(edge=ailing(Severity.ERROR)))
     changed = np.abs(pixels(shown) - pixels(plain)).max(-1) > 20
     rows, columns = np.nonzero(changed)
     assert len(rows) > 500 and columns.max() < size[0] - 14 and rows.max() < size[1] - 60
@@ -157,9 +162,8 @@ def test_what_is_wrong_is_shown_in_the_colour_of_its_gravity(gl, size) -> None:
 def test_what_has_no_room_is_counted_and_never_drawn_over_the_timeline(gl) -> None:
     size = (640, 300)
     one, many = canvas_of(gl, *size), canvas_of(gl, *size)
-    hud = Hud(gl)
     for target, count in ((one, 1), (many, 8)):
-        hud.draw(target, HudState(edge=ailing(*[Severity.WARNING] * count), length_s=3))
+        draw(gl, target, HudState(edge=ailing(*[Severity.WARNING] * count), length_s=3))
     assert np.abs(pixels(one) - pixels(many))[: size[1] - 62].max() > 50
     np.testing.assert_array_equal(pixels(one)[size[1] - 56 :], pixels(many)[size[1] - 56 :])
 
@@ -167,9 +171,8 @@ def test_what_has_no_room_is_counted_and_never_drawn_over_the_timeline(gl) -> No
 def test_an_edge_that_is_not_heard_says_nothing_of_its_health(gl) -> None:
     size = (640, 360)
     first, second = canvas_of(gl, *size), canvas_of(gl, *size)
-    hud = Hud(gl)
-    hud.draw(first, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")))
-    hud.draw(second, HudState(edge=replace(ailing(Severity.ERROR), connected=False, phase="")))
+    draw(gl, first, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")))
+    draw(gl, second, HudState(edge=replace(ailing(Severity.ERROR), connected=False, phase="")))
     np.testing.assert_array_equal(pixels(first), pixels(second))
 
 

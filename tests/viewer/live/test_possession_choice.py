@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.person.parts import parts_named
-from enliven_viewer.live.hud import KEYS
 from enliven_viewer.live.possession_choice import PARTS, PossessionChoice
 from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.overlay.marks import CUE_TINT, CUE_TINTS, cue_rows
 from enliven_viewer.render.scene import SceneCharacter
+from enliven_viewer.studio.perform.actions import PERFORM_ACTIONS
+from enliven_viewer.studio.perform.session import ROOMS
 
 
 def test_every_key_names_parts_that_there_are() -> None:
@@ -26,7 +27,7 @@ def test_the_choice_goes_round_those_in_view() -> None:
         possession.next_performer(present)
         seen.append(possession.body)
     assert seen == [3, 7, None, 3, None, 5]
-    assert possession.words == "P takes hold: the whole of performer 5"
+    assert possession.words == "P steps in: the whole body of performer 5"
 
 
 def test_smoothing_is_asked_for_whom_it_is_meant_and_ends_at_off() -> None:
@@ -39,9 +40,10 @@ def test_smoothing_is_asked_for_whom_it_is_meant_and_ends_at_off() -> None:
     assert possession.words.endswith("locked")
 
 
-def test_the_help_tells_the_keys_of_possession() -> None:
-    told = " ".join(key for key, _ in KEYS)
-    assert all(key in told for key in ("P / J", "E", "R", "1 ... 9", "B"))
+def test_every_key_of_possession_means_one_thing_in_its_workspace() -> None:
+    keys = [(one.key, room) for one in PERFORM_ACTIONS if one.key for room in one.rooms or ROOMS]
+    assert len(set(keys)) == len(keys)
+    assert {key for key, room in keys if room == "Play"} >= {*"pjerbknmvlgs123456789", "comma", "period"}
 
 
 def test_nodes_are_tinted_by_their_performers_and_previews_are_fainter(box) -> None:

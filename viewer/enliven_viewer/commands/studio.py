@@ -10,6 +10,7 @@ import typer
 from enliven.errors import ResourceError
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
+from enliven_viewer.settings import WindowStart
 
 
 def studio(
@@ -21,14 +22,16 @@ def studio(
     ] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Close the window after this long.")] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
+    fullscreen: Annotated[bool, typer.Option("--fullscreen", help="Fill the screen (F11).")] = False,
 ) -> None:
-    """Sketch, cut and merge shapes, and give them motion, in a window.
+    """Sketch, cut and merge shapes, give them motion, and step into them, in a window.
 
     \b
       enliven studio                     an empty stage: sketch a part with S
       enliven studio SPIDER.glb WALK.bvh a model, and a take to give it
       enliven studio CACTUS.ply WALK.bvh a mesh without a skeleton, to act by examples
       enliven studio SQUID.enliven       go on with a project
+      enliven                            the same as enliven studio
 
     Press F1 in the window for the keys.
     """
@@ -50,4 +53,4 @@ def studio(
     workspace.starting = not files
     if workspace.store.recoverable():
         workspace.ask("recover")
-    StudioWindow(workspace).run(seconds=seconds)
+    StudioWindow(workspace, opening=WindowStart(full_screen=fullscreen)).run(seconds=seconds)

@@ -14,7 +14,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.files import need_folder
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
-from enliven_viewer.settings import ViewerSettings, sized
+from enliven_viewer.settings import ViewerSettings, WindowStart, sized
 
 LOCAL = "127.0.0.1"
 
@@ -36,6 +36,7 @@ def view(
         float | None, typer.Option(min=0.0, help="Seconds a film waits for an edge; else by the settings.")
     ] = None,
     hud: Annotated[bool, typer.Option(help="Whether anything is written over the picture.")] = True,
+    fullscreen: Annotated[bool, typer.Option("--fullscreen", help="Fill the screen (F11).")] = False,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
 ) -> None:
     """Watch characters move: live from an edge, or from a take; in a window, or as a film.
@@ -44,10 +45,11 @@ def view(
       enliven view                                 the edge on this machine, in a window
       enliven view --edge 192.168.1.20             an edge on the network
       enliven view TAKE.mcap                       play a take: space, arrows, drag the timeline
+      enliven view --fullscreen --no-hud           an installation: the picture alone
       enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream
       enliven view TAKE.mcap --film out.mp4 --size 1920x1080 --no-hud
 
-    Press H in the window for the keys.
+    It is the window of `enliven studio` in its Play workspace; H shows the keys.
     """
     chosen = sized(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
     if wait is not None:
@@ -66,7 +68,7 @@ def view(
         if filming:
             _film(take, address, film, sheet, chosen, seconds, hud)
         else:
-            _window(take, address, chosen, seconds, hud)
+            _window(take, address, chosen, seconds, WindowStart(_title(take), not hud, fullscreen, True))
 
 
 _OTHERS = {
@@ -100,25 +102,34 @@ def _film(
 
     feed = _feed(take, address)
     document = Document(Timeline(settings.playback, bounded=False))
-    title = f"enliven · {take.name}" if take else "enliven"
     with contextlib.closing(feed):
-        made = make_film(feed, document, film, sheet, settings, seconds=seconds, title=title, caption=hud)
+        made = make_film(
+            feed, document, film, sheet, settings, seconds=seconds, title=_title(take), caption=hud
+        )
     written = " and ".join(str(path) for path in (film, sheet) if path)
     typer.echo(f"enliven: {made.pictures} pictures, {made.seconds:.1f} s, are in {written}")
 
 
 def _window(
-    take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, hud: bool
+    take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, opening: WindowStart
 ) -> None:
-    from enliven_viewer.live import App, KeyBindings
-    from enliven_viewer.playback import Document, Timeline
+    """Opens the window in its Play workspace."""
+    from enliven_viewer.studio import StudioSettings, StudioWindow
+    from enliven_viewer.studio.editor import Editor
+    from enliven_viewer.studio.workspace import Workspace
 
-    feed = _feed(take, address)
-    document = Document(Timeline(settings.playback, bounded=take is None))
-    with contextlib.closing(feed):
-        App(feed, document, settings, take=take.name if take else "", hud=hud).run(
-            seconds, listen=KeyBindings
-        )
+    chosen = StudioSettings(settings.render, settings.width, settings.height)
+    workspace = Workspace.new(Editor(chosen))
+    workspace.perform.room = "Play"
+    if take is not None:
+        workspace.perform.follow_take(take, settings.playback)
+    else:
+        workspace.perform.connect(address, settings.playback)
+    StudioWindow(workspace, opening=opening).run(seconds=seconds)
+
+
+def _title(take: Path | None) -> str:
+    return f"enliven · {take.name}" if take else "enliven"
 
 
 def _feed(take: Path | None, address: str):  # type: ignore[no-untyped-def]

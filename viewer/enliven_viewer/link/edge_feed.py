@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
-from enliven.wire import BODIES, CUES, POSE, Done, Look, Order, messages_to_health
+from enliven.wire import BODIES, CUES, POSE, Done, Look, Order, Topic, messages_to_health
 from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.link.received import ReceivedPose
 from enliven_viewer.link.tracks import shown_topics, track_of
@@ -21,10 +22,16 @@ _EASE = 0.1
 
 
 class EdgeFeed:
-    """A ``Feed`` over a ``Link`` to one edge."""
+    """A ``Feed`` over a ``Link`` to one edge.
+
+    Attributes:
+        link: the sockets.
+        heard: called with the topic and the value of everything that arrives, in the order of the timeline.
+    """
 
     def __init__(self, link: EdgeClient) -> None:
-        self._link = link
+        self.link = link
+        self.heard: Callable[[Topic, Any], None] = lambda topic, value: None
         self._shown_cues: set[str] = set()
         self._notice, self._notice_until = "", 0.0
         self._edge_ms: float | None = None
@@ -35,15 +42,16 @@ class EdgeFeed:
 
     def poll(self, document: Document) -> int:
         """Apply everything that has arrived since the last call, without waiting; how many messages."""
-        self._link.poll()
-        document.characters = dict(self._link.characters)
+        self.link.poll()
+        document.characters = dict(self.link.characters)
         count, poses = 0, []
         for topic in shown_topics():
-            values = self._link.take(topic)
+            values = self.link.take(topic)
             count += len(values)
             poses = values if topic is POSE else poses
             for value in values:
                 track_of(topic).put(document, value)
+                self.heard(topic, value)
         self._forget_cues(document)
         if poses:
             self._take_latency(poses[-1])
@@ -55,30 +63,30 @@ class EdgeFeed:
         """Asks the edge to carry out an order; a direction of view is told again to an edge that restarts."""
         if isinstance(order, Look):
             self._look = order
-        self._link.ask(order, lambda answer: then() if then and isinstance(answer, Done) else None)
+        self.link.ask(order, lambda answer: then() if then and isinstance(answer, Done) else None)
 
     def close(self) -> None:
         """Let the sockets go."""
-        self._link.close()
+        self.link.close()
 
     def _forget_cues(self, document: Document) -> None:
         """Removes the cues of characters that the edge has no longer."""
-        current = self._link.latest(CUES)
+        current = self.link.latest(CUES)
         for name in self._shown_cues - current.keys():
             document.forget_cues(name)
         self._shown_cues = set(current)
 
     def _look_again(self) -> None:
         """Tell the direction of view again to an edge that has restarted."""
-        instance = self._link.edges[0].instance
-        if instance != self._told_instance and self._link.status is not None:
+        instance = self.link.edges[0].instance
+        if instance != self._told_instance and self.link.status is not None:
             self._told_instance = instance
             if self._look is not None:
-                self._link.ask(self._look)
+                self.link.ask(self._look)
 
     def _lacks_characters(self, connected: bool, now: float) -> bool:
         """Whether the edge is heard but has sent no characters for a while, often because of a wrong port."""
-        if not connected or self._link.characters:
+        if not connected or self.link.characters:
             self._bare_since = None
             return False
         self._bare_since = self._bare_since or now
@@ -92,11 +100,11 @@ class EdgeFeed:
 
     def _state(self) -> EdgeState:
         """The state of the link and of the edge, as the window shows it."""
-        endpoint, health = next(iter(self._link.health.items()))
+        endpoint, health = next(iter(self.link.health.items()))
         now = time.monotonic()
-        for notice in self._link.take_notices():
+        for notice in self.link.take_notices():
             self._notice, self._notice_until = notice.text, now + _NOTICE_SECONDS
-        status = self._link.status
+        status = self.link.status
         connected = health.state in _HEARD
         message = self._notice if now < self._notice_until else ""
         if not message and not connected and health.state != "waiting":
@@ -111,5 +119,5 @@ class EdgeFeed:
             sensor_to_pose_ms=self._edge_ms,
             pose_to_screen_ms=self._link_ms,
             health=tuple(messages_to_health(status.health)) if status is not None and connected else (),
-            signal=self._link.topics[endpoint][(POSE if self._link.characters else BODIES).name].signal,
+            signal=self.link.topics[endpoint][(POSE if self.link.characters else BODIES).name].signal,
         )

@@ -290,7 +290,8 @@ class EdgeConnection:
         held = self.held[shown]
         pose = replace(message_to_pose(message, held.codec), character=shown)
         times = (message.captured_ns, message.published_ns, received_ns, self.clock.offset_ns)
-        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, held.character))
+        of = held.character, message.revision
+        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, *of))
 
     def _ask(self) -> None:
         """Say hello until welcomed, ask for characters that are missing, and for the time."""

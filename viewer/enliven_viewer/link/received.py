@@ -28,6 +28,7 @@ class ReceivedPose:
         received_ns: this machine's wall clock when the pose was taken off the socket.
         clock_offset_ns: the edge's clock less this machine's, as known then.
         character: the revision of the character that the pose is of.
+        revision: its number.
     """
 
     pose: Pose
@@ -38,6 +39,7 @@ class ReceivedPose:
     received_ns: int
     clock_offset_ns: int = 0
     character: Character | None = None
+    revision: int = 0
 
     @property
     def sensor_to_pose_ms(self) -> float:

@@ -1,4 +1,11 @@
-from .app import App as App
-from .hud import time_text as time_text
-from .keys import KeyBindings as KeyBindings
+from .hud import (
+    Hud as Hud,
+    HudState as HudState,
+    time_text as time_text,
+    timeline_area as timeline_area,
+    timeline_fraction as timeline_fraction,
+)
+
+from .stage import LiveStage as LiveStage
+from .possession_choice import PARTS as PARTS, SMOOTHING as SMOOTHING
 from .match_cards import cards_of as cards_of, draw_cards as draw_cards

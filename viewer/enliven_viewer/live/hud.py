@@ -1,38 +1,17 @@
-"""The head-up display: the state of the link, the pace, the timeline, and the keys."""
+"""The head-up display: the state of the link, the pace, what is wrong, and the live timeline."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import moderngl
+from typing import TYPE_CHECKING
 
 from enliven.health import HealthState, Severity
 from enliven_viewer.live.match_cards import Card, draw_cards
 from enliven_viewer.playback import EdgeState
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET, TRACK, WAIT
 
-KEYS = (
-    ("Space", "pause, go on"),
-    ("Left / Right", "one pose back, forward"),
-    ("Up / Down", "faster, slower"),
-    ("L", "live"),
-    ("P / J", "possess alone, beside others"),
-    ("E", "hold with these parts as well"),
-    ("R", "release"),
-    ("1 ... 9", "with all, upper body, legs, ..."),
-    ("B", "of whom: anybody, 1, 2, ..."),
-    (", / .", "less smoothed, more"),
-    ("K", "only who is here now performs"),
-    ("N / M", "next, previous match with the pose"),
-    ("V", "see more of the bones"),
-    ("F", "frame everything"),
-    ("G / S", "graph, skeleton"),
-    ("H", "this help"),
-    ("F11", "full screen"),
-    ("Esc", "quit"),
-    ("Drag", "turn; right: move; wheel: closer"),
-)
-"""The keys and what they do, as the help lists them."""
+if TYPE_CHECKING:
+    from enliven_viewer.render.overlay import Pen
 
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
@@ -52,7 +31,6 @@ class HudState:
         shown_s, length_s: seconds since the timeline's start, and its length.
         live, paused, speed: of the playhead.
         notice: one line for the middle of the picture, or empty.
-        help: whether the keys are listed.
         possession: what the next possession takes, or empty.
         score: what is said of loose things, or empty.
         cards: the matches of a pose that are to choose from.
@@ -68,7 +46,6 @@ class HudState:
     paused: bool = False
     speed: float = 1.0
     notice: str = ""
-    help: bool = False
     possession: str = ""
     score: str = ""
     cards: tuple[Card, ...] = ()
@@ -90,38 +67,31 @@ def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -
 
 
 class Hud:
-    """Draws a :class:`HudState` over a framebuffer.
+    """Draws a :class:`HudState` with a pen.
 
     Args:
-        scale: pixels of the framebuffer for one of a plain screen (2 on many laptops).
+        scale: pixels for one of a plain screen (2 on many laptops).
     """
 
-    def __init__(self, ctx: moderngl.Context, scale: float = 1.0) -> None:
-        from enliven_viewer.render.overlay import Canvas  # loads ImGui, which only a HUD needs
-
-        self._canvas = Canvas(ctx)
-        self.rescale(scale)
-
-    def rescale(self, scale: float) -> None:
-        """Take another scale (the window went to another screen)."""
-        self.scale = scale
+    def __init__(self, canvas: Pen, scale: float = 1.0) -> None:
+        self._canvas, self.scale = canvas, scale
         self._small, self._normal, self._large = (round(s * scale) for s in (16, 18, 30))
 
-    def draw(self, target: moderngl.Framebuffer, state: HudState) -> None:
-        """Draw everything onto a framebuffer."""
-        size = (target.width, target.height)
-        with self._canvas.over(target):
-            below = self._state_panel(state)
-            if state.edge is not None and state.edge.connected and state.edge.health:
-                self._health_panel(size, below, state.edge.health)
-            if state.length_s > 0:
-                self._timeline(size, state)
-            if state.cards:
-                draw_cards(self._canvas, size, self.scale, self._small, state.cards)
-            if state.notice:
-                self._notice(size, state.notice)
-            if state.help:
-                self._help(size)
+    def draw(self, size: tuple[int, int], state: HudState) -> None:
+        """Draw everything onto an area of a width and height in pixels."""
+        below = self._state_panel(state)
+        if state.edge is not None and state.edge.connected and state.edge.health:
+            self._health_panel(size, below, state.edge.health)
+        if state.length_s > 0:
+            self._timeline(size, state)
+        self.draw_choice(size, state.cards, state.notice)
+
+    def draw_choice(self, size: tuple[int, int], cards: tuple[Card, ...], notice: str) -> None:
+        """Draw the matches that are to choose from, and one line in the middle."""
+        if cards:
+            draw_cards(self._canvas, size, self.scale, self._small, cards)
+        if notice:
+            self._notice(size, notice)
 
     def _state_panel(self, state: HudState) -> float:
         """Top left: link, phase, pace, latency; where it ends, pixels from the top."""
@@ -179,24 +149,13 @@ class Hud:
         canvas.rectangle((size[0] - width) / 2, size[1] * 0.42 - 20 * s, width, 68 * s, GLASS, 14 * s)
         canvas.text(size[0] / 2, size[1] * 0.42, notice, self._large, INK, align=0.5)
 
-    def _help(self, size: tuple[int, int]) -> None:
-        """On the right: the keys."""
-        s, canvas = self.scale, self._canvas
-        line = 24 * s
-        width, height = 372 * s, line * len(KEYS) + 26 * s
-        beside = size[0] > 2 * width
-        x, y = (size[0] - width - 16 * s, 16 * s) if beside else (16 * s, 104 * s)
-        canvas.rectangle(x, y, width, height, GLASS, 10 * s)
-        for row, (key, meaning) in enumerate(KEYS):
-            canvas.text(x + 114 * s, y + 14 * s + row * line, key, self._normal, INK, align=1.0)
-            canvas.text(x + 132 * s, y + 14 * s + row * line, meaning, self._normal, QUIET)
-
 
 def _headline(state: HudState) -> str:
     if state.edge is None:
         return state.title
     phase = f" · {state.edge.phase}" if state.edge.phase else ""
-    return f"{state.edge.address}{phase}" if state.edge.connected else f"no edge at {state.edge.address}"
+    where = state.edge.address.removeprefix("tcp://")
+    return f"Stage at {where}{phase}" if state.edge.connected else f"No stage at {where}"
 
 
 def _signal_word(edge: EdgeState | None) -> str:

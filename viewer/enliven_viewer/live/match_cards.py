@@ -15,7 +15,7 @@ from enliven_viewer.render.overlay import TINTS
 from enliven_viewer.theme import ACCENT, FAINT, GLASS, INK, QUIET
 
 if TYPE_CHECKING:
-    from enliven_viewer.render.overlay import Canvas
+    from enliven_viewer.render.overlay import Pen
 
 WIDTH = 124.0
 """Pixels of a card on a plain screen: nine fit beside one another in 1280."""
@@ -85,9 +85,7 @@ def _cards(
     return cards
 
 
-def draw_cards(
-    canvas: Canvas, size: tuple[int, int], scale: float, text: int, cards: tuple[Card, ...]
-) -> None:
+def draw_cards(canvas: Pen, size: tuple[int, int], scale: float, text: int, cards: tuple[Card, ...]) -> None:
     """Draws a row of cards for each character above the timeline, centred; those without room are left out.
 
     Args:
@@ -104,7 +102,7 @@ def draw_cards(
             _draw_card(canvas, left + number * step, top, scale, text, card)
 
 
-def _draw_card(canvas: Canvas, x: float, y: float, s: float, text: int, card: Card) -> None:
+def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: Card) -> None:
     width, height = WIDTH * s, HEIGHT * s
     if card.meant:
         canvas.rectangle(x - 2 * s, y - 2 * s, width + 4 * s, height + 4 * s, ACCENT, 11 * s)

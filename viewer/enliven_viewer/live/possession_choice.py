@@ -59,9 +59,9 @@ class PossessionChoice:
 
     @property
     def words(self) -> str:
-        """For people: "legs of performer 2"."""
-        who = "whoever is next" if self.body is None else f"performer {self.body}"
-        whole = f"P takes hold: {'the whole' if self.parts == 'all' else self.parts} of {who}"
+        """For people: "P steps in: the legs of performer 2"."""
+        who = "the next person" if self.body is None else f"performer {self.body}"
+        whole = f"P steps in: the {'whole body' if self.parts == 'all' else self.parts} of {who}"
         if self.body in self._smoothing:
             whole += f" · smoothed by {SMOOTHING[self._smoothing[self.body]]:g}"
         return f"{whole} · locked" if self.locked else whole

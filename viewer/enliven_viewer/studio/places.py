@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 MENU = 23.0
@@ -42,16 +43,21 @@ class Places(NamedTuple):
     strip: Area | None = None
 
 
-def places_in(width: float, height: float, *, puppet: bool = False) -> Places:
+def places_in(width: float, height: float, *, puppet: bool = False, without: Collection[str] = ()) -> Places:
     """Tools at the left, properties at the right, the timeline along the bottom, the rest for the picture.
 
     With a puppet the performer has the left of the picture, and its key poses a strip under both.
+
+    Args:
+        without: "menu", "tools", "side", "timeline": what is not shown, and has no width or height.
     """
-    low = height - TIMELINE
-    tools = Area(0.0, MENU, TOOLS, low - MENU)
-    side = Area(width - SIDE, MENU, SIDE, low - MENU)
-    timeline = Area(0.0, low, width, TIMELINE)
-    rest = Area(TOOLS, MENU, max(width - TOOLS - SIDE, 1.0), max(low - MENU, 1.0))
+    menu, left = MENU * ("menu" not in without), TOOLS * ("tools" not in without)
+    right = SIDE * ("side" not in without)
+    low = height - TIMELINE * ("timeline" not in without)
+    tools = Area(0.0, menu, left, low - menu)
+    side = Area(width - right, menu, right, low - menu)
+    timeline = Area(0.0, low, width, height - low)
+    rest = Area(left, menu, max(width - left - right, 1.0), max(low - menu, 1.0))
     if not puppet:
         return Places(tools, side, timeline, rest)
     high, wide = max(rest.height - STRIP, 1.0), round(PERFORMER * rest.width)

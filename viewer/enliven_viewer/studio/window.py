@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 from imgui_bundle import hello_imgui, imgui
+from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 
 from enliven.arrays import UInt8
+from enliven.commands import parent_is_gone
+from enliven.errors import ResourceError
 from enliven_viewer.render.gl import window_context
+from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.desktop import Desktop
 from enliven_viewer.studio.panels import (
@@ -26,11 +30,13 @@ from enliven_viewer.studio.panels import (
     split_side,
 )
 from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
+from enliven_viewer.studio.panels.stage import draw_live, draw_perform, draw_rooms
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.window import Place, is_minimised, toggle_full_screen
 
 _LONGEST_STEP = 0.1
 """Seconds: after a longer picture the playhead goes on from where it was."""
@@ -39,16 +45,34 @@ _SAMPLES = 0
 picture behind them has its own samples, so that more would only take a third of the time of a picture."""
 
 
+_WITHOUT: dict[str, tuple[str, ...]] = {
+    "Perform": ("tools",),
+    "Animate": (),
+    "Model": ("timeline",),
+    "Play": ("tools", "side"),
+}
+"""The panels that each workspace puts out of reach."""
+_USUAL = WindowStart()
+"""With panels, in a window, which asks before it throws work away."""
+_MINIMISED_PAUSE = 0.05
+"""Seconds of sleep a picture while the window is minimised and nothing of it is seen."""
+
+
 class StudioWindow:
     """One window on a workspace.
 
     Args:
         workspace: what is edited.
         step: seconds that each picture takes, for films; None for the clock's.
+        opening: how it begins.
     """
 
-    def __init__(self, workspace: Workspace, step: float | None = None) -> None:
-        self.workspace, self.step = workspace, step
+    def __init__(
+        self, workspace: Workspace, step: float | None = None, opening: WindowStart = _USUAL
+    ) -> None:
+        self.workspace, self.step, self.opening = workspace, step, opening
+        self.pace = 0.0  # pictures a second of late
+        self._windowed: Place | None = None
         self.pictures = 0
         self._viewport: Viewport | None = None
         self._source: Viewport | None = None
@@ -76,12 +100,15 @@ class StudioWindow:
         """
         settings = self.workspace.editor.settings
         runner = hello_imgui.RunnerParams()
-        runner.app_window_params.window_title = "enliven studio"
+        runner.app_window_params.window_title = self.opening.title
         runner.app_window_params.window_geometry.size = (settings.width, settings.height)
         runner.app_window_params.restore_previous_geometry = False
         kinds = hello_imgui.DefaultImGuiWindowType
         runner.imgui_window_params.default_imgui_window_type = kinds.no_default_window
         runner.renderer_backend_options.open_gl_options.anti_aliasing_samples = _SAMPLES
+        if self.opening.full_screen:
+            mode = hello_imgui.FullScreenMode.full_screen_desktop_resolution
+            runner.app_window_params.window_geometry.full_screen_mode = mode
         runner.fps_idling.enable_idling = False
         runner.ini_disable = True
         runner.dpi_aware_params.dpi_window_size_factor = 1.0  # the desktop's own scale is used
@@ -99,8 +126,11 @@ class StudioWindow:
         end = None if seconds is None else time.monotonic() + seconds
 
         def first() -> None:
-            if end is not None and time.monotonic() > end:
+            if parent_is_gone() or (end is not None and time.monotonic() > end):
                 self.close()
+            if is_minimised(glfw_window_hello_imgui()):
+                time.sleep(_MINIMISED_PAUSE)
+            runner.fps_idling.enable_idling = register_tests is None and before is None and self._idle
             if before is not None:
                 before(self)
 
@@ -113,9 +143,18 @@ class StudioWindow:
         calls.post_new_frame = lambda: self._desktop.lay_out() if self._desktop else None
         try:
             hello_imgui.run(runner)
+        except RuntimeError as error:
+            self.workspace.store.autosave_now()
+            if self.pictures:
+                raise
+            mend = "Use --film out.mp4 to render without a window, or start where there is a display."
+            raise ResourceError(str(error).rstrip("."), where="window", mend=mend) from None
         except BaseException:
+            self.workspace.perform.stop()
             self.workspace.store.autosave_now()
             raise
+        finally:
+            self.workspace.perform.disconnect()
 
     def close(self) -> None:
         """Close the window after this picture."""
@@ -138,13 +177,26 @@ class StudioWindow:
     def places(self) -> Places:
         """The layout of the panels at the window's size."""
         size = imgui.get_io().display_size
-        return places_in(size.x, size.y, puppet=self._edits_puppet)
+        room = self.workspace.perform.room
+        without = ("menu", "tools", "side", "timeline") if self.opening.bare else _WITHOUT[room]
+        if room == "Play" and self.workspace.perform.live is not None:
+            without = (*without, "timeline")  # the live one is drawn over the picture
+        return places_in(size.x, size.y, puppet=self._edits_puppet, without=without)
+
+    @property
+    def _idle(self) -> bool:
+        """Whether nothing moves, so that few pictures a second are enough."""
+        perform, editor = self.workspace.perform, self.workspace.editor
+        still = perform.live is None or perform.live.quiet
+        return still and not editor.playing and perform.phase == "idle" and self.step is None
 
     @property
     def _edits_puppet(self) -> bool:
         """Whether a puppet is edited; its performer and its key poses are shown then."""
-        return self.workspace.puppets.puppet is not None and not isinstance(
-            self.workspace.input.tool, MapTool
+        return (
+            self.workspace.puppets.puppet is not None
+            and self.workspace.perform.room in ("Animate", "Model")
+            and not isinstance(self.workspace.input.tool, MapTool)
         )
 
     def _start(self) -> None:
@@ -175,7 +227,10 @@ class StudioWindow:
         if not self._framed:
             self._framed = True
             editor.frame_all(at_once=True)
+        self.pace += (1 / max(elapsed, 1e-3) - self.pace) * min(elapsed * 2, 1.0)
         editor.advance(elapsed)
+        perform = self.workspace.perform
+        perform.advance(elapsed)
         self._draw_source()
         scale = imgui.get_io().display_framebuffer_scale.y
         size = max(round(area.width * scale), 1), max(round(area.height * scale), 1)
@@ -183,13 +238,14 @@ class StudioWindow:
         renderer.look = editor.look
         renderer.resize(size)
         self._viewport.draw(
-            editor.standing,
+            [one for one in editor.standing if one.id not in perform.hidden],
             editor.lens,
             editor.selection,
             self.workspace.input.tool.overlay(),
             over=self.workspace.input.tool.picture(),
             meshes=editor.show_meshes,
-            bones=editor.show_bones,
+            bones=editor.show_bones and perform.room in ("Animate", "Model"),
+            live=perform.scene,
         )
         bottom = self._framebuffer_size()[1] - round((area.y + area.height) * scale)
         renderer.present(self._screen, (round(area.x * scale), bottom))
@@ -224,10 +280,32 @@ class StudioWindow:
     def _gui(self) -> None:
         """Draw the panels, and pass the input beside them to the viewport."""
         places = self.places
+        if not self.opening.bare:
+            self._panels(places)
+            draw_live(self.workspace, places.viewport, self.pace)
+        asking = self.workspace.asking  # Escape closes the dialogue, and not what is behind it as well
+        draw_dialogs(self.workspace)
+        self._listen(places.viewport, keys=not asking)
+        self.workspace.store.autosave()
+        if self._desktop is not None:
+            self._desktop.follow()
+        if self.workspace.ended:
+            self.workspace.store.close()
+            self.close()
+
+    def _panels(self, places: Places) -> None:
+        """Draw the menu and the panels of the workspace."""
+        room = self.workspace.perform.room
         draw_menu(self.workspace)
-        draw_toolbar(self.workspace, places.tools)
+        draw_rooms(self.workspace)
+        if places.tools.width:
+            draw_toolbar(self.workspace, places.tools)
         tool = self.workspace.input.tool
-        if isinstance(tool, MapTool) and self._source is not None:
+        if room == "Perform":
+            draw_perform(self.workspace, places.side)
+        elif room == "Play":
+            pass
+        elif isinstance(tool, MapTool) and self._source is not None:
             above, below = split_side(places.side)
             draw_side(self.workspace, above)
             texture = self._source.renderer.picture.texture.glo
@@ -240,18 +318,11 @@ class StudioWindow:
                 draw_strip(self.workspace, places.strip, self._thumbnails)
         else:
             draw_side(self.workspace, places.side)
-        draw_timeline(self.workspace, places.timeline)
-        draw_overlay(self.workspace, places.viewport)
-        draw_dialogs(self.workspace)
-        self._listen(places.viewport)
-        self.workspace.store.autosave()
-        if self._desktop is not None:
-            self._desktop.follow()
-        if self.workspace.ended:
-            self.workspace.store.close()
-            self.close()
+        if places.timeline.height:
+            draw_timeline(self.workspace, places.timeline)
+        draw_overlay(self.workspace, places.viewport, tool=room in ("Animate", "Model"))
 
-    def _listen(self, area: Area) -> None:
+    def _listen(self, area: Area, *, keys: bool = True) -> None:
         """Passes pointer, buttons, wheel and keys over the viewport on."""
         io, user_input = imgui.get_io(), self.workspace.input
         at = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
@@ -266,8 +337,17 @@ class StudioWindow:
                 user_input.release(at, button, **held)
         if free and io.mouse_wheel:
             user_input.wheel(io.mouse_wheel)
-        if not io.want_text_input and not self.workspace.asking:
+        if keys and not io.want_text_input and not self.workspace.asking:
             modifiers = held_keys()
             for name, key in KEYS.items():
                 if imgui.is_key_pressed(key, repeat=name in ("left", "right")):
-                    user_input.key(modifiers + name)
+                    self._key(modifiers + name)
+
+    def _key(self, key: str) -> None:
+        """Do what a key means: of the window itself, or of the workspace."""
+        if key == "f11":
+            self._windowed = toggle_full_screen(glfw_window_hello_imgui(), self._windowed)
+        elif key == "escape" and self.opening.escape_ends and self.workspace.perform.phase == "idle":
+            self.workspace.ask("quit")
+        else:
+            self.workspace.input.key(key)

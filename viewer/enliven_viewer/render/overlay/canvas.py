@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import moderngl
 from imgui_bundle import hello_imgui, imgui
@@ -12,13 +13,68 @@ from enliven.arrays import Float
 from enliven_viewer.theme import FONT, Colour
 
 
-class Canvas:
+class Pen:
+    """Draws into a list of ImGui; positions are pixels from an origin.
+
+    Args:
+        draw: the list.
+        origin: left and top, pixels.
+    """
+
+    def __init__(self, draw: Any = None, origin: tuple[float, float] = (0.0, 0.0)) -> None:
+        self._list, self._origin = draw, origin
+
+    def rectangle(
+        self, x: float, y: float, width: float, height: float, colour: Colour, radius: float = 0.0
+    ) -> None:
+        """A rectangle with round corners; ``x``, ``y`` is its top left."""
+        self._list.add_rect_filled(self._at(x, y), self._at(x + width, y + height), _packed(colour), radius)
+
+    def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
+        """A disc around ``x``, ``y``."""
+        self._list.add_circle_filled(self._at(x, y), radius, _packed(colour))
+
+    def line(self, points: Float, width: float, colour: Colour) -> None:
+        """A line through points (N, 2), with round ends."""
+        self._list.add_polyline((points + self._origin).tolist(), _packed(colour), width, 0)
+        for x, y in points[[0, -1]].tolist():
+            self.disc(x, y, width / 2, colour)
+
+    def text(
+        self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0, wrap: float = 0.0
+    ) -> float:
+        """Add text below ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.
+
+        Args:
+            wrap: pixels of a line at most, broken between words; 0 for one line.
+
+        Returns:
+            its height in pixels.
+        """
+        wide, high = self.extent(text, size, wrap)
+        at = self._at(round(x - align * wide), round(y))
+        self._list.add_text(imgui.get_font(), size, at, _packed(colour), text, wrap)
+        return high
+
+    def extent(self, text: str, size: int, wrap: float = 0.0) -> tuple[float, float]:
+        """Width and height in pixels of text, in lines of ``wrap`` pixels at most; 0 for one line."""
+        imgui.push_font(None, size)
+        wide, high = imgui.calc_text_size(text, wrap_width=wrap or -1.0)
+        imgui.pop_font()
+        return wide, high
+
+    def _at(self, x: float, y: float) -> tuple[float, float]:
+        return x + self._origin[0], y + self._origin[1]
+
+
+class Canvas(Pen):
     """A context of ImGui for one OpenGL context; positions are pixels from the picture's top left.
 
     Shapes and text are added inside :meth:`over`, which draws them at its end.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
+        super().__init__()
         self.ctx = ctx
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
@@ -45,45 +101,6 @@ class Canvas:
         imgui.render()
         target.use()
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
-
-    def rectangle(
-        self, x: float, y: float, width: float, height: float, colour: Colour, radius: float = 0.0
-    ) -> None:
-        """A rectangle with round corners; ``x``, ``y`` is its top left."""
-        self._list.add_rect_filled((x, y), (x + width, y + height), _packed(colour), radius)
-
-    def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
-        """A disc around ``x``, ``y``."""
-        self._list.add_circle_filled((x, y), radius, _packed(colour))
-
-    def line(self, points: Float, width: float, colour: Colour) -> None:
-        """A line through points (N, 2), with round ends."""
-        self._list.add_polyline(points.tolist(), _packed(colour), width, 0)
-        for x, y in points[[0, -1]].tolist():
-            self.disc(x, y, width / 2, colour)
-
-    def text(
-        self, x: float, y: float, text: str, size: int, colour: Colour, align: float = 0.0, wrap: float = 0.0
-    ) -> float:
-        """Add text below ``y``; ``align`` 0 starts, 0.5 centres, 1 ends it at ``x``.
-
-        Args:
-            wrap: pixels of a line at most, broken between words; 0 for one line.
-
-        Returns:
-            its height in pixels.
-        """
-        wide, high = self.extent(text, size, wrap)
-        at = (round(x - align * wide), round(y))
-        self._list.add_text(imgui.get_font(), size, at, _packed(colour), text, wrap)
-        return high
-
-    def extent(self, text: str, size: int, wrap: float = 0.0) -> tuple[float, float]:
-        """Width and height in pixels of text, in lines of ``wrap`` pixels at most; 0 for one line."""
-        imgui.push_font(None, size)
-        wide, high = imgui.calc_text_size(text, wrap_width=wrap or -1.0)
-        imgui.pop_font()
-        return wide, high
 
 
 def _packed(colour: Colour) -> int:

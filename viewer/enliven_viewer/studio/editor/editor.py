@@ -46,6 +46,8 @@ class Editor:
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.scrubbing = False
         self.show_bones, self.show_meshes = True, True
+        self.growing = 0.0  # seconds on the timeline where a recording has come to
+        self.beside_box: Box | None = None  # around what stands beside the project, live
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
@@ -60,7 +62,7 @@ class Editor:
     @property
     def length(self) -> float:
         """Seconds that the project plays."""
-        return length_of(self.project, self.settings.shortest)
+        return max(length_of(self.project, self.settings.shortest), self.growing)
 
     @property
     def lens(self) -> Lens:
@@ -190,8 +192,9 @@ class Editor:
         return bounds_of([one.extent for one in chosen or self.standing])
 
     def box(self) -> Box | None:
-        """The box around all characters now; None where there are none."""
-        bounds = bounds_of([points for one in self.standing for points in (one.handles, one.vertices)])
+        """The box around all characters now, and what is live; None where there are none."""
+        points = [points for one in self.standing for points in (one.handles, one.vertices)]
+        bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
         if bounds is None:
             return None
         return bounds[0] - 0.05, bounds[1] + 0.05

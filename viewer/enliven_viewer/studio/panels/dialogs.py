@@ -22,6 +22,7 @@ _TITLES = {
     "save as": "Save the project",
     "export": "Export",
     "film": "Write a film",
+    "perform": "Play a recording on the stage",
     "session": "Save the examples",
 }
 

@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.stage import draw_growing
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.panels.timeline_lanes import LanePainter
 from enliven_viewer.studio.panels.timeline_markers import draw_markers
@@ -183,7 +184,7 @@ def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         else:
             draw_details(workspace, layout, lane, origin, size)
     tell_details(workspace, layout, origin)
-    if not lanes:
+    if not draw_growing(workspace, layout, origin) and not lanes:
         imgui.set_cursor_screen_pos(ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12))
         quiet(_NO_TAKE if workspace.editor.puppets.puppet is not None else _NO_MOTION)
 

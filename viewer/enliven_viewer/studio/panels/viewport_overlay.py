@@ -17,22 +17,29 @@ _WIDE = 380.0
 """Pixels of a line of a message at most: about sixty letters, easy to read."""
 
 
-def draw_overlay(workspace: Workspace, area: Area) -> None:
-    """Draw marks, then the hint, then messages, below every panel."""
+def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True) -> None:
+    """Draw marks and the hint, where tools are in reach, then messages, below every panel."""
     draw = imgui.get_background_draw_list()
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
+    if tool:
+        _tool(workspace, draw, area)
+    _toasts(workspace, draw, area)
+    if tool:
+        draw_start(workspace, area)
+    workspace.watch_tour(imgui.get_io().delta_time)
+    if workspace.caption:
+        _caption(workspace, draw, area)
+    draw.pop_clip_rect()
+
+
+def _tool(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """Draw the marks of the tool, the axes of a puppet, and the hint."""
     for mark in workspace.input.tool.overlay().marks:
         draw_mark(draw, area, mark)
     if workspace.puppets.puppet is not None:
         for mark in axes_marks(workspace.editor.lens, (area.width - 46, area.height - 42)):
             draw_mark(draw, area, mark)
     _hint(workspace, draw, area)
-    _toasts(workspace, draw, area)
-    draw_start(workspace, area)
-    workspace.watch_tour(imgui.get_io().delta_time)
-    if workspace.caption:
-        _caption(workspace, draw, area)
-    draw.pop_clip_rect()
 
 
 def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]
@@ -98,7 +105,8 @@ def _caption(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no
 
 
 def _toasts(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
-    bottom = area.y + area.height - 14
+    live = workspace.perform.room == "Play" and workspace.perform.live is not None
+    bottom = area.y + area.height - (70 if live else 14)  # above the live timeline
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8
 

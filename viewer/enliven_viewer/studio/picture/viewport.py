@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import moderngl
 import numpy as np
@@ -43,13 +44,17 @@ class Viewport:
         over: ToolPicture = NOTHING,
         meshes: bool = True,
         bones: bool = True,
+        live: Scene | None = None,
     ) -> None:
-        """One picture, resolved."""
+        """One picture, resolved; ``live`` is what stands beside the project's characters."""
         actors = [
             SceneCharacter(one.drawn, one.pose, vertices=one.solved) for one in stage if meshes and one.drawn
         ]
         extent = bounds_of([one.extent for one in stage])
-        self.renderer.draw(Scene(tuple(actors), (), PLAIN, extent=extent), lens.view)
+        scene = Scene(tuple(actors), (), PLAIN, extent=extent)
+        if live is not None:
+            scene = replace(live, actors=(*actors, *live.actors), extent=extent)
+        self.renderer.draw(scene, lens.view)
         self._draw_puppet(over)
         handled = [one for one in stage if len(one.handles) and not one.own_tool]
         if bones and handled:

@@ -1,5 +1,6 @@
 from .drag import TimelineInput as TimelineInput
 from .layout import (
+    GAP as GAP,
     HEAD as HEAD,
     LABELS as LABELS,
     LANE as LANE,

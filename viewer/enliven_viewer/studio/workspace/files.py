@@ -1,4 +1,4 @@
-"""Opening models, meshes, takes and sessions from files, and writing shapes and puppets out."""
+"""WindowStart models, meshes, takes and sessions from files, and writing shapes and puppets out."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ from enliven_viewer.studio.actions import ActionTable, Finding, WantedKey
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.start import Tour, Toured
@@ -68,9 +69,11 @@ class Workspace:
         self.commands = Commands(editor)
         self.input = ViewportInput(editor, self.actions)
         self.actions.add(*studio_actions(self.commands, self.input, self.ask, self.preferences))
+        self.perform = PerformSession(editor, folder)
+        self.actions.add(*perform_actions(self.perform))
         self.timeline = TimelineInput(editor)
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
-        self.input.first = self.timeline.rows.type
+        self.input.first = lambda key: pressed(self.perform, key) or self.timeline.rows.type(key)
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
@@ -109,7 +112,7 @@ class Workspace:
             self.history_shown = not self.history_shown
         elif dialogue == "save" and self.store.path is not None:
             self.attempt(self.store.save)
-        elif dialogue in ("open", "save", "save as", "export", "film", "session"):
+        elif dialogue in ("open", "save", "save as", "export", "film", "session", "perform"):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
             self.finding, self.wanted_key = Finding(self.actions), WantedKey()
@@ -149,6 +152,8 @@ class Workspace:
             self.open(path)
         elif dialogue in ("export", "film"):
             self._export(path)
+        elif dialogue == "perform":
+            self.perform.connect_nearby("--loop", "--recording", str(path))
         elif dialogue == "session":
             save_session(self.editor.project, self.editor.selection.character or "", path)
             self.editor.toasts.say(f"Saved {path.name}", "`enliven examples fit` plays it without a window.")
@@ -277,13 +282,15 @@ class Workspace:
             "export": EXPORTS,
             "film": (FILM,),
             "session": SESSIONS,
+            "perform": PERFORMANCES,
         }[dialogue]
         puppet, unnamed = self.editor.puppets.puppet, self.store.path is None
         about_it = dialogue == "session" or (dialogue in ("export", "film") and unnamed)
         stem = puppet.id if puppet is not None and about_it else self.store.name
-        name = "" if dialogue == "open" else f"{stem}{endings[0]}"
+        opens = dialogue in ("open", "perform")
+        name = "" if opens else f"{stem}{endings[0]}"
         own = self.store.path if dialogue == "save as" else None
-        self.browser = FileBrowser(folder, endings, name, dialogue != "open", own)
+        self.browser = FileBrowser(folder, endings, name, not opens, own)
         self.asking = dialogue
 
     def _go_on(self) -> None:

@@ -1,0 +1,209 @@
+"""What performers did over a while, from a recording or gathered live, as takes and layers of a project.
+
+    project, names = with_performed(project, performed, begin)     # begin: the sensor's clock at 0 seconds
+
+Each performer becomes a take. A character of the project that was performed plays what was done: a rigged
+shape as layers on the bones that moved, on top of what it plays or in its place; a possessed mesh as motion
+of its nodes that can be solved again; a puppet as a layer of its performer's take. Others are added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import (
+    Character,
+    Clip,
+    GraphShape,
+    Pose,
+    Project,
+    Puppet,
+    PuppetLayer,
+    Shape,
+    unused,
+)
+from enliven.formats.rig import playing
+from enliven.frames import BodyFrame
+from enliven.modeling.possessed import between, even_times
+from enliven.motion.layers import bind_chain, clear_chain, set_travel
+from enliven.rotation import IDENTITY, conjugate, continuous, from_matrix, multiply
+from enliven.takes.body_takes import holds_among
+from enliven.takes.possessed import with_performance
+from enliven.takes.recorded import TakeSettings, clips_of_frames
+from enliven.takes.rigged import rigged_of
+from enliven.wire import HoldMessage
+
+_FEWEST = 2
+"""Poses that a character needs at least to count as performed."""
+_STILL = 0.005
+"""Metres, and entries of a rotation matrix, below which nothing moves: poses have steps of a tenth."""
+_TURNED = 0.01
+"""Radians from which a bone counts as turned, half a degree: turns on the wire have finer steps."""
+
+Key = tuple[str, int]
+"""The id and the revision of a character."""
+
+
+@dataclass
+class Performed:
+    """What performers and characters did over a while.
+
+    Attributes:
+        name: of the takes that are made of it.
+        since_ns: the sensor's clock from which on it counts; frames and holds may begin before.
+        frames: of tracked performers, in the order of time.
+        events: who took hold of what, and who let go, in the order of time.
+        characters: by id and revision.
+        poses: of each, in the order of time.
+    """
+
+    name: str
+    since_ns: int = 0
+    frames: list[BodyFrame] = field(default_factory=list)
+    events: list[HoldMessage] = field(default_factory=list)
+    characters: dict[Key, Character] = field(default_factory=dict)
+    poses: dict[Key, list[Pose]] = field(default_factory=dict)
+
+    @property
+    def moved(self) -> list[Key]:
+        """The characters that did more than stand there."""
+        return [key for key, poses in self.poses.items() if len(poses) >= _FEWEST and _moves(poses)]
+
+
+def with_performed(
+    project: Project, performed: Performed, begin: int, *, replaces: bool = False
+) -> tuple[Project, tuple[str, ...]]:
+    """Returns a project with takes and layers of what was performed, and the ids of what is new in it.
+
+    Args:
+        begin: nanoseconds, the sensor's clock at 0 seconds of the project.
+        replaces: whether the bones that moved lose the layers that they had; else both play.
+
+    Raises:
+        InputError: where the poses of a character do not fit together.
+    """
+    made = list[str]()
+    whole = [frame for frame in performed.frames if frame.time_ns >= performed.since_ns]
+    for clip in clips_of_frames(whole, performed.name, TakeSettings()):
+        project = project.with_takes(replace(clip, id=unused(clip.id, project.takes)))
+        made.append(list(project.takes)[-1])
+    for key in performed.moved:
+        one, poses = project.characters.get(key[0]), performed.poses[key]
+        character = performed.characters[key]
+        if isinstance(one, Shape) and len(one.skeleton) == len(poses[0].positions):
+            project = _layered(project, one, key, performed, begin, replaces=replaces)
+            made.append(one.id)
+        elif isinstance(one, Puppet) and character.kind == "points":
+            project = _played_by(project, one, performed, whole, begin, replaces=replaces)
+            made.append(one.id)
+        else:
+            project, name = _added(project, key, performed, begin)
+            made.append(name)
+    return project, tuple(dict.fromkeys(made))
+
+
+def _moves(poses: Sequence[Pose]) -> bool:
+    first = poses[0]
+    return any(
+        max(np.abs(pose.positions - first.positions).max(), np.abs(pose.linear - first.linear).max()) > _STILL
+        for pose in poses
+    )
+
+
+def _layered(
+    project: Project, shape: Shape, key: Key, performed: Performed, begin: int, *, replaces: bool
+) -> Project:
+    """Returns a project in which the bones of a shape that moved have a layer more."""
+    kept, seconds, grid = even_times(performed.characters[key], performed.poses[key], begin)
+    linear = between(np.array([pose.linear for pose in kept], np.float64), seconds, grid)
+    root = between(np.array([pose.positions[0] for pose in kept], np.float64), seconds, grid)
+    own = _own_turns(shape, from_matrix(linear))
+    angles = 2 * np.arccos(np.minimum(np.abs(own[:, :, 0]).min(0), 1.0))
+    moved = np.flatnonzero(angles > _TURNED).tolist()
+    travels = bool(np.ptp(root, axis=0).max() > _STILL)
+    chains = [(int(shape.skeleton.parents[j]), j) if j else (0,) for j in moved]
+    take = Clip(
+        unused(f"{performed.name} on {shape.id}", project.takes),
+        shape.skeleton,
+        continuous(_composed(shape.skeleton.parents, own)),
+        root - root[0] + shape.skeleton.positions[0],
+        float(grid[1] - grid[0]),
+    )
+    project = project.with_takes(take)
+    for chain in chains:
+        if replaces:
+            project = clear_chain(project, shape.id, chain)
+        layer = unused(f"{take.id}: {shape.skeleton.names[chain[-1]]}", project.layer_names)
+        how = {"basis": IDENTITY, "layer_id": layer, "offset": float(grid[0])}
+        project = bind_chain(project, shape.id, chain, take.id, chain, **how)
+    if travels and chains and (replaces or shape.travel is None):
+        last = project.shape(shape.id).layers[-len(chains)].id
+        project = set_travel(project, shape.id, last, scale=1.0)
+    return project
+
+
+def _own_turns(shape: Shape, turns: Float) -> Float:
+    """Returns (G, N, 4) what layers turned each bone, for turns (G, N, 4) in the world."""
+    own = np.empty_like(turns)
+    for j, parent in enumerate(shape.skeleton.parents):
+        within = turns[:, j] if parent < 0 else multiply(conjugate(turns[:, parent]), turns[:, j])
+        own[:, j] = multiply(conjugate(shape.modeling[j]), within)
+    return own
+
+
+def _composed(parents: np.ndarray, own: Float) -> Float:
+    """Returns (G, N, 4) turns in the world of turns (G, N, 4) against the parent."""
+    turns = own.copy()
+    for j, parent in enumerate(parents):
+        if parent >= 0:
+            turns[:, j] = multiply(turns[:, parent], own[:, j])
+    return turns
+
+
+def _played_by(
+    project: Project,
+    puppet: Puppet,
+    performed: Performed,
+    frames: list[BodyFrame],
+    begin: int,
+    *,
+    replaces: bool,
+) -> Project:
+    """Returns a project in which a puppet plays the take of the performer who held it last."""
+    holders = [event.body for event in performed.events if event.character == puppet.id and event.body >= 0]
+    alone = [_alone(frame, holders[-1]) for frame in frames] if holders else frames
+    clips = clips_of_frames(alone, f"{performed.name} in {puppet.id}", TakeSettings())
+    if not clips:
+        return project
+    take = replace(clips[0], id=unused(clips[0].id, project.takes))
+    first = next(frame.time_ns for frame in alone if frame.bodies)
+    layer = PuppetLayer(take.id, offset=(first - begin) * 1e-9)
+    layers = (layer,) if replaces else (*puppet.layers, layer)
+    return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
+
+
+def _alone(frame: BodyFrame, who: int) -> BodyFrame:
+    return replace(frame, bodies=[body for body in frame.bodies if body.id == who])
+
+
+def _added(project: Project, key: Key, performed: Performed, begin: int) -> tuple[Project, str]:
+    """Returns a project with a character that was performed; one of its id that was possessed is replaced."""
+    character, poses = performed.characters[key], performed.poses[key]
+    one = project.characters.get(key[0])
+    if character.kind == "bones":
+        named = replace(character, id=unused(key[0], project.characters))
+        still, clip, offset = rigged_of(named, poses, begin)
+        taken = replace(clip, id=unused(f"{performed.name} on {named.id}", project.takes))
+        project, shape = playing(project, still, taken)
+        return project.with_characters(shape.later(offset)), shape.id
+    again = isinstance(one, GraphShape)
+    holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
+    rest = project.without(key[0]) if again else project
+    rest = with_performance(rest, key, character, poses, begin, [], holds)
+    name = list(rest.characters)[-1]
+    order = {one: rest.characters[one] for one in project.characters if one in rest.characters}
+    return replace(rest, characters={**order, **rest.characters}), name

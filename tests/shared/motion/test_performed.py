@@ -1,0 +1,120 @@
+"""What was performed live becomes takes and layers that play as it was seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strokes import limb
+
+from enliven.document.character import Pose
+from enliven.document.project import Project, same
+from enliven.document.rigged import Shape, character_of
+from enliven.frames import BodyFrame
+from enliven.modeling.sketching.sketch import shape_from_stroke
+from enliven.motion.layers.evaluate import ShapePose, pose_from, pose_of
+from enliven.person.body import Body
+from enliven.rotation import from_rotation_vector, multiply, rotate
+from enliven.takes.performed import Performed, with_performed
+from enliven.wire import HoldMessage
+
+STEP = 33_333_333
+FRAMES = 12
+BEGIN = 7_000_000_000
+
+
+def arm() -> Shape:
+    """A sketched limb of several bones, a little bent by hand."""
+    shape = shape_from_stroke(limb(np.array([[0.0, 0.4], [0.0, 1.4]]), np.array([0.08, 0.05])), id="arm")
+    bent = np.array(
+        [from_rotation_vector(np.array([0.1 * k, 0.0, 0.05])) for k in range(len(shape.skeleton))]
+    )
+    return shape.with_changes(modeling=bent)
+
+
+ARM = arm()
+BONES = len(ARM.skeleton)
+
+
+def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> Performed:
+    """What an edge would publish of the arm: ``own`` (F, N, 4) turns of the bones, the root moved aside."""
+    parents = ARM.skeleton.parents
+    poses = []
+    for frame, turned in enumerate(own):
+        turns, joints = np.empty((BONES, 4)), np.empty((BONES, 3))
+        for j, parent in enumerate(parents):
+            local = multiply(ARM.modeling[j], turned[j])
+            turns[j] = local if parent < 0 else multiply(turns[parent], local)
+            rest = ARM.skeleton.positions
+            step = np.zeros(3) if parent < 0 else rotate(turns[j], rest[j] - rest[parent])
+            joints[j] = (rest[0] + [2.0 + root * frame, 0.0, 0.0]) if parent < 0 else joints[parent] + step
+        seen = pose_from(ARM, ShapePose(turns, joints), 0.0)
+        poses.append(Pose("arm", BEGIN + frame * STEP, seen.linear, seen.positions))
+    key = ("arm", 3)
+    return Performed(name, BEGIN, characters={key: character_of(ARM)}, poses={key: poses})
+
+
+def waving(bones: dict[int, float]) -> np.ndarray:
+    """(F, N, 4) turns in which some bones swing by so many radians."""
+    own = np.tile([1.0, 0.0, 0.0, 0.0], (FRAMES, BONES, 1))
+    for bone, size in bones.items():
+        for frame in range(FRAMES):
+            own[frame, bone] = from_rotation_vector(np.array([0.0, 0.3, 1.0]) * size * np.sin(frame))
+    return own
+
+
+BENDS = st.dictionaries(st.integers(1, BONES - 1), st.floats(0.2, 1.0), min_size=1, max_size=BONES - 1)
+
+
+@given(BENDS, st.floats(0.0, 4.0))
+@settings(max_examples=25)
+def test_a_shape_plays_as_it_was_seen_from_the_second_of_the_recording_on(bends, start: float) -> None:
+    own = waving(bends)
+    made, names = with_performed(Project().with_characters(ARM), performed(own), BEGIN - round(start * 1e9))
+    shape = made.shape("arm")
+    assert names == ("arm",) and {layer.take for layer in shape.layers} == {"take 1 on arm"}
+    assert len(shape.layers) == len(bends), "bones that did not move have no layer"
+    alone = performed(own).poses["arm", 3]
+    for frame in (0, 4, FRAMES - 1):
+        seen = pose_from(shape, pose_of(made, "arm", start + frame * STEP * 1e-9), 0.0)
+        np.testing.assert_allclose(seen.linear, alone[frame].linear, atol=2e-3)
+        aside = seen.positions - alone[frame].positions
+        np.testing.assert_allclose(aside, np.tile(aside[0], (BONES, 1)), atol=2e-3, err_msg="it stays there")
+
+
+def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_take_stays() -> None:
+    one, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.5})), BEGIN)
+    two, _ = with_performed(one, performed(waving({2: 0.8}), "take 2"), BEGIN)
+    whole = pose_of(one, "arm", 0.2).turns[1]
+    np.testing.assert_allclose(pose_of(two, "arm", 0.2).turns[1], whole, atol=1e-6)
+    assert np.abs(pose_of(two, "arm", 0.2).turns[2] - pose_of(one, "arm", 0.2).turns[2]).max() > 0.05
+    again, _ = with_performed(one, performed(waving({1: 0.2}), "take 2"), BEGIN, replaces=True)
+    alone, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.2})), BEGIN)
+    np.testing.assert_allclose(pose_of(again, "arm", 0.2).turns, pose_of(alone, "arm", 0.2).turns, atol=1e-6)
+    assert same(again.takes["take 1 on arm"], one.takes["take 1 on arm"]), "nothing recorded is lost"
+
+
+def test_a_root_that_goes_takes_the_shape_along_from_where_it_stands() -> None:
+    made, _ = with_performed(
+        Project().with_characters(ARM), performed(waving({0: 0.4, 1: 0.4}), root=0.1), BEGIN
+    )
+    went = [pose_of(made, "arm", frame * STEP * 1e-9).joints[0] for frame in (0, 5)]
+    np.testing.assert_allclose(went[0], ARM.skeleton.positions[0], atol=1e-6)
+    np.testing.assert_allclose(went[1] - went[0], [0.5, 0.0, 0.0], atol=1e-3)
+
+
+def test_who_was_in_view_is_a_take_and_what_stood_still_adds_nothing() -> None:
+    still = performed(waving({}))
+    rng = np.random.default_rng(0)
+    joints = rng.normal(size=(20, 3))
+    for frame in range(40):
+        body = Body(4, joints + 0.01 * frame, np.ones(20))
+        still.frames.append(BodyFrame([body], BEGIN + frame * STEP, "edge"))
+    still.events.append(HoldMessage("arm", BEGIN, "alone", body=4, holders=[4]))
+    made, names = with_performed(Project().with_characters(ARM), still, BEGIN)
+    assert names == ("take 1",) and made.shape("arm").layers == ()
+    assert made.takes["take 1"].duration > 1.0
+    early = replace(still, since_ns=BEGIN + 60 * STEP)
+    assert with_performed(Project(), early, BEGIN)[1] == ()

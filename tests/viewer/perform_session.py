@@ -1,0 +1,190 @@
+"""Performs in the real window with a real edge, which is killed and started again; prints what came of it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from imgui_bundle import ImVec2, hello_imgui, imgui
+from PIL import Image
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+
+from strokes import limb
+
+from enliven.modeling.edits import scale_character
+from enliven.modeling.sketching.sketch import shape_from_stroke
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.actions import KEYS
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform.actions import PERFORM_ACTIONS
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+EDGE = Path(__file__).parents[1] / "system" / "staged_edge.py"
+PATIENCE = 150.0
+"""Seconds in which anything has happened: kernels may have to be compiled first."""
+said: dict[str, object] = {"done": False}
+wanted: list[str] = []
+
+
+class RealEdge:
+    """The program of staged_edge.py, which can be killed and started again at its ports."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.ports = folder, list[str]()
+        self.start()
+
+    def start(self) -> None:
+        words = [sys.executable, str(EDGE), f"stage-{time.time_ns()}", str(self.folder), "100", *self.ports]
+        self.process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        self.ports = self.process.stdout.readline().split()
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+
+def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdge) -> None:
+    """What an artist does, and what happens to the edge meanwhile."""
+    workspace = window.workspace
+    editor, perform = workspace.editor, workspace.perform
+
+    def until(done: Callable[[], object], what: str) -> None:
+        end = time.monotonic() + PATIENCE
+        while not done():
+            if time.monotonic() > end:
+                toasts = [toast.text for toast in editor.toasts.shown]
+                said["missing"] = [what, perform.sender.states, toasts]
+                raise TimeoutError(what)
+            ctx.yield_()
+
+    def click(name: str) -> None:
+        ctx.yield_(2)
+        left, top, right, bottom = workspace.widget(name)
+        ctx.mouse_move_to_pos(ImVec2(min((left + right) / 2, left + 40), (top + bottom) / 2))
+        ctx.mouse_click(0)
+        ctx.yield_()
+
+    def shot(name: str) -> None:
+        wanted.append(name)
+        until(lambda: not wanted, "a picture")
+
+    click("room Perform")
+    ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
+    until(lambda: perform.holders and perform.performers, "somebody who holds the chair")
+    said["words"] = [one.words for one in perform.holders]
+    shot("held")
+    click("waits arm")
+    click("put")
+    until(lambda: "arm" in perform.standing, "the arm on the stage")
+    tall = np.ptp(perform.live.document.characters["arm"].vertices[:, 1])
+    editor.edit("scale arm", lambda project: scale_character(project, "arm", 1.25))
+    began = time.monotonic()
+    until(lambda: np.ptp(perform.live.document.characters["arm"].vertices[:, 1]) > 1.1 * tall, "the edit")
+    said["edit_s"] = time.monotonic() - began
+    click("count in")
+    click("record")
+    until(lambda: perform.recorder.seconds > 0.8, "a second of recording")
+    said["growing"] = list(perform.clip)
+    shot("recording")
+    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.r))
+    ctx.yield_()
+    chair = editor.project.graphs.get("chair")
+    said["recorded"] = [sorted(editor.project.characters), list(editor.project.bodies), editor.playing]
+    said["solvable"] = chair is not None and chair.parts[0].possession is not None
+    shot("recorded")
+    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))
+    ctx.yield_()
+    said["undone"] = [sorted(editor.project.characters), editor.history.redo_name]
+    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.mod_shift) | int(imgui.Key.z))
+    ctx.yield_()
+    before = [perform.recorder.newest_ns, len(editor.project.takes)]
+    perform.record()
+    until(lambda: perform.recorder.seconds > 0.8, "a second recording")
+    edge.kill()
+    until(lambda: perform.phase == "idle", "the end of the recording")
+    said["kept"] = [len(editor.project.takes) - before[1], [t.text for t in editor.toasts.shown]]
+    shot("gone")
+    edge.start()
+    until(lambda: perform.connected and perform.holders, "the edge again")
+    until(lambda: "arm" in perform.standing, "the arm on the stage again")
+    said["undone both"] = editor.history.names[-2:]
+    perform.record()
+    until(lambda: perform.recorder.seconds > 0.5, "a third recording")
+    perform.record()
+    said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
+    ctx.item_click("perform/arm  ·  free##stands arm")
+    said["each"] = each_action(ctx, window)
+    click("room Play")
+    shot("play")
+    said["done"] = True
+    workspace.store.forget()
+    window.close()
+
+
+def each_action(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> dict[str, list[str]]:
+    """Do every action on a stage once by its name and once by its key; returns those that were refused."""
+    workspace, refused = window.workspace, dict[str, list[str]]()
+    performing = [one for one in workspace.actions if one.id.startswith("perform.")]
+    keyed = {f"perform.{one.id.partition('.')[2]}": one for one in PERFORM_ACTIONS if one.rooms}
+    for action in performing:
+        for way in ("name", "key"):
+            if "record" in action.id or "workspace" in action.id or "take_the" in action.id:
+                continue
+            workspace.perform.room = "Play"
+            workspace.editor.select(character="arm")
+            if reason := action.why_not():
+                refused.setdefault(action.id, []).append(f"{way}: {reason}")
+            elif way == "name":
+                workspace.actions.do(action.id)
+            elif action.id in keyed:
+                ctx.key_press(int(KEYS[keyed[action.id].key]))
+            ctx.yield_(1)
+    return refused
+
+
+def main() -> None:
+    folder = Path(sys.argv[1])
+    edge = RealEdge(folder)
+    render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
+    large = len(sys.argv) > 2
+    settings = StudioSettings(render=render, width=1280 if large else 900, height=720 if large else 640)
+    workspace = Workspace.new(Editor(settings), folder)
+    pill = limb(np.array([[0.0, 0.0], [0.0, 0.6]]), np.array([0.08, 0.05]))
+    arm = shape_from_stroke(np.add(pill, [-0.8, 0.5]), id="arm")
+    workspace.store.new(workspace.editor.project.with_characters(arm))
+    window = StudioWindow(workspace)
+
+    def register() -> None:
+        engine = hello_imgui.get_imgui_test_engine()
+        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
+        test = imgui.test_engine.register_test(engine, "studio", "perform")
+        test.test_func = lambda ctx: work(ctx, window, edge)
+        imgui.test_engine.queue_test(engine, test)
+
+    def after(window: StudioWindow) -> None:
+        while wanted:
+            name = wanted.pop()
+            if len(sys.argv) > 2:
+                Image.fromarray(window.pixels()).save(Path(sys.argv[2]) / f"{name}.png")
+        if "missing" in said:
+            workspace.store.forget()
+            window.close()
+
+    try:
+        window.run(seconds=390, after=after, register_tests=register)
+    finally:
+        edge.kill()
+    print(json.dumps(said, default=str))
+
+
+if __name__ == "__main__":
+    main()

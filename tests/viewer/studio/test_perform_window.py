@@ -1,0 +1,36 @@
+"""Performing in the studio's real window with a real edge, which is killed while it is recorded."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SESSION = Path(__file__).parents[1] / "perform_session.py"
+
+
+def test_a_performance_is_recorded_onto_the_timeline_and_survives_its_edge(tmp_path: Path) -> None:
+    command = [sys.executable, str(SESSION), str(tmp_path)]
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        if shutil.which("xvfb-run") is None:
+            pytest.skip("there is no display, and no xvfb-run to make one")
+        command = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24", *command]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=400)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout.splitlines()[-1])
+    assert said["done"], said
+    assert said["words"] == ["Performer 1 is in the chair: the whole body"]
+    assert said["growing"][0] == 0.0 and said["growing"][1] > 0.8
+    assert said["recorded"] == [["arm", "chair"], ["take 1"], True], "it plays at once"
+    assert said["solvable"], "the recorded chair can be solved again from its performer"
+    assert said["undone"] == [["arm"], "record take 1"], "a recording is one edit"
+    kept, told = said["kept"]
+    assert kept == 1 and any("edge is gone" in text for text in told)
+    assert said["undone both"] == ["record take 1", "record take 2"]
+    assert said["takes"] == ["take 1", "take 2", "take 3"]
+    assert said["each"] == {}, "every action on a stage was done"

@@ -1,0 +1,147 @@
+"""What comes from an edge or a take, as a scene: polled once a picture, played back, and told what to do."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+from enliven.wire import Browse, Lock, Mode, Possess, Release, Smooth
+from enliven_viewer.link import Feed
+from enliven_viewer.live.possession_choice import PossessionChoice
+from enliven_viewer.live.view_report import ViewReporter, hidden, turn_to_bones
+from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
+from enliven_viewer.render import CameraView, OrbitCamera, Scene, SceneStyle, Showing, scene_of
+from enliven_viewer.settings import ViewerSettings
+
+_QUIET = 2.0
+"""Seconds without a message, four heartbeats of an edge, after which the window may rest."""
+
+
+class LiveStage:
+    """Performers and characters of one feed, and the orders to it.
+
+    Args:
+        feed: where the document is filled from.
+        take: the name of the take that the feed plays, or empty for a live edge.
+
+    Attributes:
+        playhead: the moment that is shown.
+        style: which overlays are shown.
+        possession: what the next possession takes.
+        scene: what was shown last.
+        scrubbing: whether the pointer drags the playhead.
+    """
+
+    def __init__(
+        self, feed: Feed, document: Document, settings: ViewerSettings | None = None, *, take: str = ""
+    ) -> None:
+        self.feed, self.document, self.take = feed, document, take
+        self.playhead = Playhead(document.timeline, live=not take, loop=bool(take))
+        self.style = SceneStyle()
+        self.possession = PossessionChoice()
+        self.scene = Scene()
+        settings = settings or ViewerSettings()
+        self._showing = Showing(settings.render, settings.film.overlay_seconds)
+        self._view_reporter = ViewReporter()
+        self._surfaces = SolvedSurfaces()
+        self._since, self.scrubbing = 0.0, False
+
+    def advance(self, seconds: float) -> None:
+        """Take in what has arrived, and let ``seconds`` of the viewer's clock pass."""
+        arrived = self.feed.poll(self.document)
+        playing = not (self.playhead.live or self.playhead.paused)
+        self._since = 0.0 if arrived or playing else self._since + seconds
+        self.playhead.advance(seconds)
+        moment = self.playhead.moment()
+        style = self._showing.style(self.style, moment, self.playhead.time_ns / NS)
+        self.scene = scene_of(self.document, moment, style, self._surfaces)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing has come for a while, and nothing is played back."""
+        return self._since > _QUIET
+
+    @property
+    def present(self) -> tuple[str, ...]:
+        """What a camera is to be turned to anew when it changes: the characters, and whether a person is
+        there."""
+        return (*self.document.characters, *("body" for _ in self.scene.bodies[:1]))
+
+    def possess(self, mode: Mode = "alone") -> None:
+        """Ask the feed to let the chosen performer, or each that is free, possess a character."""
+        for name in self._named():
+            self.feed.ask(Possess(name, self.possession.body, self.possession.parts, mode))
+
+    def release(self) -> None:
+        """Ask the feed to release what the chosen performer holds, or all characters."""
+        for name in self._named():
+            self.feed.ask(Release(name, self.possession.body))
+
+    def choose_parts(self, number: int) -> None:
+        """Choose the parts of the next possession, which are previewed from now on."""
+        self.possession.choose(number)
+        self.possess("preview")
+
+    def choose_performer(self) -> None:
+        """Choose the performer of the next possession: the next one in view, or the first that comes."""
+        self.possession.next_performer(body.id for body in self.scene.bodies)
+        self.possess("preview")
+
+    def smoother(self, step: int) -> None:
+        """Ask the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
+        present = [body.id for body in self.scene.bodies]
+        for body, amount in self.possession.smoother(step, present).items():
+            self.feed.ask(Smooth(body, amount))
+
+    def toggle_lock(self) -> None:
+        """Ask the feed that only the present performers perform, or all who come again."""
+        wanted = not self.possession.locked
+        self.feed.ask(Lock(wanted), lambda: setattr(self.possession, "locked", wanted))
+
+    def browse(self, step: int) -> None:
+        """Ask the feed for another match, for every character that waits for one to be chosen."""
+        for name in self.scene.boards:
+            self.feed.ask(Browse(name, step))
+
+    def show_bones(self, camera: OrbitCamera) -> None:
+        """Turn the camera to where most of the bones of the characters can be seen."""
+        turn_to_bones(camera, self.scene)
+
+    def report_view(self, view: CameraView) -> None:
+        """Tell the feed the direction of view where a match is being chosen and the view has changed."""
+        if not self.scene.boards:
+            return
+        look = self._view_reporter.changed(view, time.monotonic())
+        if look is not None:
+            self.feed.ask(look)
+
+    def switch(self, *names: str) -> None:
+        """Switch overlays of the style on, or off where the first of them is on."""
+        shown = 0.0 if getattr(self.style, names[0]) > 0 else 1.0
+        self.style = replace(self.style, **dict.fromkeys(names, shown))
+
+    def words(self, view: CameraView) -> str:
+        """The text about the next possession, or about why it cannot be seen; empty for a take."""
+        if self.take:
+            return ""
+        if hidden(self.scene, view):
+            return "Some bones point at you: V shows more of them"
+        return self.possession.words
+
+    @property
+    def notice(self) -> str:
+        """The text in the middle of an empty picture."""
+        if self.document.characters or len(self.document.timeline):
+            return ""
+        edge = self.document.edge
+        if edge.connected:
+            return "Waiting for the characters of the stage"
+        return edge.message or f"Waiting for a stage at {edge.address.removeprefix('tcp://')}"
+
+    def close(self) -> None:
+        """Let the feed go."""
+        self.feed.close()
+
+    def _named(self) -> list[str | None]:
+        """The character that an order names; among several the edge finds the one that is meant."""
+        return [None] if len(self.document.characters) > 1 else list(self.document.characters)

@@ -1,0 +1,5 @@
+"""The panels of the stage: workspaces, the Perform panel, words over the picture, and the growing clip."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

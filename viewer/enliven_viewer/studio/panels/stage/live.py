@@ -1,0 +1,122 @@
+"""Draws over the picture what is live: who holds what in large words, matches, count-in and recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.live import Hud, HudState, LiveStage, cards_of, time_text, timeline_fraction
+from enliven_viewer.playback import NS
+from enliven_viewer.render.overlay import CUE_TINTS, Pen
+from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import BAD, GLASS, INK, Colour
+
+_LARGE = 26.0
+"""Pixels of the words about who holds what: read from three metres away."""
+_COUNT = 150.0
+"""Pixels of a beat of the count-in: seen by a performer across the room."""
+_BELOW = 64.0
+"""Pixels above the bottom of the picture where the words begin: above the live timeline."""
+
+
+def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
+    """Draw over the viewport; ``pace`` is the pictures a second."""
+    perform = workspace.perform
+    live = perform.live
+    if live is None:
+        return
+    draw = imgui.get_background_draw_list()
+    size = (round(area.width), round(area.height))
+    draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
+    hud = Hud(Pen(draw, (area.x, area.y)))
+    view = workspace.editor.lens.view
+    if perform.room == "Play":
+        hud.draw(size, _state(live, pace, live.words(view)))
+        _scrub(live, area, size)
+    else:
+        hud.draw_choice(size, cards_of(live.scene, view), live.notice if not live.scene.actors else "")
+    if perform.room in ("Perform", "Play"):
+        _holders(perform, draw, area)
+    _recording(perform, draw, area)
+    draw.pop_clip_rect()
+
+
+def _state(live: LiveStage, pace: float, words: str) -> HudState:
+    timeline, head = live.document.timeline, live.playhead
+    return HudState(
+        edge=None if live.take else replace(live.document.edge),
+        title=live.take,
+        fps=pace,
+        fraction=head.fraction,
+        shown_s=(head.time_ns - timeline.start_ns) / NS,
+        length_s=(timeline.end_ns - timeline.start_ns) / NS,
+        live=head.live,
+        paused=head.paused,
+        speed=head.speed,
+        notice=live.notice,
+        possession=words,
+        score=live.scene.props.note if live.scene.props is not None else "",
+    )
+
+
+def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
+    """Let the pointer drag the playhead along the live timeline."""
+    io = imgui.get_io()
+    x, y = io.mouse_pos.x - area.x, io.mouse_pos.y - area.y
+    near = timeline_fraction(x, y, size, 1.0)
+    if near is not None and not io.want_capture_mouse and imgui.is_mouse_clicked(0):
+        live.scrubbing = True
+    live.scrubbing = live.scrubbing and imgui.is_mouse_down(0)
+    if live.scrubbing:
+        along = timeline_fraction(x, size[1] - 34, size, 1.0)
+        live.playhead.scrub(along if along is not None else float(x > size[0] / 2))
+
+
+def _holders(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """Draw who holds what, a line each, with the colour of the performer's skeleton."""
+    bottom = area.y + area.height - _BELOW
+    for holder in reversed(perform.holders):
+        present = perform.performers
+        number = present.index(holder.body) if holder.body in present else 0
+        tint = (*(channel ** (1 / 2.2) for channel in CUE_TINTS[number % len(CUE_TINTS)]), 1.0)
+        bottom = _line(draw, area, bottom, holder.words, tint) - 8
+
+
+def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> float:  # type: ignore[no-untyped-def]
+    """One line of large words above ``bottom``, in the middle; returns its top."""
+    room = area.width - 90.0
+    size = min(_LARGE, _LARGE * room / max(_wide(text, _LARGE), 1.0))
+    wide = _wide(text, size)
+    left, top = area.x + (area.width - wide) / 2, bottom - size - 14
+    low, high = ImVec2(left - 44, top), ImVec2(left + wide + 20, bottom)
+    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.78)), 12.0)
+    draw.add_circle_filled(ImVec2(left - 22, top + 7 + size / 2), 8.0, packed(tint))
+    draw.add_text(imgui.get_font(), size, ImVec2(left, top + 7), packed(INK), text)
+    return top
+
+
+def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """Draw the beat of the count-in in the middle, or how long is recorded at the top."""
+    if perform.counted:
+        text = str(perform.counted)
+        x = area.x + (area.width - _wide(text, _COUNT)) / 2
+        y = area.y + area.height * 0.4 - _COUNT / 2
+        draw.add_text(imgui.get_font(), _COUNT, ImVec2(x + 3, y + 3), packed((0.0, 0.0, 0.0, 0.5)), text)
+        draw.add_text(imgui.get_font(), _COUNT, ImVec2(x, y), packed(INK), text)
+    elif perform.phase == "recording":
+        text = f"Recording   {time_text(perform.recorder.seconds)}"
+        wide = _wide(text, 20.0)
+        x, y = area.x + (area.width - wide) / 2, area.y + 18
+        draw.add_rect_filled(
+            ImVec2(x - 40, y - 8), ImVec2(x + wide + 18, y + 29), packed((*GLASS[:3], 0.78)), 10.0
+        )
+        draw.add_circle_filled(ImVec2(x - 20, y + 11), 7.0, packed(BAD))
+        draw.add_text(imgui.get_font(), 20.0, ImVec2(x, y), packed(INK), text)
+
+
+def _wide(text: str, size: float) -> float:
+    return imgui.calc_text_size(text).x * size / imgui.get_font_size()

@@ -1,0 +1,216 @@
+"""The panel of the Perform workspace: the stage, who is there, the characters on it, and recording."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.live import PARTS, time_text
+from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
+from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import BAD, GOOD, QUIET, WAIT, Colour
+
+_WHOLE = ImVec2(-1, 0)
+_HALF = ImVec2(126, 0)
+_RECORD = ImVec2(-1, 38)
+_LOCAL = "127.0.0.1"
+
+
+def draw_perform(workspace: Workspace, area: Area) -> None:
+    """Draw the panel at the right."""
+    perform = workspace.perform
+    with panel("perform", area):
+        _stage(workspace, perform)
+        if perform.live is None:
+            return
+        _recording(workspace, perform)
+        _characters(workspace, perform)
+        _performers(workspace, perform)
+
+
+def stage_words(perform: PerformSession) -> tuple[str, Colour]:
+    """The state of the link in plain words, and its colour."""
+    live = perform.live
+    if live is None:
+        return "No stage is connected", QUIET
+    edge = live.document.edge
+    if live.take:
+        return f"Playing {live.take}", GOOD
+    if not edge.connected:
+        gone = f"The stage at {_plain(edge.address)} is silent. It is looked for again by itself."
+        looked = f"Looking for a stage at {_plain(edge.address)}"
+        return (gone, BAD) if len(live.document.timeline) else (looked, WAIT)
+    if edge.phase == "ended":
+        return "The camera or recording has ended", WAIT
+    if edge.signal != "live":
+        words = {
+            "slow": "Connected, but few pictures arrive",
+            "damaged": "Connected, but pictures are damaged",
+        }
+        return words.get(edge.signal, "Connected, but no picture arrives"), WAIT
+    late = edge.sensor_to_pose_ms
+    behind = "" if late is None else f", {late + (edge.pose_to_screen_ms or 0.0):.0f} ms behind"
+    return f"Connected{behind}", GOOD
+
+
+def _plain(address: str) -> str:
+    return address.removeprefix("tcp://") or "the address"
+
+
+def _stage(workspace: Workspace, perform: PerformSession) -> None:
+    heading("Stage")
+    words, colour = stage_words(perform)
+    at = imgui.get_cursor_screen_pos()
+    draw = imgui.get_window_draw_list()
+    draw.add_circle_filled(ImVec2(at.x + 5, at.y + 9), 4.5, packed(colour))
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 18)
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_unformatted(words)
+    imgui.pop_text_wrap_pos()
+    if perform.live is not None:
+        for state in perform.live.document.edge.health[:2]:
+            with tinted(WAIT, imgui.Col_.text):
+                imgui.push_text_wrap_pos(0.0)
+                imgui.text_unformatted(state.what)
+                imgui.pop_text_wrap_pos()
+            quiet(state.mend)
+        if imgui.button("Leave the stage", _WHOLE):
+            perform.disconnect()
+        workspace.remember("leave")
+        return
+    quiet("Where a camera stands: the address of its computer. Or let somebody recorded perform here.")
+    imgui.set_next_item_width(-1)
+    entered, workspace.perform.address = imgui.input_text_with_hint(
+        "##address", _LOCAL, perform.address, imgui.InputTextFlags_.enter_returns_true
+    )
+    workspace.remember("address")
+    if imgui.button("Connect", _WHOLE) or entered:
+        workspace.attempt(lambda: perform.connect(perform.address or _LOCAL))
+    workspace.remember("connect")
+    for address in perform.known:
+        if imgui.selectable(f"{address}##known {address}", False)[0]:
+            workspace.attempt(partial(perform.connect, address))
+    heading("No camera here?")
+    if imgui.button("A recorded person", _WHOLE):
+        workspace.attempt(lambda: perform.connect_nearby("--loop"))
+    workspace.remember("recorded person")
+    told("Plays the recording that comes with enliven, over and over, as if somebody stood there")
+    if imgui.button("A recording of yours...", _WHOLE):
+        workspace.ask("perform")
+    workspace.remember("recording of yours")
+    if imgui.button("A made-up person", _WHOLE):
+        workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
+    workspace.remember("made-up person")
+    told("A figure that waves and walks, for trying things out")
+
+
+def _recording(workspace: Workspace, perform: PerformSession) -> None:
+    heading("Record")
+    if perform.phase == "recording":
+        with tinted(BAD, imgui.Col_.button):
+            if imgui.button(f"Stop   {time_text(perform.recorder.seconds)}", _RECORD):
+                perform.stop()
+    elif perform.phase == "counting":
+        if imgui.button("Cancel", _RECORD):
+            perform.stop()
+    else:
+        if imgui.button("\uf111  Record", _RECORD):
+            perform.record()
+        told("What you do becomes motion on the timeline, while what is there plays  (Ctrl+R)")
+    workspace.remember("record")
+    perform.count_in = imgui.checkbox("Count in: three, two, one", perform.count_in)[1]
+    workspace.remember("count in")
+    perform.replaces = imgui.checkbox("In place of what moves there", perform.replaces)[1]
+    told("On: the parts that you move lose the motion they had. Off: yours is added to it")
+    workspace.remember("replaces")
+
+
+def _characters(workspace: Workspace, perform: PerformSession) -> None:
+    heading("Characters on the stage")
+    standing = perform.standing
+    if not standing:
+        quiet("None yet. Choose a character below and put it there.")
+    for name in standing:
+        _character(workspace, perform, name)
+    editor = workspace.editor
+    others = [name for name in editor.project.characters if name not in standing]
+    for name in others:
+        chosen = editor.selection.character == name
+        if imgui.selectable(f"{name}##waits {name}", chosen)[0]:
+            editor.choose(name)
+        workspace.remember(f"waits {name}")
+        state = perform.sender.states.get(name, "")
+        if state:
+            quiet(state)
+        if chosen and not state.startswith("being"):
+            if imgui.button(f"Put {name} on the stage", _WHOLE):
+                perform.put()
+            workspace.remember("put")
+            told("A person can step into it then. It follows every edit  (Ctrl+Enter)")
+
+
+def _character(workspace: Workspace, perform: PerformSession, name: str) -> None:
+    who = [one for one in perform.holders if one.character == name]
+    label = f"{name}  ·  {'held' if who else 'free'}"
+    own = name in workspace.editor.project.characters
+    if imgui.selectable(f"{label}##stands {name}", workspace.editor.selection.character == name)[0] and own:
+        workspace.editor.choose(name)
+    workspace.remember(f"stands {name}")
+    if perform.live is not None and not perform.live.take:
+        imgui.same_line(imgui.get_content_region_avail().x - 58)
+        if imgui.small_button(f"Remove##{name}"):
+            perform.take_off(name)
+        workspace.remember(f"remove {name}")
+
+
+def _performers(workspace: Workspace, perform: PerformSession) -> None:
+    heading("Performers")
+    live = perform.live
+    assert live is not None
+    present, choice = perform.performers, live.possession
+    if not present:
+        quiet("" if not perform.connected else "Nobody is in view. Step in front of the camera.")
+        return
+    names = ["Whoever is free", *(f"Performer {one}" for one in present)]
+    at = 1 + present.index(choice.body) if choice.body in present else 0
+    imgui.set_next_item_width(-1)
+    changed, at = imgui.combo("##performer", at, names)
+    workspace.remember("performer")
+    if changed:
+        choice.body = present[at - 1] if at else None
+        live.possess("preview")
+    imgui.set_next_item_width(-1)
+    changed, number = imgui.combo("##parts", PARTS.index(choice.parts), list(map(_part, PARTS)))
+    workspace.remember("parts")
+    told("Which parts of the body take hold; the stage shows what they would hold  (1 to 9)")
+    if changed:
+        live.choose_parts(number)
+    if imgui.button("Possess", _HALF):
+        live.possess()
+    workspace.remember("possess")
+    told("Step in: nobody else holds it then  (P)")
+    imgui.same_line()
+    if imgui.button("Join", _HALF):
+        live.possess("join")
+    workspace.remember("join")
+    told("Step in beside those who hold it already  (J)")
+    if imgui.button("Hold more", _HALF):
+        live.possess("extend")
+    workspace.remember("extend")
+    told("Hold with these parts as well as before  (E)")
+    imgui.same_line()
+    if imgui.button("Release", _HALF):
+        live.release()
+    workspace.remember("release")
+    told("Let go  (R)")
+    if imgui.checkbox("Only who is here now performs", choice.locked)[0]:
+        live.toggle_lock()
+    told("People who come later are left out  (K)")
+
+
+def _part(name: str) -> str:
+    return {"all": "The whole body"}.get(name, name[:1].upper() + name[1:])

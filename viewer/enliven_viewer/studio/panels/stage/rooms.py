@@ -1,0 +1,47 @@
+"""The strip of workspaces in the menu bar: what is in reach, never what is loaded."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.perform import ROOMS
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, BAD, INK
+
+_MEANT = {
+    "Perform": "Step into characters and record what you do",
+    "Animate": "Give motion to characters, and shift, mix and repair it",
+    "Model": "Sketch, cut and merge characters, with more room for the picture",
+    "Play": "Only the picture",
+}
+_WIDE = 84.0
+"""Pixels of a tab: the longest name with room."""
+
+
+def draw_rooms(workspace: Workspace) -> None:
+    """Draw a tab a workspace in the middle of the menu bar; that of Perform has a dot while it records."""
+    if not imgui.begin_main_menu_bar():
+        return
+    perform = workspace.perform
+    tab = _WIDE
+    left = max((imgui.get_window_width() - tab * len(ROOMS)) / 2, imgui.get_cursor_pos_x() + 12.0)
+    draw, high = imgui.get_window_draw_list(), imgui.get_window_height()
+    for number, room in enumerate(ROOMS):
+        x = left + number * tab
+        if perform.room == room:
+            draw.add_rect_filled(ImVec2(x, 1), ImVec2(x + tab, high), packed(ACCENT, 0.22), 6.0)
+        imgui.set_cursor_pos_x(x)
+        imgui.set_cursor_pos_y(0)
+        if imgui.invisible_button(f"##room {room}", ImVec2(tab, high)):
+            perform.room = room
+        told(f"{_MEANT[room]}  (Ctrl+{number + 1})")
+        lit = perform.room == room or imgui.is_item_hovered()
+        workspace.remember(f"room {room}")
+        wide = imgui.calc_text_size(room).x
+        at = ImVec2(x + (tab - wide) / 2, (high - imgui.get_text_line_height()) / 2)
+        draw.add_text(at, packed(ACCENT if lit else INK), room)
+        if room == "Perform" and perform.phase == "recording":
+            draw.add_circle_filled(ImVec2(at.x - 9, high / 2), 4.0, packed(BAD))
+    imgui.end_main_menu_bar()

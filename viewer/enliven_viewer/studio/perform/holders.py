@@ -1,0 +1,68 @@
+"""Who holds what with which parts of the body, followed through the changes that an edge tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.wire import HoldMessage
+
+_WORDS = {"all": "the whole body", "arms": "both arms", "legs": "both legs", "hands": "both hands"}
+"""Parts of the body by what an artist calls them; others are said as they are."""
+
+
+@dataclass(frozen=True)
+class Holder:
+    """A performer who holds a character.
+
+    Attributes:
+        body: the performer's id.
+        character: the id of what is held.
+        parts: names of the parts that hold it, in the order in which they took hold.
+    """
+
+    body: int
+    character: str
+    parts: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """For an audience: "Performer 1 is in the horse: both arms"."""
+        parts = [_WORDS.get(part, part.replace(" + ", " and the ")) for part in self.parts]
+        return f"Performer {self.body} is in the {self.character}: {' and '.join(parts)}"
+
+
+class Holders:
+    """The holds of all characters, and the messages since each was free."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, dict[int, tuple[str, ...]]] = {}
+        self.since_free: dict[str, list[HoldMessage]] = {}
+
+    @property
+    def now(self) -> tuple[Holder, ...]:
+        """Everyone who holds something, by id."""
+        found = [Holder(who, name, own) for name, held in self._parts.items() for who, own in held.items()]
+        return tuple(sorted(found, key=lambda one: (one.body, one.character)))
+
+    def take(self, said: HoldMessage) -> None:
+        """Follow a change."""
+        before = self._parts.get(said.character, {})
+        if not before:
+            self.since_free[said.character] = []
+        self.since_free[said.character].append(said)
+        own = before.get(said.former if said.mode == "take over" else said.body, ())
+        held = {} if said.mode in ("alone", "remove") else dict(before)
+        if said.mode in ("alone", "join"):
+            held[said.body] = (said.parts,)
+        elif said.mode == "extend":
+            held[said.body] = (*(part for part in own if part != said.parts), said.parts)
+        elif said.mode == "take over":
+            held[said.body] = own or (said.parts,)
+        held = {who: held.get(who, (said.parts,)) for who in said.holders}
+        self._parts[said.character] = held
+        if not held:
+            self.since_free[said.character] = []
+
+    def forget(self) -> None:
+        """Forget everything, as after an edge was started again."""
+        self._parts, self.since_free = {}, {}

@@ -1,0 +1,65 @@
+"""An edge on this machine, started by the window and ended with it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+from enliven.commands import start_process
+from enliven.errors import ResourceError
+from enliven.wire import Endpoint, free_ports
+
+_GRACE = 5.0
+"""Seconds that an edge has to close its sensor before it is killed."""
+
+
+class NearbyEdge:
+    """One edge as a child process.
+
+    Args:
+        words: of its command line, such as "--sensor", "synthetic".
+
+    Attributes:
+        endpoint: where it listens, or will.
+
+    Raises:
+        ResourceError: where the edge's program is not installed.
+    """
+
+    def __init__(self, *words: str) -> None:
+        if find_spec("enliven_edge") is None:
+            mend = "Install it: pip install enliven-edge, or connect to an edge on the network."
+            raise ResourceError("the edge's program is not installed here", where="stage", mend=mend)
+        pose, control = free_ports()[:2]
+        self.endpoint = Endpoint("127.0.0.1", pose, control)
+        ports = ("--port", str(pose), "--control-port", str(control), "--name", f"window-{os.getpid()}")
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115, it lives as long as the edge
+        self._process = start_process(["edge", *words, *ports], stderr=self._log)
+
+    @property
+    def ended(self) -> str | None:
+        """Why it ended, its last words; None while it runs."""
+        if self._process.poll() is None:
+            return None
+        self._log.seek(0)
+        said = [line.strip() for line in self._log.read().splitlines() if line.strip()]
+        return said[-1] if said else "it ended"
+
+    def close(self) -> None:
+        """End it."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            try:
+                self._process.wait(_GRACE)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._log.close()
+
+
+def replaying(recording: Path | None) -> NearbyEdge:
+    """An edge that plays a recording for ever: the one that ships, where none is given."""
+    return NearbyEdge("--loop", *(("--recording", str(recording)) if recording else ()))

@@ -1,0 +1,102 @@
+"""Gathers what an edge publishes from one moment on, with what has to be known of the time before."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from enliven.frames import BodyFrame
+from enliven.takes import Performed
+from enliven.wire import BODIES, HOLDS, POSE, Topic
+from enliven_viewer.playback import NS
+from enliven_viewer.studio.perform.holders import Holders
+
+_BACK = 1.0
+"""Seconds by which the sensor's clock goes back where it is another one: the edge or a replay began again."""
+_BEFORE = 18_000
+"""Frames of performers that are kept from before a recording: ten minutes, since a hold may be as old."""
+
+
+class LiveRecorder:
+    """Hears everything that arrives; :meth:`begin` and :meth:`end` frame what is kept.
+
+    Attributes:
+        holders: who holds what.
+        cut: whether the sensor's clock began again while it recorded: what came after is left out.
+    """
+
+    def __init__(self) -> None:
+        self.holders = Holders()
+        self.newest_ns: int | None = None
+        self.cut = False
+        self._frames: deque[BodyFrame] = deque(maxlen=_BEFORE)
+        self._kept: Performed | None = None
+
+    @property
+    def recording(self) -> bool:
+        """Whether something is recorded."""
+        return self._kept is not None
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of the sensor's clock that are recorded so far."""
+        if self._kept is None or self.newest_ns is None:
+            return 0.0
+        return max(self.newest_ns - self._kept.since_ns, 0) / NS
+
+    def begin(self, name: str, delay_ns: int = 0) -> int:
+        """Record from now on; returns the sensor's clock when it begins.
+
+        Args:
+            delay_ns: how much later than a performer moves it arrives here.
+        """
+        since = (self.newest_ns or 0) + delay_ns
+        self._kept, self.cut = Performed(name, since), False
+        first = min((held[0].time_ns for held in self.holders.since_free.values() if held), default=since)
+        self._kept.frames = [frame for frame in self._frames if frame.time_ns >= first]
+        self._kept.events = [said for held in self.holders.since_free.values() for said in held]
+        return since
+
+    def end(self) -> Performed:
+        """What was recorded; nothing more is."""
+        assert self._kept is not None
+        kept, self._kept = self._kept, None
+        kept.events.sort(key=lambda said: said.time_ns)
+        return kept
+
+    def heard(self, topic: Topic, value: Any) -> None:
+        """Take a value of a topic, as the link brings it."""
+        if topic is POSE:
+            self._pose(value)
+        elif topic is BODIES and self._later(value.time_ns):
+            frame = BodyFrame(list(value.bodies), value.time_ns, value.edge)
+            self._frames.append(frame)
+            if self._kept is not None and not self.cut:
+                self._kept.frames.append(frame)
+        elif topic is HOLDS:
+            self.holders.take(value)
+            if self._kept is not None and not self.cut:
+                self._kept.events.append(value)
+
+    def restarted(self) -> None:
+        """Another clock begins, and all holds are over."""
+        self.newest_ns, self.cut = None, self.recording
+        self._frames.clear()
+        self.holders.forget()
+
+    def _pose(self, seen: Any) -> None:
+        pose, kept = seen.pose, self._kept
+        self._later(pose.time_ns)
+        if kept is None or self.cut or seen.character is None or pose.time_ns < kept.since_ns:
+            return
+        key = pose.character, seen.revision
+        kept.characters.setdefault(key, seen.character)
+        kept.poses.setdefault(key, []).append(pose)
+
+    def _later(self, time_ns: int) -> bool:
+        """Note a time of the sensor's clock; returns whether it is later than all before."""
+        if self.newest_ns is not None and time_ns < self.newest_ns - _BACK * NS:
+            self.restarted()
+        later = self.newest_ns is None or time_ns > self.newest_ns
+        self.newest_ns = max(self.newest_ns or time_ns, time_ns)
+        return later

@@ -1,0 +1,89 @@
+"""Characters of the project on the stage of an edge: sent, sent again when they are edited, taken away."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+
+from enliven.document import Project, Puppet, RigBase
+from enliven.formats.project import project_of_mesh
+from enliven.wire import Answer, Done, Refused
+from enliven_viewer.link import StageLink
+
+_REST = 0.25
+"""Seconds without another edit after which an edited character is sent: a dragged slider is one edit."""
+
+
+class StageSender:
+    """What of a project stands on the stage.
+
+    Args:
+        tell: says what was done, and what to do about it.
+
+    Attributes:
+        states: by character, what an artist is told of it.
+    """
+
+    def __init__(self, tell: Callable[[str, str], None]) -> None:
+        self._tell = tell
+        self.states: dict[str, str] = {}
+        self._sent: dict[str, RigBase] = {}
+        self._seen: dict[str, tuple[RigBase, float]] = {}
+
+    def put(self, stage: StageLink, project: Project, name: str) -> None:
+        """Send a character; it is sent again by itself when it is edited."""
+        one = project.character(name)
+        again = self.states.get(name) == "on the stage"
+        self._sent[name], self.states[name] = one, "being sent"
+        told = partial(self._answered, name, again)
+        if isinstance(one, Puppet) and len(one.poses) < 2 and one.mesh is not None:
+            # It has no examples of its own to move by: a person possesses its mesh.
+            stage.put(project_of_mesh(one.mesh, name), name, fit=True, then=told)
+        else:
+            stage.put(project, name, then=told)
+
+    def remove(self, stage: StageLink, name: str) -> None:
+        """Take a character from the stage."""
+        self._sent.pop(name, None)
+        self.states.pop(name, None)
+        stage.remove(name, partial(self._removed, name))
+
+    def advance(self, stage: StageLink, project: Project) -> None:
+        """Send what was edited, once it rests."""
+        now = time.monotonic()
+        for name, sent in list(self._sent.items()):
+            one = project.characters.get(name)
+            if one is None or one is sent or self.states[name].startswith("refused"):
+                self._seen.pop(name, None)
+                continue
+            if self._seen.get(name, (None, 0.0))[0] is not one:
+                self._seen[name] = one, now
+            elif now - self._seen[name][1] >= _REST:
+                self.put(stage, project, name)
+
+    def again(self, stage: StageLink, project: Project) -> None:
+        """Send everything anew: the edge was started again, and its stage is empty."""
+        for name in [name for name in self._sent if name in project.characters]:
+            self.put(stage, project, name)
+
+    def forget(self) -> None:
+        """Forget what stands there: the link is closed."""
+        self.states, self._sent, self._seen = {}, {}, {}
+
+    def _answered(self, name: str, again: bool, answer: Answer) -> None:
+        if name not in self._sent:
+            return
+        if isinstance(answer, Done):
+            self.states[name] = "on the stage"
+            if not again:
+                self._tell(f"{name} stands on the stage", "It follows every edit.")
+        elif isinstance(answer, Refused):
+            self.states[name] = f"refused: {answer.reason}"
+            self._tell(f"{name} cannot stand on the stage", answer.reason)
+
+    def _removed(self, name: str, answer: Answer) -> None:
+        if isinstance(answer, Refused):
+            self._tell(f"{name} is not taken from the stage", answer.reason)
+        else:
+            self._tell(f"{name} is gone from the stage", "")
