@@ -27,6 +27,7 @@ wanted: list[str] = []
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Every action, from its menu and by its key; then the palette, other keys, and the list of steps."""
     workspace = window.workspace
+    workspace.editor.show_meshes = False  # a picture is drawn for each of a thousand frames
     for name, way in (("menu", by_menu), ("keys", by_key)):
         for action in list(workspace.actions):
             if name == "keys" and not action.keys:
@@ -44,6 +45,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
                 ctx.yield_()
             workspace.ended = False
             workspace.editor.beside.finish()
+    workspace.editor.show_meshes = True
     greyed(ctx, window)
     palette(ctx, window)
     keys(ctx, window)
