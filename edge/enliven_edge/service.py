@@ -142,7 +142,9 @@ class Edge:
         place, state = tracker.world_from_camera, tracker.state
         self.health.judge(frame, bodies, place, state)
         if place is not None and state is not None:
-            self.health.judge_device(condition_of(self.sensor), place, state.floor_known)
+            condition = condition_of(self.sensor)
+            self.health.judge_device(condition, place, state.floor_known)
+            tracker.down = None if condition is None else condition.down
         self.outlet.set_health(self._health_states())
         self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies), self.sensor.name)
         first = frame.time_ns if self._first_ns is None else self._first_ns

@@ -25,10 +25,12 @@ from fuzz_mutations import mutated, mutated_tree
 from mcap.data_stream import ReadDataStream
 from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
+from PIL import Image
 
 from enliven.camera import Intrinsics
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.frames import BodyFrame, DepthFrame
+from enliven.meshes import MeshMaterials, Texture
 from enliven.person.body import Body
 from enliven.person.joints import J
 from enliven.recording import Recorder
@@ -91,7 +93,22 @@ def character(kind: str = "graph") -> Character:
         np.array([[k, 0, 0, 0] for k in range(8)], np.uint16), np.eye(4, dtype=np.float32)[[0] * 8]
     )
     edges = np.array([[0, 1], [0, 2], [0, 4], [1, 3], [2, 6], [4, 5], [5, 7]], np.int32)
-    return Character("box", corners, faces, skin, corners, edges, kind, np.full((8, 3), 90, np.uint8))
+    colours = np.full((8, 3), 90, np.uint8)
+    return Character(
+        "box", corners, faces, skin, corners, edges, kind, colours, materials=_materials(len(faces))
+    )
+
+
+def _materials(faces: int) -> MeshMaterials:
+    """A material with a texture of one pixel."""
+    data = io.BytesIO()
+    Image.new("RGB", (1, 1), (200, 90, 40)).save(data, "PNG")
+    moved = {"KHR_texture_transform": {"offset": [0.5, 0.0], "scale": [2.0, 1.0], "rotation": 0.3}}
+    base = {"baseColorTexture": {"index": 0, "extensions": moved}, "baseColorFactor": [1, 0.5, 0.2, 0.7]}
+    told = json.dumps({"pbrMetallicRoughness": base, "alphaMode": "MASK", "alphaCutoff": 0.3})
+    picture = Texture(np.frombuffer(data.getvalue(), np.uint8), '{"wrapS": 33648}')
+    uvs = np.linspace(0, 1, 6 * faces).reshape(faces, 3, 1, 2).astype(np.float32)
+    return MeshMaterials((told,), (picture,), np.zeros(faces, np.int32), uvs)
 
 
 def poses() -> list[Pose]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), *(str(HERE.parent / "shared" / room) for room in ("formats", "modeling"))]
+sys.path.insert(0, str(HERE.parent / "helpers"))
 import fuzz_law  # noqa: E402
 import fuzz_readers  # noqa: E402
 

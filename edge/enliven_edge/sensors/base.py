@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
+from enliven.arrays import Float
 from enliven.errors import ResourceError
 from enliven.frames import Frame
 from enliven.health import HealthState
@@ -37,6 +40,14 @@ class Condition:
     hot: float | None = None
     gravity: tuple[float, float, float] | None = None
     calibrated: bool = True
+
+    @property
+    def down(self) -> Float | None:
+        """(3,) the unit vector of gravity in the camera's frame; None where nothing usable was measured."""
+        if self.gravity is None:
+            return None
+        length = float(np.linalg.norm(self.gravity))
+        return np.array(self.gravity) / length if np.isfinite(length) and length > 0 else None
 
 
 class Sensor(Closing, Protocol):

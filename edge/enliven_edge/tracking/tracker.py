@@ -68,6 +68,15 @@ class Tracker:
         return self._mounting.world_from_camera if self._by_depth else None
 
     @property
+    def down(self) -> Float | None:
+        """(3,) the direction of gravity in the camera's frame; None where no accelerometer feels it."""
+        return self._mounting.down
+
+    @down.setter
+    def down(self, direction: Float | None) -> None:
+        self._mounting.down = direction
+
+    @property
     def performers(self) -> list[Person]:
         """The followed people who may perform, in the order in which they were found."""
         return self._people.roster.performers

@@ -18,6 +18,12 @@ MAX_SOLVED = 100_000
 busy."""
 
 
+MAX_MATERIALS = 1024
+"""Materials of a character, and textures: detailed characters have dozens."""
+MAX_DEFINITION = 16 * 1024
+"""Characters of a material's JSON: with all of its extensions a few thousand."""
+MAX_TEXTURE_BYTES = 16 * 1024 * 1024
+"""Bytes of all encoded textures of a character: those with more are sent in their vertex colours."""
 MAX_JOINT_NAME = 128
 """Characters of a joint's name: what programs make of paths and namespaces is some 60 long."""
 JointName = Annotated[str, Meta(min_length=1, max_length=MAX_JOINT_NAME)]
@@ -41,6 +47,34 @@ class SurfaceMessage(Struct, frozen=True):
     guide_vertices: Annotated[int, Meta(ge=20, le=MAX_SOLVED)] = 400
 
 
+class TextureMessage(Struct, frozen=True):
+    """An encoded picture, PNG or JPEG, and the JSON of its glTF sampler; nothing is decoded on the way."""
+
+    image: Annotated[bytes, Meta(min_length=8, max_length=MAX_TEXTURE_BYTES)]
+    sampler: Annotated[str, Meta(max_length=MAX_DEFINITION)] = ""
+
+
+class MaterialsMessage(Struct, frozen=True):
+    """The materials of a character's faces, as :class:`enliven.meshes.MeshMaterials` has them.
+
+    Attributes:
+        definitions: JSON objects of glTF materials.
+        of: (F,) int32 the material of each face; -1 for none.
+        sets: of texture coordinates.
+        uvs: (F, 3, S, 2) float32.
+        tints: (F, 3, 4) float32, or None for white.
+    """
+
+    definitions: Annotated[
+        list[Annotated[str, Meta(max_length=MAX_DEFINITION)]], Meta(max_length=MAX_MATERIALS)
+    ]
+    textures: Annotated[list[TextureMessage], Meta(max_length=MAX_MATERIALS)]
+    of: bytes
+    sets: Annotated[int, Meta(ge=0, le=4)]
+    uvs: bytes
+    tints: bytes | None = None
+
+
 class CharacterMessage(Struct, tag=True, frozen=True):
     """A whole character, in answer to :class:`GetState`.
 
@@ -59,6 +93,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
         pulls: (J - 1,) float32, how hard each pulls, 0 where it is hard; None: all are hard.
         surface: how the surface follows them; None: as it does by default.
         names: (J,) of the joints that the bones end at; None where they have none.
+        materials: with their textures; None: the colours are all there is.
     """
 
     id: Name
@@ -79,6 +114,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
     pulls: bytes | None = None
     surface: SurfaceMessage | None = None
     names: Annotated[list[JointName], Meta(max_length=MAX_TRANSFORMS)] | None = None
+    materials: MaterialsMessage | None = None
 
     def __post_init__(self) -> None:
         expect("vertices", self.vertices, 12 * self.vertex_count)
@@ -94,3 +130,16 @@ class CharacterMessage(Struct, tag=True, frozen=True):
             expect("held", self.held, 4 * (self.pivot_count - 1))
         if self.pulls is not None:
             expect("pulls", self.pulls, 4 * (self.pivot_count - 1))
+        if self.materials is not None:
+            _check_materials(self.materials, self.face_count)
+
+
+def _check_materials(given: MaterialsMessage, faces: int) -> None:
+    """Raises ValueError where the parts do not belong to so many faces, or the textures are too large."""
+    expect("of", given.of, 4 * faces)
+    expect("uvs", given.uvs, 24 * faces * given.sets)
+    if given.tints is not None:
+        expect("tints", given.tints, 48 * faces)
+    size = sum(len(texture.image) for texture in given.textures)
+    if size > MAX_TEXTURE_BYTES:
+        raise ValueError(f"the textures have {size} bytes, at most {MAX_TEXTURE_BYTES} go on the wire")

@@ -16,6 +16,7 @@ from enliven.wire.characters import (
     CharacterMessage,
     SurfaceMessage,
 )
+from enliven.wire.convert_materials import materials_to_message, message_to_materials
 from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes
 
 _RIGID_VERTICES = 100_000
@@ -51,6 +52,7 @@ def character_to_message(character: Character, revision: int) -> CharacterMessag
         None if character.pulls is None else to_bytes(character.pulls, "<f4"),
         None if surface is None else _surface_message(surface),
         _names(character),
+        materials_to_message(character.materials),
     )
 
 
@@ -80,6 +82,7 @@ def message_to_character(message: CharacterMessage) -> Character:
         None if message.pulls is None else from_bytes(message.pulls, "<f4", 1)[:, 0],
         None if surface is None else ArapSettings(**asdict(surface)),
         None if message.names is None else tuple(message.names),
+        message_to_materials(message.materials),
     )
 
 

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from enliven.camera import rays, unproject, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven.person.joints import Joint
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
@@ -46,3 +47,39 @@ def test_gravity_comes_from_the_floor(tilt, height, choreography, upside_down):
     assert body.joints[Joint.HEAD, 1] == pytest.approx(truth.joints[Joint.HEAD, 1], abs=0.15)
     away = body.joints[:, [0, 2]] - truth.joints[:, [0, 2]]
     assert np.linalg.norm(away[Joint.HIP_CENTER]) < 0.2
+
+
+def frames_of(tilt: float, count: int, *, floor: bool):
+    """Frames of a sensor tilted by degrees, with its true pose; without its floor where that is asked."""
+    with SyntheticSensor(choreography="idle", width=320, realtime=False, camera_tilt=tilt) as sensor:
+        for _ in range(count):
+            frame = sensor.read()
+            mount, depth = frame.world_from_camera, frame.depth.copy()
+            if not floor:
+                points = unproject(depth, rays(frame.intrinsics)) @ mount[:3, :3].T + mount[:3, 3]
+                depth[points[..., 1] < 0.15] = 0
+            yield dataclasses.replace(frame, depth=depth, world_from_camera=None), mount
+
+
+@pytest.mark.parametrize("tilt", [3.0, 25.0])
+def test_where_no_floor_is_seen_down_is_where_the_accelerometer_feels_it(tilt):
+    """The height stays the settings'; a guess by the settings alone would be off by the whole tilt."""
+    tracker = Tracker()
+    for frame, mount in frames_of(tilt, 1, floor=False):
+        tracker.down = -mount[1, :3]
+        tracker.track(frame)
+        np.testing.assert_allclose(tracker.world_from_camera[1, :3], mount[1, :3], atol=1e-9)
+    assert not tracker.state.floor_known
+
+
+@pytest.mark.parametrize("off", [0.0, 3.0, 20.0])
+def test_a_floor_is_believed_where_the_accelerometer_agrees(off):
+    """To its bias of some degrees; a plane that is 20 degrees off is a ramp or a table."""
+    tracker = Tracker()
+    for frame, mount in frames_of(10.0, 1, floor=True):
+        turn = world_from_level_camera(0.0, np.deg2rad(off))[:3, :3] @ np.diag([1.0, -1.0, -1.0])
+        tracker.down = turn.T @ -mount[1, :3]
+        tracker.track(frame)
+    assert tracker.state.floor_known == (off < 8.0)
+    if off < 8.0:
+        np.testing.assert_allclose(tracker.world_from_camera[1, :3], mount[1, :3], atol=0.01)

@@ -35,7 +35,7 @@ def judge_condition(
         room = condition.hot - condition.temperature
         hot = alarms.between(HealthKind.HOT, room, 2 * _COOLER, _COOLER)
         alarms.note(HealthKind.HOT, hot, now, celsius=condition.temperature, limit=condition.hot)
-    down = _direction(condition.gravity)
+    down = condition.down
     if down is None:
         return
     agreement = float(-np.asarray(world_from_camera)[1, :3] @ down)
@@ -43,11 +43,3 @@ def judge_condition(
     tilt = float(np.degrees(np.arccos(np.clip(agreement, -1.0, 1.0)))) if floor_known else None
     level = alarms.between(HealthKind.NOT_LEVEL, None if tilt is None else -tilt, -_LEVEL, -_TILTED)
     alarms.note(HealthKind.NOT_LEVEL, level, now, degrees=tilt or 0.0)
-
-
-def _direction(gravity: tuple[float, float, float] | None) -> Float | None:
-    """Returns the (3,) direction of gravity in the camera's frame; None where nothing usable was measured."""
-    if gravity is None:
-        return None
-    length = float(np.linalg.norm(gravity))
-    return np.array(gravity) / length if np.isfinite(length) and length > 0 else None

@@ -7,15 +7,13 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.kernels import njit
 
-_WITHIN = np.deg2rad(40.0)
+TILTED_BY = np.deg2rad(40.0)
 """Radians between the floor's normal and the sensor's up at most: a wall is 90 degrees off a level sensor,
 and still 50 off one that is tilted by 40."""
 _LOWEST = 0.2
 """Metres from the sensor down to the floor at the least: a nearer plane is what the sensor stands on."""
 _HIGHEST = 4.0
 """Metres from the sensor down to the floor at the most: sensors are mounted no higher."""
-_LYING_LOWEST = 0.03
-"""Metres down to the floor at the least for a sensor that was knocked over and may lie on it."""
 _TRIALS = 400
 """Planes through three points that are tried: where a tenth of the points are the floor's, and half of the
 triples are of neighbours, one of the planes is the floor's with a probability of 99.9 %."""
@@ -30,7 +28,8 @@ def world_from_floor(
     upside_down: bool = False,
     *,
     up: Float | None = None,
-    within: float = _WITHIN,
+    within: float = TILTED_BY,
+    lowest: float = _LOWEST,
     seed: int = 0,
 ) -> Float | None:
     """(4, 4) world_from_camera with y = 0 in the lowest large plane, or None where no floor is seen.
@@ -42,9 +41,9 @@ def world_from_floor(
         upside_down: the sensor hangs upside down, so that the camera's -Y points to the floor.
         up: (3,) the rough direction of up in the camera's frame, where that is known better.
         within: radians between the floor's normal and ``up`` at most.
+        lowest: metres from the sensor down to the floor at the least.
         seed: of the random triples; another one may find a floor that is a small part of the image.
     """
-    lowest = _LOWEST if up is None else _LYING_LOWEST
     up = np.array([0.0, 1.0 if upside_down else -1.0, 0.0]) if up is None else up
     points = points[np.isfinite(points).all(1) & (points[:, 2] > 0.3)]
     if len(points) < _FEWEST:
@@ -55,7 +54,7 @@ def world_from_floor(
     plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _HIGHEST, trials)
     if not plane.any():
         return None
-    found = _pose(plane[:3], float(plane[3]))
+    found = world_above_floor(plane[:3], float(plane[3]))
     level = np.ascontiguousarray((points @ found[:3, :3].T + found[:3, 3]).T)
     fitted, _ = _level_plane(level, np.ascontiguousarray(points[:, 2]))
     return _levelled(found, fitted, 1.0)
@@ -103,8 +102,8 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):  # ty
     return found
 
 
-def _pose(normal: Float, height: float) -> Float:
-    """world_from_camera for a floor with this upward normal, ``height`` metres under the sensor."""
+def world_above_floor(normal: Float, height: float) -> Float:
+    """(4, 4) world_from_camera for a floor with a (3,) upward normal, ``height`` metres under the sensor."""
     backward = np.array([0.0, 0.0, -1.0])
     if abs(normal[2]) > 0.98:  # looking straight down or up: the image's own up is away
         backward = np.array([0.0, 1.0, 0.0])

@@ -8,7 +8,7 @@ from enliven.arrays import Bool, Float
 from enliven.camera import unproject, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven_edge.tracking.frame import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.scene.floor import corrected, world_from_floor
+from enliven_edge.tracking.scene.floor import TILTED_BY, corrected, world_above_floor, world_from_floor
 from enliven_edge.tracking.scene.room import Agreement
 from enliven_edge.tracking.settings import SceneSettings
 
@@ -44,6 +44,11 @@ _STILL_FRAMES = 3
 """Still frames in a row after which a fall is over: one alone may lie between two movements."""
 _LONGEST_FALL_NS = 3_000_000_000
 """Nanoseconds after which a fall is over in any case: moving people may never let the image be still."""
+_FELT_WITHIN = np.deg2rad(8.0)
+"""Radians between the floor's normal and what an accelerometer feels as up, at most: its mounting and bias
+are 1 to 3 degrees, and a ramp or a table's edge is more off."""
+_LYING = 0.03
+"""Metres down to the floor at the least for a sensor that was knocked over and may lie on it."""
 _FALLS_BY = np.deg2rad(30.0)
 """Radians that the floor's normal may turn between two frames of a fall: at 30 Hz 900 degrees a second."""
 
@@ -61,12 +66,15 @@ class Mounting:
         far_away: whether it differs enough to look for the people anew too.
         levelled: whether the last frame showed a floor that was not known while people were followed: they
             are to be looked for anew, with feet on it; the room stays as it is.
+        down: (3,) the direction of gravity in the camera's frame, where an accelerometer feels it; may be set
+            at any time.
         falling: whether the sensor is being moved; frames are then not to be trusted.
     """
 
     def __init__(self, settings: SceneSettings, moved: float = 0.5) -> None:
         self.settings = settings
         self.world_from_camera: Float | None = None
+        self.down: Float | None = None
         self.new_camera = self.new_place = self.far_away = self.levelled = self.falling = False
         self._moved = moved
         self._camera: WorkingCamera | None = None
@@ -176,7 +184,7 @@ class Mounting:
         if known.mean() < _ENOUGH_DEPTH:
             return
         points = unproject(z * 1e3, self.camera.ray)[known]
-        found = world_from_floor(points, up=self.world_from_camera[1, :3], within=_FALLS_BY)
+        found = world_from_floor(points, up=self.world_from_camera[1, :3], within=_FALLS_BY, lowest=_LYING)
         if found is None:
             found = world_from_floor(points, self.settings.upside_down)
         if found is not None:
@@ -194,11 +202,15 @@ class Mounting:
         self._looked += 1
         if self._looked % _LOOK_EVERY != 1:
             return
-        points = unproject(z * 1e3, self.camera.ray)[known]
-        found, before = world_from_floor(points, scene.upside_down, seed=self._looked), self._suggested
-        self._suggested = found
+        points, before = unproject(z * 1e3, self.camera.ray)[known], self._suggested
+        up, within = (None, TILTED_BY) if self.down is None else (-self.down, _FELT_WITHIN)
+        self._suggested = found = world_from_floor(
+            points, scene.upside_down, up=up, within=within, seed=self._looked
+        )
         if found is not None and (no_people or (before is not None and _same_floor(found, before))):
             self.world_from_camera, self._floor_known, self.levelled = found, True, not no_people
+        elif found is None and no_people and self.down is not None:
+            self.world_from_camera = world_above_floor(-self.down, scene.height)
 
 
 def _same_floor(one: Float, other: Float) -> bool:

@@ -1,0 +1,56 @@
+"""Converts between the materials of characters and their messages; nothing in them is decoded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.errors import InputError
+from enliven.meshes import MeshMaterials, Texture
+from enliven.wire.characters import (
+    MAX_DEFINITION,
+    MAX_MATERIALS,
+    MAX_TEXTURE_BYTES,
+    MaterialsMessage,
+    TextureMessage,
+)
+from enliven.wire.fields import from_bytes, to_bytes
+
+_MOST_SETS = 4
+"""Sets of texture coordinates of a message."""
+
+
+def materials_to_message(materials: MeshMaterials | None) -> MaterialsMessage | None:
+    """Returns the message; None without materials, or where they are larger than the wire carries."""
+    if materials is None:
+        return None
+    size = sum(len(texture.image) for texture in materials.textures)
+    longest = max(map(len, materials.definitions), default=0)
+    many = max(len(materials.definitions), len(materials.textures))
+    samplers = max((len(texture.sampler) for texture in materials.textures), default=0)
+    sets = materials.uvs.shape[2]
+    if size > MAX_TEXTURE_BYTES or many > MAX_MATERIALS or sets > _MOST_SETS:
+        return None
+    if max(longest, samplers) > MAX_DEFINITION:
+        return None
+    textures = [TextureMessage(np.asarray(one.image).tobytes(), one.sampler) for one in materials.textures]
+    tints = None if materials.tints is None else to_bytes(materials.tints, "<f4")
+    of, uvs = to_bytes(materials.of, "<i4"), to_bytes(materials.uvs, "<f4")
+    return MaterialsMessage(list(materials.definitions), textures, of, sets, uvs, tints)
+
+
+def message_to_materials(message: MaterialsMessage | None) -> MeshMaterials | None:
+    """Returns the materials, checked as those of a file.
+
+    Raises:
+        InputError: where the parts do not fit together, or a material is no JSON object.
+    """
+    if message is None:
+        return None
+    of = from_bytes(message.of, "<i4", 1)[:, 0]
+    uvs = np.frombuffer(message.uvs, "<f4").reshape(len(of), 3, message.sets, 2)
+    tints = None if message.tints is None else from_bytes(message.tints, "<f4", 4).reshape(-1, 3, 4)
+    try:
+        textures = tuple(Texture(np.frombuffer(one.image, np.uint8), one.sampler) for one in message.textures)
+        return MeshMaterials(tuple(message.definitions), textures, of, uvs, tints)
+    except RecursionError:
+        raise InputError("a material is nested too deeply", where="materials") from None
