@@ -33,6 +33,7 @@ def without_stage(workspace: Any) -> list[Action]:
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Every action, from its menu and by its key; then the palette, other keys, and the list of steps."""
     workspace = window.workspace
+    workspace.editor.show_meshes = False  # a picture is drawn for each of a thousand frames
     for name, way in (("menu", by_menu), ("keys", by_key)):
         for action in without_stage(workspace):
             if name == "keys" and not action.keys:
@@ -50,6 +51,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
                 ctx.yield_()
             workspace.ended = False
             workspace.editor.beside.finish()
+    workspace.editor.show_meshes = True
     greyed(ctx, window)
     palette(ctx, window)
     keys(ctx, window)
