@@ -70,7 +70,7 @@ def test_a_chair_walks_through_a_tower(tmp_path):
     half = float(props[0].sizes[0, 0])
     lowest = np.array([p.positions[:, 1].min() for p in props])
     # What the chair presses on the floor gives way for a moment; nothing stays in it, or falls through.
-    assert lowest.min() > 0.5 * half and np.maximum(lowest[1:], lowest[:-1]).min() > 0.9 * half
+    assert lowest.min() > 0.5 * half and np.maximum(lowest[1:], lowest[:-1]).min() > 0.85 * half
     assert "boxes down" in props[-1].note
     with av.open(str(tmp_path / "enliven.mp4")) as film:
         pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(film.streams.video[0])]

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Literal
 
 from enliven.deformation.graph import DeformationGraph, character_from, graph_of
-from enliven.formats.gltf import with_materials
 from enliven.meshes import Axis, Mesh
 from enliven.possession import ActorSettings, EmbeddedActor, prepared
 from enliven.samples import load_sample
@@ -48,6 +47,8 @@ def cast(
     for note in notes:
         log.info("%s: %s", spec, note)
     if Path(spec).suffix.lower() in (".glb", ".gltf"):
+        from enliven.formats.gltf import with_materials
+
         mesh = with_materials(mesh, spec)
     return cast_mesh(mesh, name or name_of(spec), nodes, settings)
 

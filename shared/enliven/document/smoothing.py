@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from enliven.arrays import AnyArray, Float
 from enliven.document.clip import Clip
@@ -30,6 +29,8 @@ def smoothed(take: T, seconds: float) -> T:
 
 @lru_cache(maxsize=_KEPT)
 def _smoothed(take: Any, seconds: float) -> Any:
+    from scipy.ndimage import gaussian_filter1d  # where nothing is smoothed nothing of it is loaded
+
     frames = seconds / take.step
 
     def mixed(rows: AnyArray) -> Float:

@@ -47,7 +47,7 @@ def test_it_plays_and_has_a_lane_that_is_dragged_and_muted(workspace: Workspace)
     layout = workspace.timeline.layout
     workspace.timeline.press(5.0, layout.bars()[0].top + 8.0)
     workspace.timeline.release(5.0)
-    assert cage(workspace).layers[0].muted and workspace.editor.history.names == ("move layer", "mute")
+    assert cage(workspace).layers[0].muted and workspace.editor.history.names == ("move clip", "mute")
 
 
 def test_a_corner_is_chosen_and_dragged_where_the_pointer_goes(workspace: Workspace) -> None:

@@ -262,7 +262,7 @@ def test_a_dot_is_no_part(workspace: Workspace) -> None:
     assert "part" not in workspace.editor.project.shapes and "too short" in said(workspace)
 
 
-def test_a_layer_is_dragged_in_time_and_its_speed_by_its_end(workspace: Workspace) -> None:
+def test_a_clip_is_dragged_in_time_and_trimmed_by_its_end(workspace: Workspace) -> None:
     workspace.editor.edit("map", moving)
     do(workspace, Drag((OnTimeline(0.5, 0), OnTimeline(1.1, 0))))
     assert workspace.editor.project.shape("limb").layer("wave").offset == pytest.approx(0.6, abs=0.02)
@@ -270,8 +270,10 @@ def test_a_layer_is_dragged_in_time_and_its_speed_by_its_end(workspace: Workspac
     bar = layout.bars()[0]
     end = layout.time(bar.right)
     do(workspace, Drag((OnTimeline(end, 0), OnTimeline(end - 1.0, 0))))
-    assert workspace.editor.project.shape("limb").layer("wave").speed == pytest.approx(2.0, rel=0.05)
-    assert workspace.editor.history.names == ("map", "move layer", "change speed")
+    layout = workspace.timeline.layout
+    assert layout.time(layout.bars()[0].right) == pytest.approx(end - 1.0, abs=0.03)
+    assert workspace.editor.project.shape("limb").layer("wave").speed == 1.0
+    assert workspace.editor.history.names == ("map", "move clip", "trim clip")
 
 
 def test_the_ruler_scrubs_and_changes_nothing(workspace: Workspace) -> None:
