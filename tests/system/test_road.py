@@ -191,6 +191,14 @@ def test_ctrl_c_in_the_first_second_prints_no_traceback(tmp_path, while_it):
     assert "Traceback" not in (tmp_path / "said.txt").read_text()
 
 
+def test_ctrl_c_within_a_text_that_is_executed_ends_with_130():
+    """As while a dataclass is made: Python would end the process by the signal, although it was caught."""
+    broken = "import enliven.cli, enliven.__main__ as start\n"
+    broken += "enliven.cli.main = lambda: exec('raise KeyboardInterrupt')\nstart.main()"
+    done = subprocess.run([sys.executable, "-c", broken], capture_output=True, text=True, timeout=PATIENCE)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 @pytest.mark.skipif(os.name == "nt", reason="a parent's end is seen on POSIX only")
 def test_children_of_a_killed_run_end_by_themselves(tmp_path):
     started, children = started_run(tmp_path)

@@ -1,0 +1,59 @@
+"""The window's start: from the process to its first picture; where there is no display, on an X server."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from figure import Figure
+
+LAPS = 5
+CHILD = """
+import time
+from enliven_viewer.studio import StudioSettings, StudioWindow
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.workspace import Workspace
+
+def shown(window):
+    print(time.monotonic(), flush=True)
+    window.close()
+
+StudioWindow(Workspace.new(Editor(StudioSettings()))).run(seconds=60, after=shown)
+"""
+
+
+def figures() -> Iterator[Figure]:
+    """window.open_s: the median of some starts after a first one, which fills the disk's cache."""
+    with _display() as display:
+        took = [_start({**os.environ, "DISPLAY": display}) for _ in range(LAPS + 1)]
+    yield Figure("window.open_s", statistics.median(took[1:]), "s")
+
+
+def _start(environment: dict[str, str]) -> float:
+    """Seconds from the start of the process to the end of its first picture; both clocks are the system's."""
+    began = time.monotonic()
+    command = [sys.executable, "-c", CHILD]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=120)
+    return float(done.stdout.split()[0]) - began
+
+
+@contextmanager
+def _display() -> Iterator[str]:
+    """The display that there is, or one of an X server that lives as long."""
+    if os.environ.get("DISPLAY"):
+        yield os.environ["DISPLAY"]
+        return
+    server = shutil.which("Xvfb")
+    if server is None:
+        raise SystemExit("window.open_s needs a display, or Xvfb")
+    command = [server, "-displayfd", "1", "-screen", "0", "1280x820x24"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
+        assert running.stdout is not None
+        yield f":{running.stdout.readline().strip()}"
+        running.terminate()
