@@ -191,11 +191,13 @@ def test_ctrl_c_in_the_first_second_prints_no_traceback(tmp_path, while_it):
     assert "Traceback" not in (tmp_path / "said.txt").read_text()
 
 
-def test_ctrl_c_within_a_text_that_is_executed_ends_with_130():
+def test_ctrl_c_within_a_text_that_is_executed_ends_with_130(tmp_path):
     """As while a dataclass is made: Python would end the process by the signal, although it was caught."""
     broken = "import enliven.cli, enliven.__main__ as start\n"
     broken += "enliven.cli.main = lambda: exec('raise KeyboardInterrupt')\nstart.main()"
-    done = subprocess.run([sys.executable, "-c", broken], capture_output=True, text=True, timeout=PATIENCE)
+    (tmp_path / "broken.py").write_text(broken)
+    command = [sys.executable, "-m", "broken"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (130, "")
 
 
