@@ -78,6 +78,10 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id == "motion.paste":
         editor.select(**CHAIN)
         workspace.commands.copy_motion()
+    if action.id == "shape.show_all":
+        workspace.outliner.hide("star", on=True)
+    if action.id == "shape.unlock_all":
+        workspace.outliner.lock("star", on=True)
     if action.id.startswith("clip."):
         editor.scrub(0.5)
     if action.id == "clip.blend":
