@@ -67,6 +67,7 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     editor = workspace.editor
     workspace.perform.room = "Animate"
     workspace.input.take("choose")
+    workspace.outliner.renaming = ""
     editor.go_to(0)
     for factor in (1.1, 1.2):
         editor.edit("scale limb", lambda project, by=factor: scale_character(project, "limb", by))

@@ -90,6 +90,9 @@ class Outliner:
 
     def begin_rename(self, row: Row | None = None) -> None:
         """Let the name of a row be typed; of the chosen character where no row is given."""
+        if row is None:
+            self.typed, self.followed = "", None  # its row is in the list, and comes into view
+            self.opened.add(f"{GROUP} shapes")
         row = row or next((one for one in self.rows if one.kind == CHARACTER and self.is_leading(one)), None)
         if row is not None and row.kind in (CHARACTER, TAKE):
             self.renaming, self.draft = row.key, row.id

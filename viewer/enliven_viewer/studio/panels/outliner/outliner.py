@@ -13,8 +13,8 @@ from enliven_viewer.studio.viewport import default_colour
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, FAINT, INK, QUIET
 
-_LEAST = 0.2
-"""Of the height of the side that the tree keeps: its filter and two rows."""
+_LEAST = 0.12
+"""Of the height of the side that the tree keeps: its filter, and a row where the window is high."""
 _MOST = 0.85
 """Of the height of the side that the tree takes at most: the name of what is chosen stays in view."""
 _GRIP = 7.0
