@@ -9,7 +9,7 @@ import pytest
 from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
-from enliven.possession.body_in_mesh import find_body_in_mesh
+from enliven.possession.likeness import find_body_in_mesh
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model

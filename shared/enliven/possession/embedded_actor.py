@@ -53,7 +53,7 @@ class EmbeddedActor(Actor):
         self.holds: list[EmbeddedHold] = []
         self.size = size
         height = height or float(np.ptp(character.vertices[:, 1])) or 1.0
-        self._rules = PlacementRules(self.settings, graph, height, size)
+        self._rules = PlacementRules(self.settings, character, graph, height, size)
         self._placement = AS_MODELLED
         self._placed = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None

@@ -16,8 +16,8 @@ from enliven.meshes.mesh import Mesh
 from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.possession.body_in_mesh import find_body_in_mesh
-from enliven.possession.carrying import Mapped
+from enliven.possession.likeness import find_body_in_mesh
+from enliven.possession.mapped import Mapped
 from enliven.possession.placement import turn_about_y
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.stage import Stage

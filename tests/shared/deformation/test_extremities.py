@@ -5,7 +5,7 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh, refine
-from enliven.modeling.mesh.limb_ends import _peaks, extremities
+from enliven.deformation.graph.limb_ends import _peaks, extremities
 
 
 def star(lengths, cells=4, gap=0.0):
