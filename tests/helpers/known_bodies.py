@@ -1,7 +1,7 @@
 """Ten human-like meshes with known joints, as no person was tracked with: other proportions, poses and makes.
 
-Each is made from a posture of the tracker's body model with lengths of its own: tapered capsules that are blended
-into one surface, or loose boxes and shells.
+Each is made from a posture of the tracker's body model with lengths of its own: tapered capsules that are
+blended into one surface, or loose boxes and shells.
 """
 
 from __future__ import annotations
@@ -20,7 +20,13 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 Capsule = tuple[Float, Float, float, float]
 """The two ends, and the radius at each, metres."""
-_FINGERS = ((-0.035, 0.0, 0.09), (-0.012, 0.0, 0.10), (0.012, 0.0, 0.095), (0.035, 0.0, 0.08), (0.05, 0.0, 0.03))
+_FINGERS = (
+    (-0.035, 0.0, 0.09),
+    (-0.012, 0.0, 0.10),
+    (0.012, 0.0, 0.095),
+    (0.035, 0.0, 0.08),
+    (0.05, 0.0, 0.03),
+)
 """Metres of each finger's tip: across, ahead and along the hand, from the hand joint."""
 
 
@@ -73,10 +79,16 @@ def posed(
     return joints - [0.0, joints[:, 1].min() - 0.04, 0.0]
 
 
+def off(point: Float, x: float, y: float, z: float) -> Float:
+    """(3,) metres: a point moved."""
+    return np.asarray(point + np.array([x, y, z]))
+
+
 def limbs(joints: Float, girth: float = 1.0, fingers: bool = False) -> list[Capsule]:
     """Capsules about a person's bones."""
     radii = {
-        "SPINE": (0.12, 0.11), "SHOULDER_CENTER": (0.11, 0.08), "HEAD": (0.06, 0.10), "SHOULDER": (0.07, 0.062),
+        "SPINE": (0.12, 0.11), "SHOULDER_CENTER": (0.11, 0.08), "HEAD": (0.06, 0.10),
+        "SHOULDER": (0.07, 0.062),
         "ELBOW": (0.058, 0.042), "WRIST": (0.042, 0.03), "HAND": (0.035, 0.035), "HIP": (0.11, 0.095),
         "KNEE": (0.088, 0.058), "ANKLE": (0.055, 0.042), "FOOT": (0.045, 0.035),
     }  # fmt: skip
@@ -131,14 +143,16 @@ def box(a: Float, b: Float, wide: float, deep: float) -> Mesh:
     side /= np.linalg.norm(side)
     ahead = np.cross(side, axis)
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (0, 1) for z in (-1, 1)], float)
-    points = a + corners[:, :1] * wide / 2 * side + corners[:, 1:2] * (b - a) + corners[:, 2:] * deep / 2 * ahead
+    points = (
+        a + corners[:, :1] * wide / 2 * side + corners[:, 1:2] * (b - a) + corners[:, 2:] * deep / 2 * ahead
+    )
     faces = [
         (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
         (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
     ]  # fmt: skip
     mesh = Mesh(points, np.array(faces, np.int32)[:, ::-1].copy())
-    volume = np.einsum("fi,fi->", mesh.vertices[mesh.faces[:, 0]], mesh.face_normals() if False else np.cross(
-        mesh.vertices[mesh.faces[:, 1]], mesh.vertices[mesh.faces[:, 2]]))
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    volume = float(np.einsum("fi,fi->", a, np.cross(b, c)))
     return mesh if volume > 0 else Mesh(points, mesh.faces[:, ::-1].copy())
 
 
@@ -175,10 +189,10 @@ def t_woman() -> KnownBody:
     scale = {model.SHOULDER: 0.86, model.HIP: 1.15, model.ARM: 0.95, model.FORE: 0.95}
     joints = posed(scale, arms=((0.0, 0.0, 1.5708),) * 2, elbows=(0.0, 0.0), legs=(0.0, 0.06), height=1.66)
     shapes = limbs(joints, 0.82, fingers=True)
-    bun = joints[Joint.HEAD] + [0.0, 0.07, -0.11]
-    shapes.append((bun, bun + [0.0, 0.03, -0.02], 0.05, 0.04))
-    chest = joints[Joint.SHOULDER_CENTER] + [0.0, -0.17, 0.09]
-    shapes += [(chest + [s * 0.06, 0, 0], chest + [s * 0.07, -0.01, 0.02], 0.06, 0.05) for s in (-1, 1)]
+    bun = off(joints[Joint.HEAD], 0.0, 0.07, -0.11)
+    shapes.append((bun, off(bun, 0.0, 0.03, -0.02), 0.05, 0.04))
+    chest = off(joints[Joint.SHOULDER_CENTER], 0.0, -0.17, 0.09)
+    shapes += [(off(chest, s * 0.06, 0, 0), off(chest, s * 0.07, -0.01, 0.02), 0.06, 0.05) for s in (-1, 1)]
     return KnownBody(skin("t-woman", shapes, 0.03, 0.012), joints)
 
 
@@ -198,37 +212,49 @@ def robot() -> KnownBody:
     """Loose boxes with gaps between them, square hands, broad shoulders."""
     scale = {model.SHOULDER: 1.35, model.HIP: 1.3, model.THIGH: 0.85, model.NECK: 0.9}
     joints = posed(scale, arms=((0.0, 0.0, 0.3),) * 2, elbows=(0.0, 0.0), legs=(0.0, 0.05))
-    sizes = {"ELBOW": (0.11, 0.12), "WRIST": (0.12, 0.13), "HAND": (0.13, 0.09), "KNEE": (0.15, 0.16), "ANKLE": (0.14, 0.15)}
-    parts = [box(joints[0] + [0, -0.08, 0], joints[0] + [0, 0.07, 0], 0.36, 0.2)]
-    parts.append(box(joints[0] + [0, 0.085, 0], joints[Joint.SHOULDER_CENTER] - [0, 0.06, 0], 0.44, 0.26))
+    sizes = {
+        "ELBOW": (0.11, 0.12),
+        "WRIST": (0.12, 0.13),
+        "HAND": (0.13, 0.09),
+        "KNEE": (0.15, 0.16),
+        "ANKLE": (0.14, 0.15),
+    }
+    parts = [box(off(joints[0], 0, -0.08, 0), off(joints[0], 0, 0.07, 0), 0.36, 0.2)]
+    parts.append(box(off(joints[0], 0, 0.085, 0), joints[Joint.SHOULDER_CENTER] - [0, 0.06, 0], 0.44, 0.26))
     parts.append(box(joints[Joint.SHOULDER_CENTER] - [0, 0.05, 0], joints[Joint.SHOULDER_CENTER], 0.12, 0.12))
-    parts.append(box(joints[Joint.HEAD] - [0, 0.16, 0], joints[Joint.HEAD] + [0, 0.12, 0], 0.26, 0.24))
+    parts.append(box(joints[Joint.HEAD] - [0, 0.16, 0], off(joints[Joint.HEAD], 0, 0.12, 0), 0.26, 0.24))
     for name, (wide, deep) in sizes.items():
         for side in ("LEFT", "RIGHT"):
             child = Joint[f"{name}_{side}"]
             way = joints[child] - joints[PARENTS[child]]
             gap = 0.008 * way / np.linalg.norm(way)
             longer = 1.9 if name == "HAND" else 1.0
-            parts.append(box(joints[PARENTS[child]] + gap, joints[PARENTS[child]] + longer * way - gap, wide, deep))
+            parts.append(
+                box(joints[PARENTS[child]] + gap, joints[PARENTS[child]] + longer * way - gap, wide, deep)
+            )
     for side in ("LEFT", "RIGHT"):
         ankle = joints[Joint[f"ANKLE_{side}"]]
-        parts.append(box(ankle + [0, -0.04, -0.08], ankle + [0, -0.04, 0.2], 0.15, 0.07))
+        parts.append(box(off(ankle, 0, -0.04, -0.08), off(ankle, 0, -0.04, 0.2), 0.15, 0.07))
     return KnownBody(together("robot", parts), joints)
 
 
 def teddy() -> KnownBody:
     """A bear: a large head with ears, hardly a neck, short thick limbs."""
     scale = {
-        model.NECK: 1.35, model.ARM: 0.62, model.FORE: 0.55, model.THIGH: 0.45, model.SHIN: 0.4, model.HIP: 1.3,
+        model.NECK: 1.35, model.ARM: 0.62, model.FORE: 0.55, model.THIGH: 0.45, model.SHIN: 0.4,
+        model.HIP: 1.3,
         model.FOOT: 1.1, model.SPINE_LOW: 1.2,
     }  # fmt: skip
     joints = posed(scale, arms=((-0.3, 0.0, 0.9),) * 2, elbows=(0.3, 0.3), legs=(0.1, 0.2), height=1.2)
     head, chest = joints[Joint.HEAD], joints[Joint.SHOULDER_CENTER]
     shapes: list[Capsule] = [(joints[0], chest - [0, 0.1, 0], 0.17, 0.14), (chest, chest, 0.08, 0.08)]
-    shapes += [(head, head + [0, 0.02, 0.02], 0.16, 0.16), (head + [0, -0.04, 0.14], head + [0, -0.04, 0.19], 0.06, 0.04)]
+    shapes += [
+        (head, off(head, 0, 0.02, 0.02), 0.16, 0.16),
+        (off(head, 0, -0.04, 0.14), off(head, 0, -0.04, 0.19), 0.06, 0.04),
+    ]
     for side in (-1, 1):
-        ear = head + [side * 0.13, 0.14, 0.0]
-        shapes.append((ear, ear + [side * 0.03, 0.03, 0.0], 0.05, 0.05))
+        ear = off(head, side * 0.13, 0.14, 0.0)
+        shapes.append((ear, off(ear, side * 0.03, 0.03, 0.0), 0.05, 0.05))
     for first in (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT):
         shapes += [(joints[first + i], joints[first + i + 1], 0.065, 0.06) for i in range(3)]
     for first in (Joint.HIP_LEFT, Joint.HIP_RIGHT):
@@ -239,12 +265,13 @@ def teddy() -> KnownBody:
 def child() -> KnownBody:
     """A child of four: a large head, short limbs, arms away from the body and ahead."""
     scale = {
-        model.NECK: 1.25, model.ARM: 0.82, model.FORE: 0.8, model.THIGH: 0.78, model.SHIN: 0.75, model.SHOULDER: 0.9,
+        model.NECK: 1.25, model.ARM: 0.82, model.FORE: 0.8, model.THIGH: 0.78, model.SHIN: 0.75,
+        model.SHOULDER: 0.9,
         model.HAND: 0.85,
     }  # fmt: skip
     joints = posed(scale, arms=((-0.5, 0.0, 0.45),) * 2, elbows=(0.4, 0.4), height=1.15)
     shapes = limbs(joints, 0.72)
-    shapes.append((joints[Joint.HEAD], joints[Joint.HEAD] + [0, 0.04, 0.01], 0.105, 0.105))
+    shapes.append((joints[Joint.HEAD], off(joints[Joint.HEAD], 0, 0.04, 0.01), 0.105, 0.105))
     return KnownBody(skin("child", shapes, 0.025, 0.012), joints)
 
 
@@ -254,17 +281,25 @@ def armour() -> KnownBody:
     shells = [skin("man", limbs(joints, 0.95))]
     chest, head = joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD]
     shells.append(ball(chest - [0, 0.2, 0], (0.2, 0.26, 0.17)))
-    shells.append(ball(head + [0, 0.02, 0], (0.14, 0.17, 0.16)))
-    shells.append(skin("plume", [(head + [0, 0.17, 0.04], head + [0, 0.27, -0.04], 0.03, 0.04),
-                                 (head + [0, 0.27, -0.04], head + [0, 0.12, -0.24], 0.04, 0.03)], 0.02))
+    shells.append(ball(off(head, 0, 0.02, 0), (0.14, 0.17, 0.16)))
+    shells.append(
+        skin(
+            "plume",
+            [
+                (off(head, 0, 0.17, 0.04), off(head, 0, 0.27, -0.04), 0.03, 0.04),
+                (off(head, 0, 0.27, -0.04), off(head, 0, 0.12, -0.24), 0.04, 0.03),
+            ],
+            0.02,
+        )
+    )
     for side in (-1, 1):
         left = side > 0
         shoulder = joints[Joint.SHOULDER_LEFT if left else Joint.SHOULDER_RIGHT]
-        shells.append(ball(shoulder + [side * 0.05, 0.05, 0], (0.13, 0.1, 0.13)))
+        shells.append(ball(off(shoulder, side * 0.05, 0.05, 0), (0.13, 0.1, 0.13)))
         wrist, hand = (joints[j if left else j + 4] for j in (Joint.WRIST_LEFT, Joint.HAND_LEFT))
         shells.append(skin("gauntlet", [(wrist - 0.5 * (hand - wrist), hand, 0.075, 0.055)], 0.02))
         hip = joints[Joint.HIP_LEFT if left else Joint.HIP_RIGHT]
-        shells.append(ball(hip + [side * 0.06, -0.06, 0.03], (0.1, 0.17, 0.13)))
+        shells.append(ball(off(hip, side * 0.06, -0.06, 0.03), (0.1, 0.17, 0.13)))
     return KnownBody(together("armour", shells), joints)
 
 
@@ -275,11 +310,15 @@ def holed_scan() -> KnownBody:
     noise = np.random.default_rng(5).normal(0.0, 0.003, mesh.vertices.shape)
     back = joints[Joint.SPINE] + rotation(y=-0.6) @ np.array([0.0, 0.1, -0.14])
     crown = np.array([joints[Joint.HEAD][0], mesh.vertices[:, 1].max(), joints[Joint.HEAD][2]])
-    gone = (np.linalg.norm(mesh.vertices - back, axis=1) < 0.13) | (np.linalg.norm(mesh.vertices - crown, axis=1) < 0.06)
+    gone = (np.linalg.norm(mesh.vertices - back, axis=1) < 0.13) | (
+        np.linalg.norm(mesh.vertices - crown, axis=1) < 0.06
+    )
     gone |= mesh.vertices[:, 1] < mesh.vertices[:, 1].min() + 0.012
     faces = mesh.faces[~gone[mesh.faces].any(1)]
     used, faces = np.unique(faces, return_inverse=True)
-    return KnownBody(Mesh((mesh.vertices + noise)[used], faces.reshape(-1, 3).astype(np.int32), mesh.name), joints)
+    return KnownBody(
+        Mesh((mesh.vertices + noise)[used], faces.reshape(-1, 3).astype(np.int32), mesh.name), joints
+    )
 
 
 BODIES: dict[str, Callable[[], KnownBody]] = {

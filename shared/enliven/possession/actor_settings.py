@@ -72,8 +72,8 @@ class ActorSettings:
     )
     ends: tuple[tuple[float, float, float], ...] = setting(
         (),
-        "For 'mapped': where head, left hand, right hand, left foot and right foot of the mesh as it is cast end, "
-        "[x, y, z] each in metres; none: they are found.",
+        "For 'mapped': the ends of head, left hand, right hand, left foot and right foot, [x, y, z] each in "
+        "metres of the mesh as it is cast; none: they are found.",
     )
     embedded: EmbeddedSettings = setting(EmbeddedSettings, "The deformation's weights.")
     observed: ObservedSettings = setting(ObservedSettings, "How the surface follows what is seen.")

@@ -16,8 +16,8 @@ _HIP = Joint.HIP_CENTER
 _AS_IN_THE_MESH = frozenset(
     joint for joint in Joint if joint.name.split("_")[0] in ("ELBOW", "WRIST", "KNEE", "ANKLE")
 )
-"""The joints whose bones point as the performer's do: of arms and legs. A trunk, a hand or a foot of a mesh may be
-built otherwise: it turns by as much as the performer's."""
+"""The ends of bones that point as the performer's do: of arms and legs. A trunk, a hand or a foot of a mesh
+may be built otherwise: it turns by as much as the performer's."""
 _SWING = 1.5
 """The steepest slope of the cubic by which a mesh comes to its performer's pose."""
 
@@ -26,10 +26,9 @@ class Mapped:
     """Limb drives limb: each bone of the mesh's own skeleton turns as the performer's bone has turned.
 
     Joints are chained down the mesh's skeleton: j = parent + Q R Q^T (rest bone), with R the rotation of the
-    performer's bone since it was as the mesh's bone is at rest, and Q the rotation from their facing to the mesh's
-    front. In a human-like mesh that is the performer in the mesh's own pose, to which the mesh's limbs come from
-    there; in others it is the pose in which they took hold. The hip moves as theirs does, scaled by the ratio of the
-    leg lengths where the mesh has legs.
+    performer's bone since it was as the mesh's bone is at rest, and Q the rotation from their facing to the
+    mesh's front. A human-like mesh comes to its performer's pose from its own; others are held as they
+    are. The hip moves as theirs does, scaled by the ratio of the leg lengths, if there are legs.
 
     Args:
         likeness: the mesh's skeleton.
@@ -86,7 +85,7 @@ class Mapped:
         self._last = now
         turns = self._turn @ bone_rotations(self._rest, now)[0] @ self._turn.T
         if self._share < 1.0:
-            part = rotation.slerp(rotation.IDENTITY, rotation.from_matrix(turns), self._share)
+            part = rotation.slerp(rotation.IDENTITY, rotation.from_matrix(turns), np.array(self._share))
             turns = rotation.to_matrix(part)
         own = self.likeness.joints
         way = (now[_HIP] - self._home) * np.array([self.travel, 1.0, self.travel])
@@ -128,7 +127,10 @@ def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> F
             way = mesh[joint] - mesh[parent]
         elif Joint(parent) in _AS_IN_THE_MESH:
             before = PARENTS[parent]
-            way = rotation.rotate(rotation.swing(_unit(figure[parent] - figure[before]), _unit(mesh[parent] - mesh[before])), way)
+            way = rotation.rotate(
+                rotation.swing(_unit(figure[parent] - figure[before]), _unit(mesh[parent] - mesh[before])),
+                way,
+            )
         made[joint] = made[parent] + float(np.linalg.norm(now[joint] - now[parent])) * _unit(way)
     made[:, 1] += now[:, 1].min() - made[:, 1].min()
     return made

@@ -74,6 +74,6 @@ class PlacementRules:
 
 
 def _likeness(settings: ActorSettings, character: Character, graph: DeformationGraph) -> BodyInMesh:
-    """Returns the skeleton of a person in a character's mesh, by the ends that the settings name or by looking."""
+    """Returns the skeleton of a person in a character's mesh."""
     mesh = Mesh(character.vertices.astype(np.float64), character.faces, character.id)
     return find_body_in_mesh(mesh, graph, np.array(settings.ends, np.float64))

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Plane, Project, Skeleton, unused
 from enliven.deformation.graph import extremities
+from enliven.document import Clip, Plane, Project, Skeleton, unused
 from enliven.errors import InputError
 from enliven.examples import guess_joints, partners_of, performed, reflected, suggest_poses
 from enliven.mapping import SkeletonLimb, anatomy_of

@@ -1,4 +1,4 @@
-"""Finds a person's skeleton in a mesh: as in a person where it is built like one, else by what it is most like."""
+"""Finds a person's skeleton in a mesh: as in a person, or by what it is most like."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven.possession.likeness.skeleton import BodyInMesh
 _NODES = 500
 """Nodes that the net is made for: on a person their spacing is 6 cm, and parts within half of it are one."""
 _STRANGE = 70.0
-"""The cost of five ends from which on a mesh is no person: twice that of a man whose belly is his trunk."""
+"""The cost of five ends from which on a mesh is no person: twice that of a man with a large belly."""
 _ON_FLOOR = 0.15
 """Share of the height below which a hand is on the floor: a beast on four feet is no person."""
 
@@ -37,7 +37,9 @@ def find_body_in_mesh(mesh: Mesh, graph: DeformationGraph, ends: Float | None = 
     if ends is not None and len(ends):
         if np.shape(ends) != (5, 3):
             mend = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
-            raise InputError(f"there are {len(ends)} ends, expected 5", where=f"the mesh {mesh.name!r}", mend=mend)
+            raise InputError(
+                f"there are {len(ends)} ends, expected 5", where=f"the mesh {mesh.name!r}", mend=mend
+            )
         return human_in_mesh(found, given_ends(found, np.asarray(ends, np.float64)))
     best = five_ends(found)
     if best is None or best.cost > _STRANGE:

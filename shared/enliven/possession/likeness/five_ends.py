@@ -1,9 +1,9 @@
 """The five ends of a human-like mesh: which of its limb ends are the head, the hands and the feet.
 
-Ways along the surface hardly change with the pose. In a body they are those of a tree: arms and head part at the
-chest, legs at the pelvis, and limbs of a pair are of one length. Every choice of a head and two pairs is tried
-(as Pinocchio tries embeddings, I. Baran and J. Popović, 2007); it costs by how far its ways are from the
-nearest such tree's, how unusual the proportions are, how much of the mesh it leaves out, and how it stands.
+Ways along the surface hardly change with the pose. In a body they are those of a tree: arms and head part at
+the chest, legs at the pelvis, and limbs of a pair are of one length. Every choice of a head and two pairs is
+tried (as Pinocchio tries embeddings, I. Baran and J. Popović, 2007); it costs by how far its ways are from
+those of the nearest such tree, how unusual the proportions are, how much is left out, and how it stands.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.deformation.graph import LimbEnds
-from enliven.possession.likeness.tree_of_limbs import HEAD, Tree, ways_misfit, weighted_place
+from enliven.possession.likeness.tree_of_limbs import HEAD, LimbTree, ways_misfit, weighted_place
 
 _NEAR = 0.12
 """Share of the longest way within which ends are one limb's: fingers, toes, horns."""
@@ -24,6 +24,10 @@ _LEFT_OUT = 60.0
 """Cost of a limb that belongs to no chosen end, for its length over the longest way."""
 _LIMB = 0.15
 """Share of the longest way around a chosen end within which other ends belong to it."""
+_MORE_LEGS = 25.0
+"""Cost of a limb that is left out though it stands on the floor: a chair's or a horse's other legs."""
+_LEG = 0.08
+"""Share of the longest way from which on such a limb is a leg."""
 _LONG = 0.3
 """Share of the longest way beyond which a limb that is left out costs no more."""
 _HIGH = 0.4
@@ -62,7 +66,7 @@ class FiveEnds:
 
     points: Float
     ways: Float
-    tree: Tree
+    tree: LimbTree
     chest: Float
     pelvis: Float
     cost: float
@@ -85,7 +89,10 @@ def five_ends(found: LimbEnds) -> FiveEnds | None:
     cost += _left_out(found, between, np.column_stack([first, second, chosen[:, 1:]]))
     cost += _unlikely_heights(found, heads, chosen)
     cheapest = np.argsort(cost, kind="stable")[:_LOOKED_AT]
-    looked = [_looked_at(found, ways, heads[chosen[k, 0]], chosen[k, 1:], Tree(*trees[k])) for k in cheapest]
+    looked = []
+    for k in cheapest:
+        head, *others = chosen[k]
+        looked.append(_looked_at(found, ways, heads[head], np.array(others), LimbTree(*trees[k])))
     total = np.array([cost[k] + more for k, (_, more) in zip(cheapest, looked, strict=True)])
     best, _ = looked[int(total.argmin())]
     return _with_margin(best, [one for one, _ in looked], total, _OTHER * found.longest)
@@ -98,13 +105,13 @@ def given_ends(found: LimbEnds, points: Float) -> FiveEnds:
     between = ways[:, nearest]
     apart = [between[a, b] for a in range(5) for b in range(a + 1, 5)]
     cost, trees = ways_misfit(np.array([apart]))
-    tree = Tree(*trees[0])
+    tree = LimbTree(*trees[0])
     chest, pelvis = (weighted_place(found.points, ways, want) for want in (tree.from_chest, tree.from_pelvis))
     return FiveEnds(np.asarray(points, np.float64), ways, tree, chest, pelvis, float(cost[0]), np.inf)
 
 
 def _choices(between: Float, longest: float) -> tuple[Int, Int]:
-    """(H, 2) heads, each an end twice or two ends with the head between, and (K, 5) choices: a head, four ends."""
+    """(H, 2) heads, an end twice or two ends with the head between; (K, 5) choices: a head and four ends."""
     count, limbs = len(between), list[int]()
     for end in range(count):
         if all(between[end, other] > _NEAR * longest for other in limbs):
@@ -113,10 +120,25 @@ def _choices(between: Float, longest: float) -> tuple[Int, Int]:
     heads = np.array([(end, end) for end in range(count)] + both).reshape(-1, 2)
     pairs = np.array([(a, b) for n, a in enumerate(limbs) for b in limbs[:n]]).reshape(-1, 2)
     numbers = np.arange(len(pairs))
-    head, arms, legs = (g.ravel() for g in np.meshgrid(np.arange(len(heads)), numbers, numbers, indexing="ij"))
+    head, arms, legs = (
+        g.ravel() for g in np.meshgrid(np.arange(len(heads)), numbers, numbers, indexing="ij")
+    )
     ends = np.column_stack([heads[head], pairs[arms], pairs[legs]])
     clash = np.zeros(len(ends), bool)
-    for a, b in ((0, 2), (0, 3), (0, 4), (0, 5), (1, 2), (1, 3), (1, 4), (1, 5), (2, 4), (2, 5), (3, 4), (3, 5)):
+    for a, b in (
+        (0, 2),
+        (0, 3),
+        (0, 4),
+        (0, 5),
+        (1, 2),
+        (1, 3),
+        (1, 4),
+        (1, 5),
+        (2, 4),
+        (2, 5),
+        (3, 4),
+        (3, 5),
+    ):
         clash |= ends[:, a] == ends[:, b]
     return heads, np.column_stack([head, ends[:, 2:]])[~clash]
 
@@ -126,7 +148,9 @@ def _left_out(found: LimbEnds, between: Float, chosen: Int) -> Float:
     near = between < _LIMB * found.longest
     taken = near[chosen].any(1)
     length = np.minimum(found.prominence / found.longest, _LONG)
-    return np.asarray(_LEFT_OUT * (~taken @ length))
+    level = found.points[:, 1] - found.points[:, 1].min()
+    leg = (level[found.ends] < _FEET * level.max()) & (length > _LEG)
+    return np.asarray(~taken @ (_LEFT_OUT * length + _MORE_LEGS * leg), np.float64)
 
 
 def _unlikely_heights(found: LimbEnds, heads: Int, chosen: Int) -> Float:
@@ -140,7 +164,9 @@ def _unlikely_heights(found: LimbEnds, heads: Int, chosen: Int) -> Float:
     return np.asarray(cost + _KICK * np.maximum(feet.max(1) - _FEET, 0.0))
 
 
-def _looked_at(found: LimbEnds, ways: Float, head: Int, others: Int, tree: Tree) -> tuple[FiveEnds, float]:
+def _looked_at(
+    found: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
+) -> tuple[FiveEnds, float]:
     """Returns a choice with its chest and pelvis, and what its trunk and head cost."""
     first, second = head
     of_head = (ways[first] + ways[second] - ways[first, found.ends[second]]) / 2
@@ -154,7 +180,7 @@ def _looked_at(found: LimbEnds, ways: Float, head: Int, others: Int, tree: Tree)
 
 
 def _with_margin(best: FiveEnds, others: list[FiveEnds], total: Float, far: float) -> FiveEnds:
-    """Returns the best choice with its cost, and its margin over the next one with an end that is ``far`` off."""
+    """Returns the best choice with its cost and its margin over the next one with an end ``far`` off."""
     least, margin = float(total.min()), np.inf
     for other, cost in zip(others, total, strict=True):
         apart = np.linalg.norm(other.points[:, None] - best.points, axis=2)

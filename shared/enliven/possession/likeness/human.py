@@ -1,8 +1,7 @@
 """A person's joints in a human-like mesh, from its five ends.
 
-A limb's joints lie in the middle of its rings of equal way from its end, at a person's shares of its length; an elbow
-or a knee that is bent is where it bends. What is left and right follows from the front, which feet, bent knees and bent
-elbows tell.
+A limb's joints lie in the middle of its rings of equal way from its end, at a person's shares of its length.
+What is left and right follows from the front, which feet, bent knees and bent elbows tell.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from enliven.possession.likeness.five_ends import FiveEnds
 from enliven.possession.likeness.skeleton import BodyInMesh
 
 _ARM = (0.86, 0.52, 0.2, 0.06)
-"""Shoulder, elbow, wrist and hand: shares of an arm's length from its end, measured on bodies made at random."""
+"""Shoulder, elbow, wrist and hand: shares of an arm's length from its end, of bodies made at random."""
 _LEG = (1.03, 0.6, 0.21, 0.04)
 """Hip, knee, ankle and foot: the same of a leg."""
 _SKULL = 0.85
@@ -29,9 +28,12 @@ _ABOVE_HIPS = 0.12
 """Share of the trunk by which the middle of the hips is above the hip joints."""
 _SIDES_ALIKE = 0.015
 """Share of the height below which what tells the front tells nothing."""
-_TOES, _KNEES, _ELBOWS, _HANDS, _MODELLED = 1.0, 1.0, 0.5, 0.1, 0.03
-"""How much each says about the front: metres of toes and knees ahead, of elbows behind, of hands ahead; and, in
-shares of the height, that it is modelled towards +Z."""
+_ELBOWS = 0.5
+"""Metres that a metre counts by which elbows are behind; toes and knees ahead count in full."""
+_HANDS = 0.1
+"""Metres that a metre counts by which the hands are ahead: they may be anywhere."""
+_MODELLED = 0.03
+"""Share of the height that +Z counts as the front: most meshes are modelled so."""
 _UNDECIDED = 2.0
 """A choice of ends that costs less than this less than another is not certain."""
 
@@ -94,16 +96,16 @@ def _level(way: Float, up: Float) -> Float:
 
 
 def _front(arms: Float, legs: Float, ahead: Float) -> float:
-    """Returns metres by which toes, knees, elbows and hands say that ``ahead`` is the front; negative: the back."""
+    """Returns metres by which toes, knees, elbows and hands say that ``ahead`` is the front."""
     toes = (legs[:, 3] - legs[:, 2]).mean(0)
     knees = (legs[:, 1] - (legs[:, 0] + legs[:, 2]) / 2).mean(0)
     elbows = ((arms[:, 0] + arms[:, 2]) / 2 - arms[:, 1]).mean(0)
     hands = (arms[:, 3] - arms[:, 0]).mean(0)
-    return float((_TOES * toes + _KNEES * knees + _ELBOWS * elbows + _HANDS * hands) @ ahead)
+    return float((toes + knees + _ELBOWS * elbows + _HANDS * hands) @ ahead)
 
 
 def _joined(arms: Float, legs: Float, skull: Float) -> Float:
-    """(20, 3) metres: all joints, from (2, 4, 3) arms and legs, the left first, and the middle of the skull."""
+    """(20, 3) metres: all joints, from (2, 4, 3) arms and legs, left first, and the middle of the skull."""
     joints = np.empty((J, 3))
     joints[Joint.SHOULDER_LEFT : Joint.SHOULDER_RIGHT], joints[Joint.SHOULDER_RIGHT : Joint.HIP_LEFT] = arms
     joints[Joint.HIP_LEFT : Joint.HIP_RIGHT], joints[Joint.HIP_RIGHT :] = legs

@@ -17,8 +17,8 @@ class BodyInMesh:
     Attributes:
         joints: (20, 3) metres, rest space; NaN where the mesh has nothing like it.
         yaw: radians about +Y from +Z to the mesh's front.
-        human: whether the mesh is built as a person is: a head, two arms and two legs on an upright trunk.
-        ends: (5, 3) metres, the ends of head, left and right hand, left and right foot; empty where not human.
+        human: whether the mesh is built as a person is: a head, two arms, two legs and an upright trunk.
+        ends: (5, 3) metres, ends of head, left and right hand, left and right foot; empty if not human.
         doubts: a sentence about each thing that is as good as undecided.
     """
 

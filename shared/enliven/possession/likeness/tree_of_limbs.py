@@ -27,8 +27,8 @@ _SPREAD = 0.06
 """Share of arm, trunk and leg within which ways from a point count as those from the chest or the pelvis."""
 
 
-class Tree(NamedTuple):
-    """Metres along the surface: head and arms from their ends to the chest, legs to the pelvis, and between."""
+class LimbTree(NamedTuple):
+    """Metres along the surface: head and arms from end to chest, legs from end to pelvis, and between."""
 
     head: float
     arm: float
