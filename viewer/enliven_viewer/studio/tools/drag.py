@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project
-from enliven.modeling.edits import merge_characters, move_character, rig_of
+from enliven.modeling.edits import merge_characters, move_characters, rig_of
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer
@@ -26,6 +26,7 @@ class CharacterDrag:
 
     Attributes:
         character: its id.
+        characters: the ids of all that go with it: what is chosen, where it is one of them.
         rooted: whether its first handle is shown, and goes with the pointer.
         handles: (H, 3) metres in the world, where its handles were at the start.
     """
@@ -42,13 +43,24 @@ class CharacterDrag:
         self._about = self._at if self.rooted else rig_of(posed.character).centre(posed.character)
         editor.selection = editor.selection.led_by(hit.character)
         editor.select(handle=max(hit.handle, 0) if self.rooted else None, chain=())
+        self.characters = editor.selection.characters
         editor.playing = False
+
+    @property
+    def several(self) -> bool:
+        """Whether more than one character is dragged."""
+        return len(self.characters) > 1
+
+    @property
+    def told(self) -> str:
+        """What is dragged, for the name of an edit."""
+        return f"{len(self.characters)} shapes" if self.several else self.character
 
     def moved(self, project: Project, pointer: Pointer) -> Project:
         """The project with the character as far as the pointer went."""
         lens = self.editor.lens
         way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
-        return move_character(project, self.character, way)
+        return move_characters(project, self.characters, way)
 
     def turned(self, project: Project, pointer: Pointer) -> Project:
         """The project with it turned by as much as the pointer went around its root, in the picture's plane.
@@ -56,7 +68,7 @@ class CharacterDrag:
         With Shift, or without a root that is shown, about the upright by as much as the pointer went across.
         """
         turn = from_rotation_vector(self._turn(pointer))
-        return move_character(project, self.character, np.zeros(3), turn, self._about)
+        return move_characters(project, self.characters, np.zeros(3), turn, self._about)
 
     def merged(self, project: Project, host: Hit, notes: list[str]) -> Project:
         """The project with it put onto another; a handle of that, or a place on a bone, carries it."""

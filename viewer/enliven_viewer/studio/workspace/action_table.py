@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.outliner import choosing_actions
+from enliven_viewer.studio.outliner import alone, choosing_actions
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace.clip_actions import clip_actions
@@ -16,6 +16,15 @@ from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, add_sample, exportable
 from enliven_viewer.studio.workspace.input import ViewportInput
 
+_ALONE = (
+    "file.session",
+    *(f"motion.{deed}" for deed in ("copy", "paste", "spread", "clear", "pin")),
+    *(f"shape.{deed}" for deed in ("solve", "puppet", "bake")),
+    "view.best",
+)
+"""Actions on one shape; where several are chosen they say so."""
+_SHIFT = 0.1
+"""Seconds by which a key shifts motion in time: seen at once, and fine enough for a chain of copies."""
 Ask = Callable[[str], None]
 """Opens a dialogue of the window by its name, or does at once what needs none."""
 
@@ -24,6 +33,14 @@ def studio_actions(
     commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
 ) -> Iterator[Action]:
     """Every action of the studio's own menus, in their order."""
+    editor = commands.editor
+    for action in _every(commands, user_input, ask, preferences):
+        yield alone(action, editor) if action.id in _ALONE else action
+
+
+def _every(
+    commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
+) -> Iterator[Action]:
     yield from _file(ask, preferences)
     yield from _out(commands, ask)
     yield from _edit(commands, user_input, ask)
@@ -163,6 +180,18 @@ def _motion(c: Commands) -> Iterator[Action]:
         c.lacks_shape,
         about="Takes all motion off the chosen chain, or off the whole shape.",
     )
+    for name, label, seconds in (("later", "Later", _SHIFT), ("earlier", "Earlier", -_SHIFT)):
+        yield Action(
+            f"motion.{name}",
+            "Motion",
+            label,
+            (f"ctrl+alt+{'right' if seconds > 0 else 'left'}",),
+            lambda seconds=seconds: c.shift(seconds),
+            c.lacks_playing,
+            about="All motion of what is chosen, by a tenth of a second.",
+            apart=seconds > 0,
+        )
+    yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.mute, c.lacks_playing, c.muted)
     yield Action(
         "motion.pin",
         "Motion",
