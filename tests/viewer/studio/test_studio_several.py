@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_acting_stage import acting_stage
+from made_acting_stage import acting_stage, pixel_on
 
 from enliven.document.project import same
 from enliven.modeling.edits import (
@@ -22,7 +22,6 @@ from enliven.modeling.edits import (
     vertices_of,
 )
 from enliven.rotation import from_rotation_vector, rotate
-from enliven_viewer.studio.tools import Pointer
 from enliven_viewer.studio.viewport import Selection
 from enliven_viewer.studio.workspace import Workspace
 
@@ -109,17 +108,6 @@ def test_a_click_chooses_one_and_ctrl_adds_or_takes_off(clicks) -> None:
     assert set(selection.led_by("limb").characters) == set(told if "limb" in told else ["limb"])
 
 
-def pixel(workspace: Workspace, name: str) -> tuple[float, float]:
-    """A pixel on the surface of a character."""
-    one, tool = workspace.editor.posed(name), workspace.input.tools["choose"]
-    middles = one.vertices[one.character.mesh.faces].mean(1)
-    for x, y in workspace.editor.lens.pixels_of(middles[:: max(len(middles) // 60, 1)]):
-        hit = tool.character_at(Pointer((x, y)))
-        if hit is not None and hit.character == name and hit.handle < 0:
-            return x, y
-    raise AssertionError(f"{name} is not seen")
-
-
 def click(workspace: Workspace, at: tuple[float, float], **held: bool) -> None:
     workspace.input.move(at, **held)
     workspace.input.press(at, **held)
@@ -128,14 +116,14 @@ def click(workspace: Workspace, at: tuple[float, float], **held: bool) -> None:
 
 def test_clicks_and_boxes_in_the_view_choose_several(workspace) -> None:
     editor = workspace.editor
-    click(workspace, pixel(workspace, "star"))
-    click(workspace, pixel(workspace, "post"), ctrl=True)
+    click(workspace, pixel_on(workspace, "star"))
+    click(workspace, pixel_on(workspace, "post"), ctrl=True)
     assert editor.selection.characters == ("star", "post")
-    click(workspace, pixel(workspace, "limb"), shift=True)
+    click(workspace, pixel_on(workspace, "limb"), shift=True)
     assert editor.selection.characters == ("star", "post", "limb")
-    click(workspace, pixel(workspace, "post"), ctrl=True)
+    click(workspace, pixel_on(workspace, "post"), ctrl=True)
     assert editor.selection.characters == ("star", "limb")
-    click(workspace, pixel(workspace, "post"))
+    click(workspace, pixel_on(workspace, "post"))
     assert editor.selection.characters == ("post",)
     (wide, high), view = editor.size, editor.lens.view.eye
     workspace.input.press((1.0, 1.0), ctrl=True)
@@ -179,7 +167,7 @@ def test_a_drag_of_one_moves_all_that_are_chosen(workspace) -> None:
     editor.choose_all("limb", "post")
     workspace.input.take("carry")
     before = {name: seen(editor.project, name) for name in PAIR}
-    at = pixel(workspace, "post")
+    at = pixel_on(workspace, "post")
     workspace.input.press(at)
     workspace.input.move((at[0] + 60.0, at[1]))
     workspace.input.release((at[0] + 60.0, at[1]))

@@ -47,7 +47,7 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
     editor = outliner.editor
 
     def chosen() -> tuple[str, ...]:
-        return editor.selection.characters
+        return tuple(one.id for one in editor.chosen_all)
 
     def lacks() -> str:
         return "" if chosen() else "Nothing is chosen. Click a shape first."

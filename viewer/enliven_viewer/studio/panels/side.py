@@ -8,6 +8,7 @@ from enliven.document import RigBase
 from enliven_viewer.studio.panels.fields import character_name
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
+from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
@@ -64,6 +65,7 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
     if editor.selection.handle is not None:
         said.append(f"node {character.handles[editor.selection.handle]}")
     quiet(", ".join(said))
+    draw_numbers(workspace)
     _buttons(workspace, (*_DEEDS, *_JOINTED) if jointed else _DEEDS)
 
 
@@ -72,6 +74,7 @@ def _several(workspace: Workspace) -> None:
     names = workspace.editor.selection.characters
     heading(f"{len(names)} shapes are chosen")
     quiet(", ".join(names))
+    draw_numbers(workspace)
     _buttons(workspace, _TOGETHER)
 
 

@@ -25,6 +25,8 @@ ROOMS = ("Perform", "Animate", "Model", "Play")
 """The workspaces: which panels are in reach; what is loaded never changes with them."""
 _COUNT = 3.0
 """Seconds of the count-in: one beat each."""
+_GONE = 4.0
+"""Seconds for which an edge has been called silent that end a recording: a weak link comes back sooner."""
 Phase = Literal["idle", "counting", "recording"]
 
 
@@ -57,7 +59,7 @@ class PerformSession:
         self.address = ""
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
-        self._left = 0.0
+        self._left = self._silent = 0.0
         self._start = 0.0
         self._framed: tuple[str, ...] = ()
 
@@ -209,7 +211,8 @@ class PerformSession:
         elif self.phase == "recording":
             # What plays keeps step with the sensor's clock, however many pictures a second there are.
             self.editor.growing = self.editor.time = self._start + self.recorder.seconds
-            if self.recorder.cut or not self.connected:
+            self._silent = 0.0 if self.connected else self._silent + seconds
+            if self.recorder.cut or self._silent > _GONE:
                 self.stop()
                 self.editor.toasts.say(
                     "The edge is gone, so the recording ended", "What was done until then is kept."
@@ -296,7 +299,7 @@ class PerformSession:
         """Begin to record, while the project plays from where the playhead is."""
         editor, live = self.editor, self.live
         assert live is not None
-        self.phase = "recording"
+        self.phase, self._silent = "recording", 0.0
         self._start = editor.growing = editor.time if editor.time < editor.length - 0.05 else 0.0
         self.recorder.begin(self._name(), self._delay_ns())
         editor.time, editor.playing = self._start, True

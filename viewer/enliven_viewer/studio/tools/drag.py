@@ -10,6 +10,8 @@ from enliven.arrays import Float
 from enliven.document import Project
 from enliven.modeling.edits import merge_characters, move_characters, rig_of
 from enliven.rotation import from_rotation_vector
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.render import EMPTY_BOX
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.viewport import Hit
@@ -44,6 +46,7 @@ class CharacterDrag:
         editor.selection = editor.selection.led_by(hit.character)
         editor.select(handle=max(hit.handle, 0) if self.rooted else None, chain=())
         self.characters = editor.selection.characters
+        self._stands = _standing(editor, self.characters)
         editor.playing = False
 
     @property
@@ -60,6 +63,8 @@ class CharacterDrag:
         """The project with the character as far as the pointer went."""
         lens = self.editor.lens
         way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
+        if self.editor.snapping.acts(pointer.ctrl):
+            way = self.editor.snapping.way(self._stands, way)
         return move_characters(project, self.characters, way)
 
     def turned(self, project: Project, pointer: Pointer) -> Project:
@@ -79,12 +84,24 @@ class CharacterDrag:
         )
 
     def _turn(self, pointer: Pointer) -> Float:
+        axis, radians = self._turned(pointer)
+        snapping = self.editor.snapping
+        return axis * (snapping.turn(radians) if snapping.acts(pointer.ctrl) else radians)
+
+    def _turned(self, pointer: Pointer) -> tuple[Float, float]:
+        """The (3,) unit axis, and the radians that the pointer went."""
         lens, start = self.editor.lens, self._start
         across = _TURN * (pointer.at[0] - start.at[0])
         if pointer.shift or not self.rooted:
-            return _UPRIGHT * across
+            return _UPRIGHT, across
         centre = lens.project(self._about[None])[0][0]
         before, after = (np.array(p.at) - centre for p in (start, pointer))
         if np.linalg.norm(before) < _NEAR:
-            return lens.forward * across
-        return lens.forward * (math.atan2(after[1], after[0]) - math.atan2(before[1], before[0]))
+            return lens.forward, across
+        return lens.forward, math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
+
+
+def _standing(editor: Editor, characters: tuple[str, ...]) -> Float:
+    """(3,) metres: the middle of characters, at the height of their lowest point."""
+    low, high = bounds_of([one.extent for one in editor.standing if one.id in characters]) or EMPTY_BOX
+    return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

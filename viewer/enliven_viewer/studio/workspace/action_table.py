@@ -8,6 +8,9 @@ import numpy as np
 
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.ghosts import Ghosts
+from enliven_viewer.studio.numbers import view_actions
 from enliven_viewer.studio.outliner import alone, choosing_actions
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.tools import TOOLS
@@ -45,12 +48,14 @@ def _every(
     yield from _out(commands, ask)
     yield from _edit(commands, user_input, ask)
     yield from choosing_actions(commands.editor)
+    yield _snap(commands.editor)
     yield from _motion(commands)
     yield from _shape(commands)
     yield from _tools(user_input)
     yield from clip_actions(commands.clips)
     yield from _view(commands)
     yield from _cameras(commands)
+    yield from view_actions(commands.editor)
     yield from _reading(preferences)
     yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
     yield Action(
@@ -157,6 +162,15 @@ def _edit(commands: Commands, user_input: ViewportInput, ask: Ask) -> Iterator[A
         about="The chosen node, or else the whole shape.",
     )
     yield Action("edit.drop", "Edit", "Drop what was begun", ("escape",), user_input.drop, apart=True)
+
+
+def _snap(editor: Editor) -> Action:
+    def toggle() -> None:
+        editor.snapping.on = not editor.snapping.on
+
+    about = "Moves go to a grid of 10 cm and the floor, turns by 15 degrees. Ctrl held does the opposite."
+    on = lambda: editor.snapping.on  # noqa: E731
+    return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, on=on, about=about, apart=True)
 
 
 def _motion(c: Commands) -> Iterator[Action]:
@@ -399,4 +413,18 @@ def _cameras(c: Commands) -> Iterator[Action]:
         c.best_view,
         c.lacks_shape,
         about="Turns the view so that the bones of the chosen shape hide one another least.",
+    )
+
+
+def ghost_action(ghosts: Ghosts) -> Action:
+    """The switch of ghosts and trails."""
+    return Action(
+        "view.ghosts",
+        "View",
+        "Ghosts and trails",
+        ("shift+g",),
+        ghosts.toggle,
+        on=lambda: ghosts.on,
+        about="Where the chosen shape was (blue) and will be (orange), and the ways of its hands and feet.",
+        apart=True,
     )
