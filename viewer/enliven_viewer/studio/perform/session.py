@@ -57,9 +57,7 @@ class PerformSession:
         self.address = ""
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
-        self._instance: int | None = None
         self._left = 0.0
-        self._begin_ns = 0
         self._start = 0.0
         self._framed: tuple[str, ...] = ()
 
@@ -74,7 +72,7 @@ class PerformSession:
         client = EdgeClient([address.strip()], "enliven window")
         self.disconnect()
         self._client, feed = client, EdgeFeed(client)
-        feed.heard = self.recorder.heard
+        feed.heard, feed.restarted = self.recorder.heard, self._began_again
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
         self.addresses.remember(address.strip())
 
@@ -108,7 +106,7 @@ class PerformSession:
             self.live.close()
         if self._nearby is not None:
             self._nearby.close()
-        self.live = self._client = self._nearby = self._instance = None
+        self.live = self._client = self._nearby = None
         self.editor.beside_box = None
         self.sender.forget()
         self.recorder = LiveRecorder()
@@ -183,18 +181,16 @@ class PerformSession:
             self._framed = self.live.present
 
     def _watch_edge(self) -> None:
-        """Notice an edge that was started again, has gone, or could not be started."""
-        if self._client is None:
-            return
-        instance = self._client.edges[0].instance
-        if self._instance is not None and instance not in (None, self._instance):
-            if not self.recorder.cut:
-                self.recorder.restarted()
-            self.sender.again(self._client.stage, self.editor.project)
-        self._instance = instance or self._instance
+        """Notice an edge of this machine that could not be started, or has ended."""
         if self._nearby is not None and not self.connected and (why := self._nearby.ended) is not None:
             self.editor.toasts.complain(EnlivenError(why, where="the stage on this machine"))
             self.disconnect()
+
+    def _began_again(self) -> None:
+        """Take the edge's new clock, and put on its empty stage what stood there."""
+        self.recorder.restarted()
+        if self._client is not None:
+            self.sender.again(self._client.stage, self.editor.project)
 
     def _go_on(self, seconds: float) -> None:
         """Go on with the count-in or the recording."""
@@ -268,7 +264,7 @@ class PerformSession:
             return
         editor = self.editor
         performed, start = self.recorder.end(), self._start
-        begin, replaces = self._begin_ns - round(start * 1e9), self.replaces
+        begin, replaces = performed.since_ns - round(start * 1e9), self.replaces
         editor.growing, editor.playing = 0.0, False
         made: list[str] = []
 
@@ -294,7 +290,7 @@ class PerformSession:
         assert live is not None
         self.phase = "recording"
         self._start = editor.growing = editor.time if editor.time < editor.length - 0.05 else 0.0
-        self._begin_ns = self.recorder.begin(self._name(), self._delay_ns())
+        self.recorder.begin(self._name(), self._delay_ns())
         editor.time, editor.playing = self._start, True
         live.playhead.go_live()
 
