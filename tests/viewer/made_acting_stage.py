@@ -31,6 +31,8 @@ NEEDS: dict[str, dict[str, object]] = {
     "motion.paste": CHAIN,
     "motion.spread": TIP,
     "motion.pin": TIP,
+    "motion.key": TIP,
+    "motion.unkey": TIP,
     "shape.solve": POST,
     "shape.bake": STAR,
     "file.session": STAR,

@@ -5,7 +5,14 @@ from .body_take import (
     Possession as Possession,
 )
 from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
-from .clip import Clip as Clip
+from .clip import (
+    EASES as EASES,
+    KEY_STEP as KEY_STEP,
+    Clip as Clip,
+    TurnKey as TurnKey,
+    eased_degrees as eased_degrees,
+    keyed_clip as keyed_clip,
+)
 from .constraints import (
     Constraint as Constraint,
     Coupling as Coupling,

@@ -25,6 +25,16 @@ from .clips import (
     stretch_clip as stretch_clip,
     trim_clip as trim_clip,
 )
+from .keys import (
+    added_degrees as added_degrees,
+    ease_key as ease_key,
+    key_joint as key_joint,
+    key_layer as key_layer,
+    keys_of as keys_of,
+    move_key as move_key,
+    remove_key as remove_key,
+    set_key as set_key,
+)
 from .markers import (
     add_marker as add_marker,
     move_marker as move_marker,
