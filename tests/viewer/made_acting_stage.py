@@ -86,3 +86,5 @@ def ready_for(workspace: Workspace, action: Action) -> None:
         workspace.commands.clips.do("split")
         editor.scrub(0.4)
     editor.select(**NEEDS.get(action.id, LIMB))
+    if action.id == "motion.unkey":
+        workspace.commands.keys.set()

@@ -22,7 +22,7 @@ from .constraints import (
 )
 from .example_settings import ExampleSettings as ExampleSettings
 from .history import History as History
-from .layers import STILL as STILL, Layer as Layer, Ref as Ref, Span as Span
+from .layers import FEET as FEET, STILL as STILL, Layer as Layer, Ref as Ref, Span as Span
 from .locomotion import Kind as Kind, LocomotionSettings as LocomotionSettings, Switch as Switch
 from .pin import ContactSettings as ContactSettings, Pin as Pin
 from .possessed import (

@@ -126,7 +126,7 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
-def _pinned(project: Project, shape: Shape) -> Project:
+def with_feet_pinned(project: Project, shape: Shape) -> Project:
     """The project with the last joint but one of every leg, where its foot begins, held while it stands."""
     for pair in anatomy_of(shape.skeleton).legs:
         for limb in pair:
@@ -183,7 +183,7 @@ def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
     if plan.floor and stands(shape) and not itself:
         project = kept_on_floor(project, shape.id, based, duration)
     if plan.pin:
-        project = _pinned(project, shape)
+        project = with_feet_pinned(project, shape)
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)
 

@@ -25,6 +25,7 @@ from .clips import (
     stretch_clip as stretch_clip,
     trim_clip as trim_clip,
 )
+from .feet import lock_feet as lock_feet
 from .keys import (
     added_degrees as added_degrees,
     ease_key as ease_key,

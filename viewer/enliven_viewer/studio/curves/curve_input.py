@@ -75,6 +75,7 @@ class CurveInput:
         self._pool: ThreadPoolExecutor | None = None
         self._work: tuple[_Wanted, Future[dict[str, CurveGroup]]] | None = None
         self._known: tuple[_Wanted, dict[str, CurveGroup]] | None = None
+        self._keys: tuple[_Wanted, CurveGroup | None] | None = None
 
     def toggle(self) -> None:
         """Show or hide the curves."""
@@ -94,11 +95,11 @@ class CurveInput:
         layout = self.timeline.layout
         return np.linspace(layout.start, layout.start + layout.shown, _SAMPLES)
 
-    def groups(self) -> dict[str, CurveGroup]:
-        """Every group of curves of what is chosen, as far as it is known; it never waits."""
+    def refresh(self) -> None:
+        """Take curves that were sampled, and begin with the newest; once a picture, and it never waits."""
         thing = self.thing
         if thing is None:
-            return {}
+            return
         self._take()
         layout, project = self.timeline.layout, self.editor.project
         if isinstance(self.editor.chosen(), Puppet):
@@ -107,21 +108,31 @@ class CurveInput:
         if self._work is None and not wanted.same(self._known[0] if self._known else None):
             self._pool = self._pool or ThreadPoolExecutor(1, "curves")
             self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
+
+    def groups(self) -> dict[str, CurveGroup]:
+        """Every group of curves of what is chosen, as far as it is known."""
+        thing, project = self.thing, self.editor.project
+        if thing is None:
+            return {}
         mine = self._known is not None and self._known[0].thing == thing
-        known = self._known[1] if self._known is not None and mine else {}
-        keys = key_group(self.editor.project, thing, self.times)
-        found = {**({} if keys is None else {"keys": keys}), **known}
-        if "place" in found and (dots := pose_dots(self.editor.project, thing)):
+        found = dict(self._known[1]) if self._known is not None and mine else {}
+        layout = self.timeline.layout
+        wanted = _Wanted(project, thing, layout.start, layout.shown)
+        if self._keys is None or not wanted.same(self._keys[0]):
+            self._keys = (wanted, key_group(project, thing, self.times))
+        if self._keys[1] is not None:
+            found["keys"] = self._keys[1]
+        if "place" in found and (dots := pose_dots(project, thing)):
             found["place"] = replace(found["place"], dots=dots)
         return {name: found[name] for name in GROUPS if name in found}
 
     def settle(self) -> dict[str, CurveGroup]:
-        """As :meth:`groups`, but waits until all of them are known: for sessions without a window."""
-        found = self.groups()
+        """Every group of curves, all of them sampled: for sessions without a window."""
+        self.refresh()
         while self._work is not None:
             wait_for([self._work[1]])
-            found = self.groups()
-        return found
+            self.refresh()
+        return self.groups()
 
     def shown(self) -> CurveGroup | None:
         """The group that is shown: the one that was asked for, or else the first that there is."""

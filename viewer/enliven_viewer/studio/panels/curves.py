@@ -36,12 +36,12 @@ def draw_curves(workspace: Workspace, area: Area) -> None:
     """Draw the panel of the curves."""
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     with panel("curves", area, flags):
-        curves, groups = workspace.curves, workspace.curves.groups()
-        if not groups:
+        curves = workspace.curves
+        curves.refresh()
+        groups, group = curves.groups(), curves.shown()
+        if group is None:
             quiet(_NOTHING)
             return
-        group = curves.shown()
-        assert group is not None
         origin, size = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         curves.height = max(size.y, 20.0)
         scale = curves.scale(group)
@@ -110,7 +110,9 @@ def _plot(
     x = origin.x + layout.x(workspace.editor.time)
     draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
     if group.name == "keys" and not group.dots:
-        said = "Double-click: a key. Or drag a joint with the Pose tool (R) while posing sets keys (Shift+K)."
+        said = (
+            "Double-click: a key. Or: Keys while posing (Shift+K), and drag a joint with the Pose tool (R)."
+        )
         draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
     draw.pop_clip_rect()
 

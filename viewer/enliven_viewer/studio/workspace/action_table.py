@@ -179,7 +179,7 @@ def _keys(c: Commands) -> Iterator[Action]:
     yield Action(
         "motion.keying",
         "Motion",
-        "Posing sets keys",
+        "Keys while posing",
         ("shift+k",),
         c.keys.toggle,
         on=lambda: c.editor.keying,
