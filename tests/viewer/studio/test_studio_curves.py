@@ -20,6 +20,7 @@ from enliven.rotation import from_rotation_vector, to_matrix
 from enliven_viewer.studio.curves import CurveInput, Scale
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.timeline import TimelineInput
+from enliven_viewer.studio.workspace.key_commands import KeyCommands
 
 rigs = pytest.mark.parametrize("rig", ["bones", "graph", "points", "cage"])
 BONE = 2
@@ -194,3 +195,16 @@ def test_posing_sets_keys_while_that_is_on() -> None:
     ((time, key),) = keys_of(editor.project, name, BONE)
     assert time == pytest.approx(0.7, abs=KEY_STEP) and np.abs(key.degrees).max() > 1.0
     assert np.array_equal(editor.project.shape(name).modeling, modeled), "its pose at all moments stays"
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(0.0, 4.0) | st.integers(0, 200).map(lambda half: half / 60))
+def test_a_key_that_is_set_at_the_playhead_is_removed_there(time: float) -> None:
+    editor, _, name = desk("bones")
+    commands, before = KeyCommands(editor), editor.project
+    editor.time = time
+    assert commands.lacks_key() and not commands.lacks()
+    commands.set()
+    assert len(keys_of(editor.project, name, BONE)) == 1 and not commands.lacks_key()
+    commands.remove()
+    assert same(editor.project, before)

@@ -191,7 +191,7 @@ def _keys(c: Commands) -> Iterator[Action]:
         "motion.key", "Motion", "A key at the playhead", ("shift+i",), c.keys.set, c.keys.lacks, about=about
     )
     away = "Remove the key at the playhead"
-    yield Action("motion.unkey", "Motion", away, ("alt+i",), c.keys.remove, c.keys.lacks_key)
+    yield Action("motion.unkey", "Motion", away, ("ctrl+shift+i",), c.keys.remove, c.keys.lacks_key)
 
 
 def _shape(c: Commands) -> Iterator[Action]:

@@ -43,6 +43,6 @@ class KeyCommands:
         shape, bone = self.editor.chosen(Shape), self.editor.selection.handle
         if shape is None or bone is None:
             return None
-        near = KEY_STEP / 2
+        near = 0.501 * KEY_STEP  # a key lies on the nearest frame
         keys = keys_of(self.editor.project, shape.id, bone)
         return next((k for k, (time, _) in enumerate(keys) if abs(time - self.editor.time) <= near), None)
