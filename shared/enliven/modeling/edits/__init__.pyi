@@ -26,6 +26,13 @@ from .clips import (
     trim_clip as trim_clip,
 )
 from .feet import lock_feet as lock_feet
+from .handling import (
+    delete_take as delete_take,
+    handle_characters as handle_characters,
+    order_characters as order_characters,
+    refuse_locked as refuse_locked,
+    rename_take as rename_take,
+)
 from .keys import (
     added_degrees as added_degrees,
     ease_key as ease_key,

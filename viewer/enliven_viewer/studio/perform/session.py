@@ -25,6 +25,8 @@ ROOMS = ("Perform", "Animate", "Model", "Play")
 """The workspaces: which panels are in reach; what is loaded never changes with them."""
 _COUNT = 3.0
 """Seconds of the count-in: one beat each."""
+_GONE = 4.0
+"""Seconds for which an edge has been called silent that end a recording: a weak link comes back sooner."""
 Phase = Literal["idle", "counting", "recording"]
 
 
@@ -57,7 +59,7 @@ class PerformSession:
         self.address = ""
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
-        self._left = 0.0
+        self._left = self._silent = 0.0
         self._start = 0.0
         self._framed: tuple[str, ...] = ()
 
@@ -137,6 +139,14 @@ class PerformSession:
         return () if self.live is None else tuple(sorted(body.id for body in self.live.scene.bodies))
 
     @property
+    def present(self) -> tuple[str, ...]:
+        """What is on the live stage, a line each: performers, characters, loose things; empty without one."""
+        if self.live is None:
+            return ()
+        people = (f"Performer {body}" for body in self.performers)
+        return (*people, *self.standing) or ("No one is there yet",)
+
+    @property
     def standing(self) -> tuple[str, ...]:
         """The ids of the characters on the edge's stage."""
         return () if self._client is None else tuple(self._client.characters)
@@ -201,7 +211,8 @@ class PerformSession:
         elif self.phase == "recording":
             # What plays keeps step with the sensor's clock, however many pictures a second there are.
             self.editor.growing = self.editor.time = self._start + self.recorder.seconds
-            if self.recorder.cut or not self.connected:
+            self._silent = 0.0 if self.connected else self._silent + seconds
+            if self.recorder.cut or self._silent > _GONE:
                 self.stop()
                 self.editor.toasts.say(
                     "The edge is gone, so the recording ended", "What was done until then is kept."
@@ -276,7 +287,7 @@ class PerformSession:
             made.extend(names)
             return after
 
-        if editor.edit(f"record {performed.name}", change):
+        if editor.edit(f"record {performed.name}", change, over_locks=True):
             told = [name for name in made if name in editor.project.characters] or made
             editor.toasts.say(
                 f"Recorded {', '.join(told)}", "Ctrl+Z takes it back; record again to add to it."
@@ -288,7 +299,7 @@ class PerformSession:
         """Begin to record, while the project plays from where the playhead is."""
         editor, live = self.editor, self.live
         assert live is not None
-        self.phase = "recording"
+        self.phase, self._silent = "recording", 0.0
         self._start = editor.growing = editor.time if editor.time < editor.length - 0.05 else 0.0
         self.recorder.begin(self._name(), self._delay_ns())
         editor.time, editor.playing = self._start, True

@@ -10,6 +10,7 @@ from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.ghosts import Ghosts
+from enliven_viewer.studio.outliner import choosing_actions
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace.clip_actions import clip_actions
@@ -28,6 +29,7 @@ def studio_actions(
     yield from _file(ask, preferences)
     yield from _out(commands, ask)
     yield from _edit(commands, user_input, ask)
+    yield from choosing_actions(commands.editor)
     yield from _motion(commands)
     yield from _keys(commands)
     yield from _shape(commands)

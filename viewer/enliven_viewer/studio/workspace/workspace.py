@@ -13,6 +13,7 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.outliner import Outliner, outliner_actions
 from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
@@ -52,6 +53,7 @@ class Workspace:
         actions: everything that can be done, for menus, keys, buttons and the palette.
         commands: what the studio's own actions do.
         ghosts: where characters were and will be; curves: what is chosen, over time.
+        outliner: the tree of all things.
         depth: the tracker of depth that was opened.
         widgets: where each widget was drawn last, by name, so that a session can click on it.
         asking: the dialogue that is open, or empty.
@@ -78,6 +80,8 @@ class Workspace:
         self.actions.add(ghost_action(self.ghosts), curve_action(self.curves))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
+        self.outliner = Outliner(editor, lambda: self.perform.present)
+        self.actions.add(*outliner_actions(self.outliner))
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: (
             pressed(self.perform, key) or self.curves.type(key) or self.timeline.rows.type(key)
