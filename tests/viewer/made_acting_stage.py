@@ -92,4 +92,5 @@ def ready_for(workspace: Workspace, action: Action) -> None:
         editor.scrub(0.4)
     editor.select(**NEEDS.get(action.id, LIMB))
     if action.id == "motion.unkey":
+        editor.scrub(0.5)
         workspace.commands.keys.set()

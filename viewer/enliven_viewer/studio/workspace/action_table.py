@@ -190,10 +190,10 @@ def _keys(c: Commands) -> Iterator[Action]:
     )
     about = "As its bone is turned there now; drag the key in the curves."
     yield Action(
-        "motion.key", "Motion", "A key at the playhead", ("shift+i",), c.keys.set, c.keys.lacks, about=about
+        "motion.key", "Motion", "A key at the playhead", ("ctrl+j",), c.keys.set, c.keys.lacks, about=about
     )
     away = "Remove the key at the playhead"
-    yield Action("motion.unkey", "Motion", away, ("ctrl+shift+i",), c.keys.remove, c.keys.lacks_key)
+    yield Action("motion.unkey", "Motion", away, ("ctrl+shift+j",), c.keys.remove, c.keys.lacks_key)
 
 
 def _shape(c: Commands) -> Iterator[Action]:
