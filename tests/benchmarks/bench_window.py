@@ -12,22 +12,27 @@ import statistics
 import subprocess
 import sys
 import time
+import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from figure import Figure
 
 sys.path += [str(Path(__file__).parents[1] / part) for part in ("helpers", "shared", "shared/modeling")]
 sys.path.append(str(Path(__file__).parents[2] / "scripts"))
+from swaying import possessed_chair
 from test_character_laws import graph_world, skeleton_world
 
-from enliven.document import Project
-from enliven.formats.project import project_of_mesh
+from enliven.document import Clip, Project, still_shape
+from enliven.formats.project import project_of, project_of_mesh
+from enliven.formats.project.file import project_bytes
 from enliven.meshes import refine
 from enliven.modeling.edits import paste_character
 from enliven.modeling.puppet import play_take
 from enliven.motion.layers import bind_chain
+from enliven.rotation import IDENTITY
 from enliven.samples import cactus_project, load_sample
 from enliven.wire import CUES, POSE, Done
 from enliven.wire.ports import free_ports
@@ -41,6 +46,8 @@ LAYERS = 10
 SCRUBS = 80
 VERTICES = 20_000
 LAPS = 9
+HALF_MINUTE = 30.0
+"""Seconds of motion of each of ten characters."""
 PATIENCE = 120.0
 """Seconds in which the edge has started, and a character stands on the stage."""
 QUIET = 2.0
@@ -50,8 +57,9 @@ TURN = 0.002
 
 
 def figures() -> Iterator[Figure]:
-    """window.scrub_ms, window.edit_to_stage_ms and window.put_latency_ms."""
+    """window.scrub_ms, window.project_mb and _disk_mb, window.edit_to_stage_ms and window.put_latency_ms."""
     yield _scrub()
+    yield from _size()
     pose, control = free_ports()[:2]
     words = ["--possess-at", "0.5", "--loop", "--port", str(pose), "--control-port", str(control)]
     command = [sys.executable, "-m", "enliven", "edge", *words, "--name", f"bench-{os.getpid()}"]
@@ -93,6 +101,58 @@ def _scrub() -> Figure:
         assert len(workspace.editor.standing) == 3
         took.append(1e3 * (time.thread_time() - began))
     return Figure("window.scrub_ms", statistics.median(took[SCRUBS // 4 :]), "ms")
+
+
+def _size() -> Iterator[Figure]:
+    """Megabytes of a project of ten characters with half a minute of motion each, read from its file.
+
+    Four skeletons of the cactus' performer, three possessed chairs and three puppets, each with a take of its
+    own; in memory as Python counts what reading it leaves.
+    """
+    project, made = Project(), list[str]()
+    dance = _long(next(iter(cactus_project().takes.values())))
+    puppet = play_take(cactus_project().with_takes(dance), "cactus", dance.id)
+    dancer = Project().with_takes(dance).with_characters(still_shape("dancer", dance.skeleton))
+    for joint in range(1, len(dance.skeleton)):
+        dancer = bind_chain(dancer, "dancer", (joint,), dance.id, (joint,), basis=IDENTITY)
+    chair, name = possessed_chair(frames=round(HALF_MINUTE * 30))
+    for source, character, count in ((dancer, "dancer", 4), (chair, name, 3), (puppet, "cactus", 3)):
+        for number in range(count):
+            project, pasted = paste_character(project, _later(source, number), character)
+            made.append(pasted)
+    assert len(set(made)) == len(project.characters) == 10
+    stored = project_bytes(project)
+    tracemalloc.start()
+    read = project_of(stored)
+    held = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert (len(read.characters), len(read.takes), len(read.streams)) == (10, 6, 3)
+    yield Figure("window.project_mb", held / 1e6, "MB")
+    yield Figure("window.project_disk_mb", len(stored) / 1e6, "MB")
+
+
+def _later(project: Project, number: int) -> Project:
+    """The project with takes that begin some frames later: each character performs by itself."""
+    by = 7 * number
+    takes = [
+        replace(one, turns=np.roll(one.turns, by, 0), root=np.roll(one.root, by, 0))
+        for one in project.takes.values()
+    ]
+    streams = [
+        replace(one, linear=np.roll(one.linear, by, 0), positions=np.roll(one.positions, by, 0))
+        for one in project.streams.values()
+    ]
+    return project.with_takes(*takes).with_streams(*streams)
+
+
+def _long(clip: Clip) -> Clip:
+    """A take of half a minute: there and back again."""
+    turns, root = (np.concatenate([part, part[-2:0:-1]]) for part in (clip.turns, clip.root))
+    times = round(HALF_MINUTE / clip.step)
+    rounds = -(-times // len(turns))
+    return replace(
+        clip, turns=np.tile(turns, (rounds, 1, 1))[:times], root=np.tile(root, (rounds, 1))[:times]
+    )
 
 
 def _acting() -> Project:

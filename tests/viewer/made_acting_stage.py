@@ -32,6 +32,8 @@ NEEDS: dict[str, dict[str, object]] = {
     "motion.paste": CHAIN,
     "motion.spread": TIP,
     "motion.pin": TIP,
+    "motion.key": TIP,
+    "motion.unkey": TIP,
     "shape.solve": POST,
     "shape.bake": STAR,
     "file.session": STAR,
@@ -92,6 +94,9 @@ def ready_for(workspace: Workspace, action: Action) -> None:
         workspace.commands.clips.do("split")
         editor.scrub(0.4)
     editor.select(**NEEDS.get(action.id, LIMB))
+    if action.id == "motion.unkey":
+        editor.scrub(0.5)
+        workspace.commands.keys.set()
 
 
 def pixel_on(workspace: Workspace, name: str) -> tuple[float, float]:

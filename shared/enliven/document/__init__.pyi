@@ -5,7 +5,15 @@ from .body_take import (
     Possession as Possession,
 )
 from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
-from .clip import Clip as Clip, joint_places as joint_places
+from .clip import (
+    EASES as EASES,
+    KEY_STEP as KEY_STEP,
+    Clip as Clip,
+    TurnKey as TurnKey,
+    eased_degrees as eased_degrees,
+    joint_places as joint_places,
+    keyed_clip as keyed_clip,
+)
 from .constraints import (
     Constraint as Constraint,
     Coupling as Coupling,
@@ -15,7 +23,7 @@ from .constraints import (
 )
 from .example_settings import ExampleSettings as ExampleSettings
 from .history import History as History
-from .layers import STILL as STILL, Layer as Layer, Ref as Ref, Span as Span
+from .layers import FEET as FEET, STILL as STILL, Layer as Layer, Ref as Ref, Span as Span
 from .locomotion import Kind as Kind, LocomotionSettings as LocomotionSettings, Switch as Switch
 from .pin import ContactSettings as ContactSettings, Pin as Pin
 from .possessed import (

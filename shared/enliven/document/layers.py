@@ -19,6 +19,9 @@ from enliven.rotation import IDENTITY
 
 MODES: tuple[str, ...] = ("turns", "end")
 """What of a take a layer gives: the turns along its chain, or the place of the chain's end."""
+FEET: tuple[str, ...] = ("auto", "always", "never", "ground")
+"""How the pinned feet stand while a layer plays: held where they are low and slow; held wherever they are
+low; let go; or only kept above the floor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +43,7 @@ class Layer(Playing):
         mode: "turns", the bones turn as the take's polyline does (AniMesh, 5); or "end", they turn so that
             the end of their chain is, from its start, where the end of the take's is, scaled by the lengths;
             see :mod:`enliven.motion.layers.end_effector`.
+        feet: how the pinned feet of its legs stand while it plays; see :mod:`enliven.motion.layers.footing`.
     """
 
     id: str
@@ -50,6 +54,7 @@ class Layer(Playing):
     muted: bool = False
     mirrored: bool = False
     mode: str = "turns"
+    feet: str = "auto"
 
     def __post_init__(self) -> None:
         freeze(self, "basis")
@@ -64,6 +69,8 @@ class Layer(Playing):
             problem = f"the weight is {self.weight}"
         elif self.mode not in MODES:
             problem = f"there is no mode {self.mode!r} (known: {', '.join(MODES)})"
+        elif self.feet not in FEET:
+            problem = f"feet cannot stand {self.feet!r} (known: {', '.join(FEET)})"
         if problem:
             raise InputError(problem, where=f"layer {self.id!r}", mend="Give the layer again.")
         self.check_time(f"layer {self.id!r}")

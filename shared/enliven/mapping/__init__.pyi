@@ -5,6 +5,7 @@ from .automatic_mapping import (
     automatic as automatic,
     next_best as next_best,
     retarget as retarget,
+    with_feet_pinned as with_feet_pinned,
 )
 from .facing import facing_of as facing_of, turned_about_y as turned_about_y
 from .plan import Mode as Mode, Plan as Plan

@@ -128,7 +128,7 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
-def _pinned(project: Project, shape: Shape, stepping: Sequence[SkeletonLimb]) -> Project:
+def with_feet_pinned(project: Project, shape: Shape, stepping: Sequence[SkeletonLimb] = ()) -> Project:
     """The project with the last joint but one of every leg, where its foot begins, held while it stands.
 
     Legs that step reach the floor already: the body does not come down for them.
@@ -193,7 +193,7 @@ def retarget(
         project = stepped(project, shape.id, clip, based, plan)
         project = kept_on_floor(project, shape.id, based, duration, own_stride=not stepping)
     if plan.pin:
-        project = _pinned(project, shape, stepping)
+        project = with_feet_pinned(project, shape, stepping)
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)
 

@@ -13,6 +13,8 @@ SIDE = 288.0
 """Pixels, width of the side panel: two buttons of 126 side by side."""
 TIMELINE = 196.0
 """Pixels, height of the timeline: the transport, the ruler and five lanes."""
+CURVES = 178.0
+"""Pixels, height of the curves: as much as three lines of values need."""
 STRIP = 142.0
 """Pixels, height of the strip of key poses with a puppet: a title and a row of tiles."""
 PERFORMER = 0.36
@@ -41,12 +43,16 @@ class Places(NamedTuple):
     viewport: Area
     performer: Area | None = None
     strip: Area | None = None
+    curves: Area | None = None
 
 
-def places_in(width: float, height: float, *, puppet: bool = False, without: Collection[str] = ()) -> Places:
+def places_in(
+    width: float, height: float, *, puppet: bool = False, curves: bool = False, without: Collection[str] = ()
+) -> Places:
     """Tools at the left, properties at the right, the timeline along the bottom, the rest for the picture.
 
-    With a puppet the performer has the left of the picture, and its key poses a strip under both.
+    With a puppet the performer has the left of the picture, and its key poses a strip under both. Curves lie
+    over the timeline, where that is shown.
 
     Args:
         without: "menu", "tools", "side", "timeline": what is not shown, and has no width or height.
@@ -54,14 +60,17 @@ def places_in(width: float, height: float, *, puppet: bool = False, without: Col
     menu, left = MENU * ("menu" not in without), TOOLS * ("tools" not in without)
     right = SIDE * ("side" not in without)
     low = height - TIMELINE * ("timeline" not in without)
+    timeline, above = Area(0.0, low, width, height - low), None
+    if curves and timeline.height:
+        low -= CURVES
+        above = Area(0.0, low, width, CURVES)
     tools = Area(0.0, menu, left, low - menu)
     side = Area(width - right, menu, right, low - menu)
-    timeline = Area(0.0, low, width, height - low)
     rest = Area(left, menu, max(width - left - right, 1.0), max(low - menu, 1.0))
     if not puppet:
-        return Places(tools, side, timeline, rest)
+        return Places(tools, side, timeline, rest, curves=above)
     high, wide = max(rest.height - STRIP, 1.0), round(PERFORMER * rest.width)
     performer = Area(rest.x, rest.y, wide, high)
     strip = Area(rest.x, rest.y + high, rest.width, STRIP)
     viewport = Area(rest.x + wide, rest.y, max(rest.width - wide, 1.0), high)
-    return Places(tools, side, timeline, viewport, performer, strip)
+    return Places(tools, side, timeline, viewport, performer, strip, above)

@@ -19,6 +19,7 @@ from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.desktop import Desktop
 from enliven_viewer.studio.panels import (
     apply_style,
+    draw_curves,
     draw_dialogs,
     draw_menu,
     draw_overlay,
@@ -182,7 +183,8 @@ class StudioWindow:
         without = ("menu", "tools", "side", "timeline") if self.opening.bare else _WITHOUT[room]
         if room == "Play" and self.workspace.perform.live is not None:
             without = (*without, "timeline")  # the live one is drawn over the picture
-        return places_in(size.x, size.y, puppet=self._edits_puppet, without=without)
+        how = {"puppet": self._edits_puppet, "curves": self.workspace.curves.on}
+        return places_in(size.x, size.y, without=without, **how)
 
     @property
     def _idle(self) -> bool:
@@ -315,6 +317,8 @@ class StudioWindow:
             self._side(places)
         if places.timeline.height:
             draw_timeline(self.workspace, places.timeline)
+        if places.curves is not None:
+            draw_curves(self.workspace, places.curves)
         draw_overlay(self.workspace, places.viewport, tool=room in ("Animate", "Model"))
 
     def _side(self, places: Places) -> None:

@@ -25,6 +25,7 @@ from .clips import (
     stretch_clip as stretch_clip,
     trim_clip as trim_clip,
 )
+from .feet import lock_feet as lock_feet
 from .groups import (
     copy_characters as copy_characters,
     middle_of as middle_of,
@@ -41,6 +42,16 @@ from .handling import (
     order_characters as order_characters,
     refuse_locked as refuse_locked,
     rename_take as rename_take,
+)
+from .keys import (
+    added_degrees as added_degrees,
+    ease_key as ease_key,
+    key_joint as key_joint,
+    key_layer as key_layer,
+    keys_of as keys_of,
+    move_key as move_key,
+    remove_key as remove_key,
+    set_key as set_key,
 )
 from .markers import (
     add_marker as add_marker,

@@ -1,4 +1,5 @@
 from .axes import Axes as Axes, moved_mesh as moved_mesh
+from .bones import bone_number as bone_number
 from .merging import merge as merge
 from .nodes import insert_node as insert_node, remove_node as remove_node
 from .posing import drag_joint as drag_joint, turn_bone as turn_bone

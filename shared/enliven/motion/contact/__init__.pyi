@@ -1,5 +1,6 @@
 from .contacts import Contacts as Contacts, hold as hold, runs_of as runs_of, touching as touching
 from .pin import (
+    HeldPin as HeldPin,
     bend_of as bend_of,
     held_pins as held_pins,
     local_turns as local_turns,

@@ -14,9 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Bool, Float
-from enliven.document import ContactSettings
+from enliven.arrays import Bool, Float, Int
+from enliven.document import FEET, ContactSettings
 from enliven.kernels import njit
+
+AUTO, ALWAYS, _, GROUND = range(len(FEET))
+"""The numbers of the ways to stand."""
+_STRAY = 0.25
+"""Lengths of its limb over which a foot that is always held may be pulled: a step is a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +39,9 @@ class Contacts:
     places: Float
 
 
-def contacts_of(places: Float, step: float, size: float, how: ContactSettings) -> Contacts:
+def contacts_of(
+    places: Float, step: float, size: float, how: ContactSettings, modes: Int | None = None
+) -> Contacts:
     """When a joint that goes through ``places`` is in contact.
 
     Args:
@@ -42,18 +49,38 @@ def contacts_of(places: Float, step: float, size: float, how: ContactSettings) -
         step: seconds between them.
         size: metres, the length of the limb.
         how: what counts as contact.
+        modes: (F,) numbers in :data:`enliven.document.FEET` of how it stands then; None: by height and speed.
     """
-    if len(places) == 1:
+    if len(places) == 1 and modes is None:
         return Contacts(np.array([-np.inf]), np.array([np.inf]), places.copy())
     height = places[:, 1] - np.percentile(places[:, 1], 5)
-    speed = np.linalg.norm(np.gradient(places, step, axis=0), axis=1)
+    still = np.zeros(len(places))
+    speed = np.linalg.norm(np.gradient(places, step, axis=0), axis=1) if len(places) > 1 else still
     down = np.empty(len(places), np.bool_)
     touching(height, speed, how.height * size, how.speed * size, how.release, down)
-    spans = [(a, b) for a, b in runs_of(down) if (b - a) * step >= how.shortest]
+    spans = runs_of(down)
+    if modes is not None:
+        low = np.empty_like(down)
+        touching(height, still, how.height * size, how.speed * size, how.release, low)
+        spans = runs_of(down & (modes == AUTO))
+        for a, b in runs_of(low & (modes == ALWAYS)):
+            spans += _steps(places, a, b, _STRAY * size)
+    spans = sorted((a, b) for a, b in spans if (b - a) * step >= how.shortest)
     starts = np.array([-np.inf if a == 0 else a * step for a, _ in spans])
     ends = np.array([np.inf if b == len(places) - 1 else b * step for _, b in spans])
     middles = np.array([np.median(places[a : b + 1], axis=0) for a, b in spans]).reshape(-1, 3)
     return Contacts(starts, ends, middles)
+
+
+def _steps(places: Float, first: int, last: int, far: float) -> list[tuple[int, int]]:
+    """Parts of a run of frames: a foot that came farther over the ground than ``far`` takes a step."""
+    found, begin = list[tuple[int, int]](), first
+    for frame in range(first, last + 1):
+        way = places[frame, [0, 2]] - places[begin, [0, 2]]
+        if way @ way > far * far:
+            found.append((begin, frame - 1))
+            begin = frame
+    return [*found, (begin, last)]
 
 
 def runs_of(down: Bool) -> list[tuple[int, int]]:

@@ -40,6 +40,8 @@ class HeldPin:
         size: metres, the limb's length.
         kept: (N,) which bones keep their turn in the world: those that begin at the foot.
         settings: when it is in contact.
+        below: (B,) int32 the foot's joint and all that hangs on it.
+        sole: metres that the lowest of these is above the sole of the mesh, at rest.
     """
 
     chain: Int32
@@ -48,6 +50,8 @@ class HeldPin:
     size: float
     kept: Bool
     settings: ContactSettings
+    below: Int32
+    sole: float
 
 
 def pin_feet(
@@ -103,7 +107,13 @@ def held_pins(shape: Shape) -> list[HeldPin]:
         middle, side = bend_of(skeleton, chain)
         kept = skeleton.parents == chain[-1]
         size = float(skeleton.lengths[list(chain[1:])].sum())
-        made.append(HeldPin(np.array(chain, np.int32), middle, side, size, kept, pin.settings))
+        below = np.array([j for j in range(len(skeleton)) if chain[-1] in skeleton.path(0, j)], np.int32)
+        ground = skeleton.positions[:, 1].min()
+        if shape.mesh is not None:
+            ground = min(ground, shape.mesh.vertices[:, 1].min())
+        sole = float(skeleton.positions[below, 1].min() - ground)
+        limb = (np.array(chain, np.int32), middle, side, size, kept)
+        made.append(HeldPin(*limb, pin.settings, below, sole))
     return made
 
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import convolve1d, maximum_filter1d
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float, Int
 from enliven.document import Clip, Layer, Skeleton
-from enliven.motion.contact.contacts import Contacts, contacts_of, hold
+from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, contacts_of, hold, runs_of
 from enliven.motion.contact.pin import HeldPin, pin_limb
 
 _RATE = 60.0
@@ -68,6 +68,7 @@ class Standing:
 
     Attributes:
         pins: each with its contacts, in seconds of the project.
+        grounds: (P, ...) of each when it is only kept above the floor; none where no layer asks for that.
         window: the seconds that were watched.
         times: (F,) seconds.
         drops: (F,) metres that the root comes down then.
@@ -77,6 +78,7 @@ class Standing:
     window: Window
     times: Float
     drops: Float
+    grounds: tuple[Contacts, ...] = ()
 
     def hold(self, times: Float, on: Float, skeleton: Skeleton, turns: Float, joints: Float) -> None:
         """Pins the feet at times (T,) in the window; changes turns (T, N, 4) and joints (T, N, 3) in place.
@@ -90,30 +92,68 @@ class Standing:
             goals += on
             tree, limb = (skeleton.parents, skeleton.vectors), (pin.chain, pin.middle, pin.side, pin.kept)
             pin_limb(*tree, *limb, pin.settings.rise, weights, goals, drops, turns, joints)
+        for (pin, _), ground in zip(self.pins, self.grounds, strict=False):
+            _lift(pin, ground, times, skeleton, turns, joints)
 
 
 def standing_of(
-    pins: Sequence[HeldPin], window: Window, free: Callable[[Float], tuple[Float, Float]]
+    pins: Sequence[HeldPin],
+    window: Window,
+    free: Callable[[Float], tuple[Float, Float]],
+    modes: Callable[[Float], Int] | None = None,
 ) -> Standing:
     """The contacts of the pinned feet, found by playing the whole window once.
 
     Args:
         free: gives turns and joints (T, N, 3) at times (T,), with no foot pinned.
+        modes: gives how each pin stands at times (T,): (P, T) numbers in :data:`enliven.document.FEET`.
     """
     count = int(np.ceil((window.end - window.start) * _RATE)) + 1
     step = (window.end - window.start) / max(count - 1, 1)
     times: Float = window.start + np.arange(count, dtype=np.float64) * step
     _, joints = free(times)
-    made, drops = [], np.zeros(count)
-    for pin in pins:
-        seen = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings)
+    made, drops, grounds = [], np.zeros(count), []
+    asked = None if modes is None else modes(times)
+    for number, pin in enumerate(pins):
+        mode, most = None, np.full(count, pin.settings.drop)
+        if asked is not None:
+            mode = asked[number]
+            most[mode == ALWAYS] = 1.0  # what is always held is reached, however deep the knees bend
+            grounds.append(_while(mode == GROUND, times))
+        seen = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
         seen = replace(seen, starts=seen.starts + window.start, ends=seen.ends + window.start)
         made.append((pin, seen))
-        drops = np.maximum(drops, _needed(pin, joints, *_held(pin, seen, times)))
+        drops = np.maximum(drops, _needed(pin, joints, *_held(pin, seen, times), most))
     wide = max((pin.settings.blend for pin in pins), default=0.0)
     return Standing(
-        tuple(made), window, times, _even(drops, round(wide / step) if step else 0, window.looped)
+        tuple(made),
+        window,
+        times,
+        _even(drops, round(wide / step) if step else 0, window.looped),
+        tuple(grounds),
     )
+
+
+def _while(on: Bool, times: Float) -> Contacts:
+    """The seconds of runs of true in (F,); without an end where the first or the last frame is of them."""
+    runs, last = runs_of(on), len(on) - 1
+    starts = np.array([-np.inf if a == 0 else times[a] for a, _ in runs])
+    ends = np.array([np.inf if b == last else times[b] for _, b in runs])
+    return Contacts(starts, ends, np.zeros((len(runs), 3)))
+
+
+def _lift(
+    pin: HeldPin, ground: Contacts, times: Float, skeleton: Skeleton, turns: Float, joints: Float
+) -> None:
+    """Brings a foot up that has its sole below the floor; changes turns and joints in place."""
+    weights, _ = _held(pin, ground, times)
+    lift = weights * np.maximum(pin.sole - joints[:, pin.below, 1].min(1), 0.0)
+    if not (lift > 0.0).any():
+        return
+    goals = joints[:, pin.chain[-1]] + lift[:, None] * [0.0, 1.0, 0.0]
+    tree, limb = (skeleton.parents, skeleton.vectors), (pin.chain, pin.middle, pin.side, pin.kept)
+    up = np.asarray(lift > 0.0, np.float64)
+    pin_limb(*tree, *limb, 0.0, up, goals, np.zeros(len(times)), turns, joints)
 
 
 def _held(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
@@ -123,8 +163,9 @@ def _held(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]
     return weights, goals
 
 
-def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float) -> Float:
-    """(F,) metres that the root must come down for a limb to reach where it is held.
+def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Float) -> Float:
+    """(F,) metres that the root must come down for a limb to reach where it is held; at most ``most`` (F,)
+    lengths of the limb.
 
     The hip above the goal at height sqrt(reach^2 - across^2) reaches it just so. The reach is a little less
     than the limb, so that a knee does not snap straight; a limb that is not held needs nothing.
@@ -139,7 +180,7 @@ def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float) -> Float:
     reach = reach + (1.0 - weights) * np.maximum(now - reach, 0.0)
     across = np.minimum(np.linalg.norm((goal - start)[:, [0, 2]], axis=1), reach)
     needed = start[:, 1] - goal[:, 1] - np.sqrt(reach**2 - across**2)
-    return np.asarray(np.clip(needed, 0.0, pin.settings.drop * pin.size))
+    return np.asarray(np.clip(needed, 0.0, most * pin.size))
 
 
 def _even(drops: Float, wide: int, looped: bool) -> Float:

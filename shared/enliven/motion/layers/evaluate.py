@@ -28,6 +28,7 @@ from enliven.errors import InputError
 from enliven.motion.contact import Contacts, Standing, held_pins, standing_of, window_of
 from enliven.motion.kinematics import compose, upright
 from enliven.motion.layers.end_effector import lead_at, led_chains
+from enliven.motion.layers.footing import foot_modes
 from enliven.motion.layers.sampling import Sampler
 from enliven.motion.layers.travel import Travel
 from enliven.rotation import to_matrix
@@ -157,7 +158,8 @@ class Player:
         if not self._pins or self._live:
             return None
         if self._standing is None:
-            self._standing = standing_of(self._pins, self._window, self.free)
+            modes = foot_modes(self.project, self.shape, self._pins)
+            self._standing = standing_of(self._pins, self._window, self.free, modes)
         return self._standing
 
     def contacts(self) -> dict[str, Contacts]:

@@ -48,6 +48,7 @@ class Editor:
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.scrubbing = False
         self.show_bones, self.show_meshes = True, True
+        self.keying = False  # whether posing a bone sets a key at the playhead
         self.growing = 0.0  # seconds on the timeline where a recording has come to
         self.beside_box: Box | None = None  # around what stands beside the project, live
         self.less_motion: Callable[[], bool] = lambda: False

@@ -8,6 +8,7 @@ from concurrent.futures import wait as wait_for
 import numpy as np
 
 from enliven.document import Puppet, RigBase
+from enliven.errors import EnlivenError
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.ghosts.ends import traced
 from enliven_viewer.studio.ghosts.moments import ghost_moments, key_moments
@@ -109,9 +110,11 @@ class Ghosts:
         if self._work is None or not self._work[2].done():
             return
         (name, wanted, future), self._work = self._work, None
-        if future.exception() is None:
+        error = future.exception()
+        if error is None:
             self._known[name] = future.result()
         else:
-            # What cannot be played is told by the panel that plays it.
+            if not isinstance(error, EnlivenError):
+                self.editor.toasts.tell(error)  # what cannot be played is told by the panel that plays it
             self._known.pop(name, None)
             self._refused[name] = wanted

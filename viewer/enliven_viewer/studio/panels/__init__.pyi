@@ -1,3 +1,4 @@
+from .curves import draw_curves as draw_curves
 from .dialogs import draw_dialogs as draw_dialogs
 from .menu import draw_menu as draw_menu
 from .side import draw_side as draw_side

@@ -6,10 +6,10 @@ from dataclasses import fields
 
 from imgui_bundle import imgui
 
-from enliven.document import Layer, Project, RigBase, Shape
-from enliven.modeling.edits import change_layers, remove_layer
+from enliven.document import FEET, Layer, Project, RigBase, Shape
+from enliven.modeling.edits import change_layers, lock_feet, remove_layer
 from enliven.motion.layers import set_travel
-from enliven_viewer.studio.panels.fields import Change, slider, switch
+from enliven_viewer.studio.panels.fields import Change, slider, switch, told
 from enliven_viewer.studio.panels.style import heading, quiet
 from enliven_viewer.studio.workspace import Workspace
 
@@ -32,6 +32,13 @@ _TOLD = {
     "level_feet": "Where the weight goes from one foot to another, both have one height",
 }
 """What the switches mean that the layers of some rig have."""
+_FEET = {
+    "auto": "Auto: pinned feet, where they stand",
+    "always": "Always: no foot slides",
+    "never": "Never: as performed",
+    "ground": "Grounding: none below the floor",
+}
+"""What the ways of feet to stand are called."""
 _SECOND = 126.0
 """Pixels from the left at which the second of two switches stands."""
 
@@ -61,6 +68,7 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
         switch(workspace, label, getattr(layer, field), change, _TOLD[field])
     if isinstance(layer, Layer):
         _chain(workspace, editor.project.shape(name), layer, number)
+        _feet(workspace, name, layer, number)
 
 
 def _changing(name: str, number: int, field: str) -> Change:
@@ -87,3 +95,17 @@ def _chain(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> Non
     switch(workspace, "lead the end", layer.mode == "end", lead, tip)
     tip = "The shape goes where the take's root goes. P keeps chosen feet where they stand."
     switch(workspace, "root travels", shape.travel == layer.id, travel, tip)
+
+
+def _feet(workspace: Workspace, name: str, layer: Layer, number: int) -> None:
+    """How feet stand while the clips of the lane play; one edit for all of its layers."""
+    quiet("feet")
+    imgui.set_next_item_width(-1)
+    changed, wanted = imgui.combo("##feet", FEET.index(layer.feet), [_FEET[one] for one in FEET])
+    workspace.remember("feet")
+    told("Feet that are not pinned yet (P) are found where you ask for more than Auto")
+    if changed and FEET[wanted] != layer.feet:
+        bars = workspace.timeline.layout.bars()
+        mine = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)
+        numbers, feet = next(mine, (number,)), FEET[wanted]
+        workspace.editor.edit(f"feet: {feet}", lambda project: lock_feet(project, name, numbers, feet))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from enliven.document import Project
-from enliven.modeling.edits import drag_handle
+from enliven.document import Project, Shape
+from enliven.modeling.edits import drag_handle, key_joint
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.drag import CharacterDrag
 
@@ -23,6 +23,8 @@ class PoseTool(Tool):
             return "Let go to keep it so; Esc drops it."
         if self.editor.puppets.puppet is not None:
             return "Drag a puppet sideways to turn it where it stands. K poses it."
+        if self.editor.keying:
+            return "Drag a joint: its bone gets a key at the playhead, over its motion. Shift+K ends that."
         return "Drag a joint to turn its bone, the root to turn the whole; with Shift about the upright."
 
     def press(self, pointer: Pointer) -> bool:
@@ -37,7 +39,8 @@ class PoseTool(Tool):
     def release(self, pointer: Pointer) -> None:
         if self._held is not None and self.editor.draft is not None:
             whole, handle = self._held
-            name = f"pose {whole.character}" if handle else f"turn {whole.told}"
+            word = "key" if self.editor.keying else "pose"
+            name = f"{word} {whole.character}" if handle else f"turn {whole.told}"
             self.editor.edit(name, lambda p: self._posed(p, pointer))
         self._held = None
 
@@ -50,7 +53,7 @@ class PoseTool(Tool):
         (whole, handle), editor = self._held, self.editor
         if not handle:
             return whole.turned(project, pointer)
-        before = whole.handles[handle]
-        return drag_handle(
-            project, whole.character, handle, editor.lens.on_plane(pointer.at, before), editor.time
-        )
+        place = editor.lens.on_plane(pointer.at, whole.handles[handle])
+        keyed = editor.keying and isinstance(project.character(whole.character), Shape)
+        change = key_joint if keyed else drag_handle
+        return change(project, whole.character, handle, place, editor.time)

@@ -8,6 +8,7 @@ import numpy as np
 
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.numbers import view_actions
@@ -50,6 +51,7 @@ def _every(
     yield from choosing_actions(commands.editor)
     yield _snap(commands.editor)
     yield from _motion(commands)
+    yield from _keys(commands)
     yield from _shape(commands)
     yield from _tools(user_input)
     yield from clip_actions(commands.clips)
@@ -215,6 +217,25 @@ def _motion(c: Commands) -> Iterator[Action]:
         c.lacks_foot,
         about="A pinned foot stays where it stands while it touches the floor.",
     )
+
+
+def _keys(c: Commands) -> Iterator[Action]:
+    yield Action(
+        "motion.keying",
+        "Motion",
+        "Keys while posing",
+        ("shift+k",),
+        c.keys.toggle,
+        on=lambda: c.editor.keying,
+        about="A joint that is dragged with the Pose tool gets a key at the playhead, over its motion.",
+        apart=True,
+    )
+    about = "As its bone is turned there now; drag the key in the curves."
+    yield Action(
+        "motion.key", "Motion", "A key at the playhead", ("ctrl+j",), c.keys.set, c.keys.lacks, about=about
+    )
+    away = "Remove the key at the playhead"
+    yield Action("motion.unkey", "Motion", away, ("ctrl+shift+j",), c.keys.remove, c.keys.lacks_key)
 
 
 def _shape(c: Commands) -> Iterator[Action]:
@@ -427,4 +448,17 @@ def ghost_action(ghosts: Ghosts) -> Action:
         on=lambda: ghosts.on,
         about="Where the chosen shape was (blue) and will be (orange), and the ways of its hands and feet.",
         apart=True,
+    )
+
+
+def curve_action(curves: CurveInput) -> Action:
+    """The switch of the curves."""
+    return Action(
+        "view.curves",
+        "View",
+        "Curves",
+        ("shift+c",),
+        curves.toggle,
+        on=lambda: curves.on,
+        about="Turn, place, keys, weight and speed of what is chosen, over time, above the timeline.",
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.studio.actions import ActionTable, Finding, WantedKey
+from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.ghosts import Ghosts
@@ -19,7 +20,7 @@ from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.start import Tour, Toured
 from enliven_viewer.studio.timeline import TimelineInput
-from enliven_viewer.studio.workspace.action_table import ghost_action, studio_actions
+from enliven_viewer.studio.workspace.action_table import curve_action, ghost_action, studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
@@ -52,9 +53,9 @@ class Workspace:
         preferences: what the artist chose once and for all.
         actions: everything that can be done, for menus, keys, buttons and the palette.
         commands: what the studio's own actions do.
+        ghosts: where characters were and will be; curves: what is chosen, over time.
         outliner: the tree of all things.
         figures: where what is chosen stands and how large it is; typing: what is typed into its fields.
-        ghosts: where characters were and will be.
         depth: the tracker of depth that was opened.
         widgets: where each widget was drawn last, by name, so that a session can click on it.
         asking: the dialogue that is open, or empty.
@@ -76,15 +77,18 @@ class Workspace:
         self.input = ViewportInput(editor, self.actions)
         self.ghosts = Ghosts(editor)
         self.actions.add(*studio_actions(self.commands, self.input, self.ask, self.preferences))
-        self.actions.add(ghost_action(self.ghosts))
+        self.timeline = TimelineInput(editor)
+        self.curves = CurveInput(editor, self.timeline)
+        self.actions.add(ghost_action(self.ghosts), curve_action(self.curves))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
         self.figures, self.typing = Figures(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*outliner_actions(self.outliner))
-        self.timeline = TimelineInput(editor)
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
-        self.input.first = lambda key: pressed(self.perform, key) or self.timeline.rows.type(key)
+        self.input.first = lambda key: (
+            pressed(self.perform, key) or self.curves.type(key) or self.timeline.rows.type(key)
+        )
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)

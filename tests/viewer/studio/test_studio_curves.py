@@ -1,0 +1,210 @@
+"""Curves of what is chosen, of every rig: what they show is what is played, and each drag is one edit."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "modeling"))
+from test_character_laws import WORLDS
+
+from enliven.document import KEY_STEP, Layer, same
+from enliven.modeling.edits import change_layers, keys_of, rig_of, set_key
+from enliven.rotation import from_rotation_vector, to_matrix
+from enliven_viewer.studio.curves import CurveInput, Scale
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.timeline import TimelineInput
+from enliven_viewer.studio.workspace.key_commands import KeyCommands
+
+rigs = pytest.mark.parametrize("rig", ["bones", "graph", "points", "cage"])
+BONE = 2
+
+
+def desk(rig: str, handle: int | None = BONE, keyed: bool = False) -> tuple[Editor, CurveInput, str]:
+    project, name = WORLDS[rig]
+    if keyed:
+        for frame, degrees in ((0, (0, 0, 0)), (15, (0, 40, -10)), (45, (5, -30, 20))):
+            project = set_key(project, name, BONE, frame * KEY_STEP, degrees)
+    editor = Editor(project=project)
+    if rig == "points":
+        editor.solving.settle(project, name)
+    editor.choose(name, handle if rig != "graph" else None)
+    curves = CurveInput(editor, TimelineInput(editor))
+    curves.toggle()
+    return editor, curves, name
+
+
+@rigs
+def test_places_and_turns_are_those_that_are_played(rig: str) -> None:
+    editor, curves, name = desk(rig)
+    groups = curves.settle()
+    character = editor.project.characters[name]
+    player = rig_of(character).player(editor.project, character)
+    for k in (0, 57, 120, 239):
+        pose, handles = player(float(curves.times[k]))
+        linear, place = np.asarray(pose.linear, float), groups["place"].values[k]
+        seen = from_rotation_vector(np.radians(groups["turn"].values[k]))
+        if rig == "graph":
+            np.testing.assert_allclose(place, pose.positions.mean(0), atol=1e-5)
+        elif rig == "points":
+            np.testing.assert_allclose(linear[0] @ place + pose.positions[0], handles[BONE], atol=1e-5)
+        else:
+            np.testing.assert_allclose(place, handles[BONE], atol=1e-5)
+        if rig == "bones":
+            above = linear[character.parents[BONE]]
+            np.testing.assert_allclose(above @ to_matrix(seen), linear[BONE], atol=1e-5)
+    jumps = np.abs(np.diff(groups["turn"].values, axis=0)).max()
+    assert jumps < 60.0, "no jump of a whole round"
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.floats(-2, 2).filter(lambda v: abs(v) > 0.05), st.floats(0, 1), st.floats(0, 1))
+def test_weight_and_speed_are_those_of_the_layer(speed: float, weight: float, offset: float) -> None:
+    project, name = WORLDS["bones"]
+    how = {"offset": offset, "speed": speed, "weight": weight, "loop": False, "segments": ()}
+    project = change_layers(project, name, [0], **how)
+    editor = Editor(project=project)
+    editor.choose(name)
+    editor.select(layer=0)
+    curves = CurveInput(editor, TimelineInput(editor))
+    groups, layer = curves.settle(), project.characters[name].playing[0]
+    assert np.unique(groups["weight"].values).tolist() == pytest.approx([weight])
+    begin, end = offset, layer.end(project.length_of(layer))
+    inside = (curves.times > begin + 1e-3) & (curves.times < end - 1e-3)
+    np.testing.assert_allclose(groups["speed"].values[inside, 0], speed, rtol=1e-6)
+    assert (groups["speed"].values[(curves.times < begin - 1e-3) | (curves.times > end + 1e-3)] == 0).all()
+
+
+def at(curves: CurveInput, number: int, axis: int) -> tuple[float, float]:
+    group = curves.shown()
+    assert group is not None
+    dot = next(one for one in group.dots if (one.number, one.axis) == (number, axis))
+    return curves.timeline.layout.x(dot.time), curves.scale(group).y(dot.value)
+
+
+def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
+    editor, curves, name = desk("bones", keyed=True)
+    before = editor.project
+    x, y = at(curves, 1, 1)
+    scale = curves.scale(curves.shown())
+    up = scale.height * 10.0 / (scale.high - scale.low)
+    curves.press(x, y)
+    for share in (0.5, 1.0):
+        curves.drag(x, y - share * up)
+        assert editor.draft is not None and editor.history.names == (), "a draft until it is let go"
+    curves.release(x, y - up)
+    assert editor.history.names == ("move key",) and not curves.busy
+    (_, first), (time, key), (_, last) = keys_of(editor.project, name, BONE)
+    assert key.degrees == pytest.approx((0, 50, -10)) and time == pytest.approx(15 * KEY_STEP)
+    assert first.degrees == (0, 0, 0) and last.degrees == (5, -30, 20), "the others stay"
+    editor.undo()
+    assert same(editor.project, before)
+    x, y = at(curves, 1, 1)
+    along = curves.timeline.layout.x(10 * KEY_STEP) - curves.timeline.layout.x(0.0)
+    curves.press(x, y)
+    curves.drag(x + along, y)
+    curves.release(x + along, y)
+    _, (time, key), _ = keys_of(editor.project, name, BONE)
+    assert time == pytest.approx(25 * KEY_STEP) and key.degrees == (0, 40, -10)
+    curves.press(x + along, y)
+    curves.release(x + along, y)
+    assert len(editor.history.names) == 1, "a click is no edit"
+
+
+def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
+    editor, curves, name = desk("bones", keyed=True)
+    group = curves.shown()
+    assert group is not None and group.name == "keys"
+    x, y = curves.timeline.layout.x(30 * KEY_STEP), curves.scale(group).y(33.0)
+    curves.double(x, y)
+    keys = keys_of(editor.project, name, BONE)
+    assert len(keys) == 4 and 33.0 in [pytest.approx(one, abs=0.01) for one in keys[2][1].degrees]
+    curves.press(*at(curves, 2, 0))
+    curves.release(*at(curves, 2, 0))
+    curves.ease("step")
+    assert keys_of(editor.project, name, BONE)[2][1].ease == "step"
+    assert curves.type("delete") and not curves.type("delete"), "the node stays where no key is chosen"
+    assert len(keys_of(editor.project, name, BONE)) == 3
+    assert editor.history.names == ("set key", "step key", "remove key")
+
+
+def test_a_bone_without_keys_gets_its_first_by_a_double_click() -> None:
+    editor, curves, name = desk("bones")
+    group = curves.shown()
+    assert group is not None and not group.dots
+    curves.double(curves.timeline.layout.x(0.5), curves.scale(group).y(3.0))
+    ((time, key),) = keys_of(editor.project, name, BONE)
+    assert time == pytest.approx(0.5) and max(key.degrees) == pytest.approx(3.0)
+    assert isinstance(editor.project.characters[name].playing[-1], Layer)
+
+
+def test_a_control_points_key_pose_is_dragged_on_its_curve() -> None:
+    editor, curves, name = desk("points")
+    curves.group = "place"
+    curves.settle()
+    group = curves.shown()
+    assert group is not None and group.name == "place" and group.dots
+    dot = group.dots[1]
+    before = editor.project.puppet(name).poses[dot.number].places
+    x, y = curves.timeline.layout.x(dot.time), curves.scale(group).y(dot.value)
+    curves.press(x, y)
+    held = curves._held[0]
+    curves.drag(x, y - 20)
+    curves.release(x, y - 20)
+    after = editor.project.puppet(name).poses[held.number].places
+    changed = np.argwhere(after != before)
+    assert changed.tolist() == [[BONE, held.axis]] and editor.history.names == ("move key",)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.floats(-100, 100), st.floats(0.01, 300), st.floats(0, 160), st.floats(-5, 5), st.floats(-200, 200))
+def test_a_scale_keeps_what_is_under_the_pointer(low, wide, y, notches, pixels) -> None:
+    scale = Scale(low, low + wide, 160.0)
+    assert scale.y(scale.value(y)) == pytest.approx(y, abs=1e-6)
+    zoomed = scale.zoomed(0.85**notches, y)
+    assert zoomed.value(y) == pytest.approx(scale.value(y), abs=1e-6 * (1 + wide))
+    assert scale.panned(pixels).y(scale.value(y)) == pytest.approx(y + pixels, abs=1e-5)
+    ticks = scale.ticks()
+    assert all(low - 1e-6 <= one <= low + wide + 1e-6 for one in ticks) and 1 <= len(ticks) <= 8
+    steps = np.diff(ticks)
+    assert not len(steps) or np.ptp(steps) < 1e-6 * wide
+    assert replace(scale, height=80.0).y(low) == pytest.approx(80.0)
+
+
+def test_posing_sets_keys_while_that_is_on() -> None:
+    from enliven_viewer.studio.tools.base import Pointer
+    from enliven_viewer.studio.tools.pose import PoseTool
+
+    editor, _, name = desk("bones")
+    editor.size = (800.0, 600.0)
+    editor.frame_all(at_once=True)
+    editor.time, editor.keying = 0.7, True
+    modeled = editor.project.shape(name).modeling
+    tool = PoseTool(editor)
+    start = editor.lens.pixels_of(editor.posed(name).handles[[BONE]])[0]
+    assert tool.press(Pointer(start))
+    tool.drag(Pointer((start[0] + 40, start[1] + 30)))
+    tool.release(Pointer((start[0] + 40, start[1] + 30)))
+    assert editor.history.names == (f"key {name}",)
+    ((time, key),) = keys_of(editor.project, name, BONE)
+    assert time == pytest.approx(0.7, abs=KEY_STEP) and np.abs(key.degrees).max() > 1.0
+    assert np.array_equal(editor.project.shape(name).modeling, modeled), "its pose at all moments stays"
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(0.0, 4.0) | st.integers(0, 200).map(lambda half: half / 60))
+def test_a_key_that_is_set_at_the_playhead_is_removed_there(time: float) -> None:
+    editor, _, name = desk("bones")
+    commands, before = KeyCommands(editor), editor.project
+    editor.time = time
+    assert commands.lacks_key() and not commands.lacks()
+    commands.set()
+    assert len(keys_of(editor.project, name, BONE)) == 1 and not commands.lacks_key()
+    commands.remove()
+    assert same(editor.project, before)

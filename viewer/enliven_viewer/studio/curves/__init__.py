@@ -1,0 +1,5 @@
+"""Curves over time of what is chosen: turns, places, keys, weight and speed, and edits of keys."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

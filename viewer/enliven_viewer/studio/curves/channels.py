@@ -1,0 +1,190 @@
+"""The curves of what is chosen: groups of channels of one unit, sampled at even times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import GraphShape, Playing, Project, Puppet, RigBase, Shape, eased_degrees
+from enliven.modeling.edits import key_layer, keys_of, rig_of
+from enliven.rotation import (
+    conjugate,
+    continuous,
+    from_matrix,
+    multiply,
+    nearest_rotation,
+    to_rotation_vector,
+)
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Dot:
+    """A key on a curve.
+
+    Attributes:
+        number: among the keys of the bone, or the key poses of the puppet.
+        axis: the channel.
+        time: seconds of the project.
+        value: in the group's unit.
+        ease: how it goes over into the next; empty where examples decide that.
+    """
+
+    number: int
+    axis: int
+    time: float
+    value: float
+    ease: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveGroup:
+    """Channels of one unit.
+
+    Attributes:
+        name: "keys", "turn", "place", "weight" or "speed".
+        unit: what stands behind a value.
+        channels: their names.
+        values: (T, C) at the times that were asked for; nothing is drawn where one is not finite.
+        dots: the keys on them, which can be dragged.
+    """
+
+    name: str
+    unit: str
+    channels: tuple[str, ...]
+    values: Float
+    dots: tuple[Dot, ...] = ()
+
+
+@dataclass(frozen=True)
+class Thing:
+    """What curves are of: a character, and a handle or a layer of it."""
+
+    character: str
+    handle: int | None
+    layer: int | None
+
+
+def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
+    """The curves of a thing at times (T,); those of its keys are apart, in :func:`key_group`.
+
+    Raises:
+        EnlivenError: where it cannot be played.
+    """
+    character = project.character(thing.character)
+    found = list[CurveGroup]()
+    moving = _moving(project, character, thing)
+    if moving is not None:
+        rows = [moving(float(time)) for time in times]
+        turns = continuous(np.stack([turn for turn, _ in rows])[:, None])[:, 0]
+        found.append(CurveGroup("turn", "\u00b0", AXES, _unwrapped(turns)))
+        found.append(CurveGroup("place", "m", AXES, np.stack([place for _, place in rows])))
+    layer = layer_of_thing(project, thing)
+    if layer is not None:
+        length = project.length_of(layer)
+        heard = 0.0 if layer.muted else float(getattr(layer, "weight", 1.0))
+        weights = [heard * layer.moment(float(time), length).weight for time in times]
+        found.append(CurveGroup("weight", "", ("weight",), np.array(weights)[:, None]))
+        speeds = [_speed(layer, float(time), length) for time in times]
+        found.append(CurveGroup("speed", "x", ("speed",), np.array(speeds)[:, None]))
+    return {group.name: group for group in found}
+
+
+def key_group(project: Project, thing: Thing, times: Float) -> CurveGroup | None:
+    """The keys of a chosen bone and the curves through them, in degrees; None where there is no bone."""
+    shape = project.characters.get(thing.character)
+    if not isinstance(shape, Shape) or thing.handle is None:
+        return None
+    number = key_layer(project, shape.id, thing.handle)
+    if number is None:
+        return CurveGroup("keys", "\u00b0", AXES, np.zeros((len(times), 3)))
+    layer = shape.layers[number]
+    clip = project.takes[layer.take]
+    seconds = [layer.played(float(time), clip.duration)[0] for time in times]
+    dots = tuple(
+        Dot(k, axis, time, key.degrees[axis], key.ease)
+        for k, (time, key) in enumerate(keys_of(project, shape.id, thing.handle))
+        for axis in range(3)
+    )
+    return CurveGroup("keys", "\u00b0", AXES, eased_degrees(clip.keys, np.array(seconds)), dots)
+
+
+def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
+    """The places that the key poses of a puppet give the chosen control point, when they are played."""
+    puppet, layer = project.characters.get(thing.character), layer_of_thing(project, thing)
+    if not isinstance(puppet, Puppet) or thing.handle is None or layer is None:
+        return ()
+    length = project.length_of(layer)
+    return tuple(
+        Dot(k, axis, layer.time_of(pose.time, length), float(pose.places[thing.handle, axis]))
+        for k, pose in enumerate(puppet.poses)
+        if pose.take == layer.take and layer.plays(pose.time, length)
+        for axis in range(3)
+    )
+
+
+def layer_of_thing(project: Project, thing: Thing) -> Playing | None:
+    """The chosen layer of a thing, or else the first that is heard."""
+    character = project.characters.get(thing.character)
+    playing = () if character is None else character.playing
+    if thing.layer is not None and thing.layer < len(playing):
+        return playing[thing.layer]
+    return next((one for one in playing if not one.muted), None)
+
+
+def _moving(
+    project: Project, character: RigBase, thing: Thing
+) -> Callable[[float], tuple[Float, Float]] | None:
+    """What gives the turn (4,) and the place (3,) of a thing at a time; None where none is chosen."""
+    player = rig_of(character).player(project, character)
+    if isinstance(character, GraphShape):
+        number = min(thing.layer or 0, len(character.parts) - 1)
+        part = slice(character.starts[number], character.starts[number + 1])
+
+        def of_part(time: float) -> tuple[Float, Float]:
+            pose = player(time).pose
+            mean = np.asarray(pose.linear[part], np.float64).mean(0)
+            return from_matrix(nearest_rotation(mean)), np.asarray(pose.positions[part], np.float64).mean(0)
+
+        return of_part
+    handle = thing.handle
+    if handle is None or handle >= len(character.handles):
+        return None
+    above = int(character.parents[handle])
+
+    def of_handle(time: float) -> tuple[Float, Float]:
+        pose, handles = player(time)
+        linear = np.asarray(pose.linear, np.float64)
+        if isinstance(character, Puppet):  # in the mesh's own frame, as its key poses are
+            frame, place = linear[0], handles[handle] - pose.positions[0]
+            return from_matrix(frame), frame.T @ place
+        turn = from_matrix(linear[handle])
+        if above >= 0:
+            turn = multiply(conjugate(from_matrix(linear[above])), turn)
+        return turn, np.asarray(handles[handle], np.float64)
+
+    return of_handle
+
+
+def _unwrapped(turns: Float) -> Float:
+    """(T, 3) degrees of rotation vectors of turns (T, 4) without jumps of whole rounds."""
+    vectors = to_rotation_vector(turns)
+    for k in range(1, len(vectors)):
+        angle = float(np.linalg.norm(vectors[k]))
+        if angle < 1e-6:
+            continue
+        rounds = vectors[k] * (1.0 + np.array([[-1.0], [0.0], [1.0]]) * 2 * np.pi / angle)
+        vectors[k] = rounds[np.linalg.norm(rounds - vectors[k - 1], axis=1).argmin()]
+    return np.asarray(np.degrees(vectors))
+
+
+def _speed(layer: Playing, time: float, length: float, wide: float = 1e-4) -> float:
+    """Seconds of the take for a second of the project at a time; 0 where it stands."""
+    one, other = layer.moment(time, length), layer.moment(time + wide, length)
+    if one.rounds != other.rounds:
+        return float("nan")
+    return (other.second - one.second) / wide

@@ -1,0 +1,307 @@
+"""The curves of what is chosen, and the pointer over them: keys are dragged, added, removed and eased."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Project, Puppet
+from enliven.errors import EnlivenError
+from enliven.modeling.edits import added_degrees, ease_key, move_key, remove_key, set_key
+from enliven.modeling.puppet import change_key_pose, remove_key_pose
+from enliven_viewer.studio.curves.channels import (
+    CurveGroup,
+    Dot,
+    Thing,
+    groups_of,
+    key_group,
+    layer_of_thing,
+    pose_dots,
+)
+from enliven_viewer.studio.curves.scale import Scale
+from enliven_viewer.studio.editor import Edit, Editor
+from enliven_viewer.studio.timeline import TimelineInput
+
+GROUPS = ("keys", "turn", "place", "weight", "speed")
+"""All groups, in the order in which they are offered."""
+REACH = 8.0
+"""Pixels around a key within which the pointer takes hold of it."""
+_SAMPLES = 240
+"""Times at which curves are sampled over what is shown: one every few pixels."""
+_ZOOM = 0.85
+"""Share of the values that are shown after one notch of the wheel."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Wanted:
+    """Curves that are to be sampled."""
+
+    project: Project
+    thing: Thing
+    start: float
+    span: float
+
+    def same(self, other: _Wanted | None) -> bool:
+        if other is None:
+            return False
+        return self.project is other.project and (self.thing, self.start, self.span) == (
+            other.thing,
+            other.start,
+            other.span,
+        )
+
+
+class CurveInput:
+    """What curves are shown, and the edits that the pointer makes on them.
+
+    Attributes:
+        on: whether the curves are shown.
+        group: which group of channels is shown.
+        height: pixels of the area of the curves.
+        chosen: the key that was clicked last: its number, or None.
+    """
+
+    def __init__(self, editor: Editor, timeline: TimelineInput) -> None:
+        self.editor, self.timeline = editor, timeline
+        self.on, self.group, self.height = False, "keys", 160.0
+        self.chosen: int | None = None
+        self._scale: Scale | None = None
+        self._seen: tuple[Thing | None, str] = (None, "")
+        self._held: tuple[Dot, float, float, Scale] | None = None
+        self._pool: ThreadPoolExecutor | None = None
+        self._work: tuple[_Wanted, Future[dict[str, CurveGroup]]] | None = None
+        self._known: tuple[_Wanted, dict[str, CurveGroup]] | None = None
+        self._keys: tuple[_Wanted, CurveGroup | None] | None = None
+
+    def toggle(self) -> None:
+        """Show or hide the curves."""
+        self.on = not self.on
+
+    @property
+    def thing(self) -> Thing | None:
+        """What the curves are of: the chosen character with its handle and layer."""
+        chosen = self.editor.chosen()
+        if chosen is None:
+            return None
+        return Thing(chosen.id, self.editor.selection.handle, self.editor.selection.layer)
+
+    @property
+    def times(self) -> Float:
+        """(T,) seconds at which curves are sampled: those that the timeline shows."""
+        layout = self.timeline.layout
+        return np.linspace(layout.start, layout.start + layout.shown, _SAMPLES)
+
+    def refresh(self) -> None:
+        """Take curves that were sampled, and begin with the newest; once a picture, and it never waits."""
+        thing = self.thing
+        if thing is None:
+            return
+        self._take()
+        layout, project = self.timeline.layout, self.editor.project
+        if isinstance(self.editor.chosen(), Puppet):
+            project = self.editor.solving.shown(project, thing.character)[0]
+        wanted = _Wanted(project, thing, layout.start, layout.shown)
+        if self._work is None and not wanted.same(self._known[0] if self._known else None):
+            self._pool = self._pool or ThreadPoolExecutor(1, "curves")
+            self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
+
+    def groups(self) -> dict[str, CurveGroup]:
+        """Every group of curves of what is chosen, as far as it is known."""
+        thing, project = self.thing, self.editor.project
+        if thing is None:
+            return {}
+        mine = self._known is not None and self._known[0].thing == thing
+        found = dict(self._known[1]) if self._known is not None and mine else {}
+        layout = self.timeline.layout
+        wanted = _Wanted(project, thing, layout.start, layout.shown)
+        if self._keys is None or not wanted.same(self._keys[0]):
+            self._keys = (wanted, key_group(project, thing, self.times))
+        if self._keys[1] is not None:
+            found["keys"] = self._keys[1]
+        if "place" in found and (dots := pose_dots(project, thing)):
+            found["place"] = replace(found["place"], dots=dots)
+        return {name: found[name] for name in GROUPS if name in found}
+
+    def settle(self) -> dict[str, CurveGroup]:
+        """Every group of curves, all of them sampled: for sessions without a window."""
+        self.refresh()
+        while self._work is not None:
+            wait_for([self._work[1]])
+            self.refresh()
+        return self.groups()
+
+    def shown(self) -> CurveGroup | None:
+        """The group that is shown: the one that was asked for, or else the first that there is."""
+        groups = self.groups()
+        return groups.get(self.group) or next(iter(groups.values()), None)
+
+    def sampled(self) -> Float:
+        """(T,) seconds of the values of :meth:`shown`, which may be of a moment ago."""
+        if self._known is None or self.shown_name() == "keys":
+            return self.times
+        return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _SAMPLES)
+
+    def shown_name(self) -> str:
+        """The name of the group that is shown, or empty."""
+        group = self.shown()
+        return "" if group is None else group.name
+
+    def scale(self, group: CurveGroup) -> Scale:
+        """The scale of the values: around all of them, until it is zoomed or panned."""
+        if self._seen != (self.thing, group.name):
+            self._seen, self._scale, self.chosen = (self.thing, group.name), None, None
+        if self._held is not None:
+            return self._held[3]
+        if self._scale is not None:
+            return replace(self._scale, height=self.height)
+        values = np.concatenate([group.values.ravel(), [dot.value for dot in group.dots]])
+        return Scale.around(values, group.unit, self.height)
+
+    def fit(self) -> None:
+        """Show all values again."""
+        self._scale = None
+
+    def zoom(self, notches: float, y: float) -> None:
+        """Show fewer or more values; the one at a pixel stays there."""
+        group = self.shown()
+        if group is not None:
+            self._scale = self.scale(group).zoomed(_ZOOM**notches, y)
+
+    def pan(self, pixels: float) -> None:
+        """Move the values down by some pixels."""
+        group = self.shown()
+        if group is not None:
+            self._scale = self.scale(group).panned(pixels)
+
+    def dot_at(self, x: float, y: float) -> Dot | None:
+        """The key under a pixel, counted from the timeline's left and the curves' top."""
+        group = self.shown()
+        if group is None:
+            return None
+        layout, scale = self.timeline.layout, self.scale(group)
+        near = [
+            (float(np.hypot(layout.x(dot.time) - x, scale.y(dot.value) - y)), dot.number, dot.axis, dot)
+            for dot in group.dots
+        ]
+        best = min(near, default=None, key=lambda one: one[:3])
+        return best[3] if best is not None and best[0] <= REACH else None
+
+    def press(self, x: float, y: float) -> None:
+        """The left button went down: on a key, or beside all, where the playhead goes."""
+        dot, group = self.dot_at(x, y), self.shown()
+        self.chosen = None if dot is None else dot.number
+        if dot is not None and group is not None:
+            self._held = (dot, x, y, self.scale(group))
+        elif group is not None:
+            self.editor.scrub(self.timeline.layout.time(x))
+
+    def drag(self, x: float, y: float) -> None:
+        """The pointer moved: the held key goes along, as a draft."""
+        if self._held is not None:
+            self.editor.sketch(self._moved(x, y))
+
+    def release(self, x: float, y: float) -> None:
+        """The button was let go: what was dragged is one edit."""
+        held = self._held
+        if held is not None and self.editor.draft is not None:
+            self.editor.edit("move key", self._moved(x, y))
+        self.editor.draft, self._held = None, None
+        dot = self.dot_at(x, y)
+        self.chosen = self.chosen if dot is None else dot.number  # a key that passed another has its number
+
+    @property
+    def busy(self) -> bool:
+        """Whether a key is held."""
+        return self._held is not None
+
+    def double(self, x: float, y: float) -> None:
+        """A double click: a key more, with the value at the pointer on the nearest channel."""
+        thing, group = self.thing, self.shown()
+        if thing is None or thing.handle is None or group is None or group.name != "keys":
+            return
+        if self.dot_at(x, y) is not None:
+            return
+        time, value = self.timeline.layout.time(x), self.scale(group).value(y)
+        bone = thing.handle
+        values = list(added_degrees(self.editor.project, thing.character, bone, time))
+        axis = int(np.abs(np.array(values) - value).argmin())
+        values[axis] = value
+        self.editor.edit("set key", lambda project: set_key(project, thing.character, bone, time, values))
+
+    def remove(self) -> None:
+        """Remove the chosen key."""
+        thing, number = self.thing, self.chosen
+        if thing is None or number is None or thing.handle is None:
+            return
+        bone, self.chosen = thing.handle, None
+        if isinstance(self.editor.chosen(), Puppet):
+            self.editor.edit("remove key pose", lambda p: remove_key_pose(p, thing.character, number))
+        else:
+            self.editor.edit("remove key", lambda p: remove_key(p, thing.character, bone, number))
+
+    def type(self, key: str) -> bool:
+        """Whether a key of the keyboard meant the chosen key: Delete removes it."""
+        if not self.on or self.chosen is None or key not in ("delete", "backspace"):
+            return False
+        self.remove()
+        return True
+
+    def ease(self, ease: str) -> None:
+        """Let the chosen key go over into the next in another way."""
+        thing, number = self.thing, self.chosen
+        if thing is not None and number is not None and thing.handle is not None:
+            bone = thing.handle
+            self.editor.edit(f"{ease} key", lambda p: ease_key(p, thing.character, bone, number, ease))
+
+    def _moved(self, x: float, y: float) -> Edit:
+        """The edit that brings the held key to a pixel."""
+        assert self._held is not None
+        dot, from_x, from_y, scale = self._held
+        thing, layout = self.thing, self.timeline.layout
+        assert thing is not None and thing.handle is not None
+        time = dot.time + layout.time(x) - layout.time(from_x)
+        value = dot.value + scale.value(y) - scale.value(from_y)
+        # A drag that goes one way leaves the other as it is.
+        time = dot.time if abs(x - from_x) < REACH / 2 else time
+        value = dot.value if abs(y - from_y) < REACH / 2 else value
+        bone = thing.handle
+
+        def change(project: Project) -> Project:
+            if isinstance(project.character(thing.character), Puppet):
+                return _pose_moved(project, thing, dot, time, value)
+            degrees = [one.value for one in _dots(project, thing) if one.number == dot.number]
+            degrees[dot.axis] = value
+            return move_key(project, thing.character, bone, dot.number, time, degrees)
+
+        return change
+
+    def _take(self) -> None:
+        """Take the curves that were sampled."""
+        if self._work is None or not self._work[1].done():
+            return
+        (wanted, future), self._work = self._work, None
+        error = future.exception()
+        if error is not None and not isinstance(error, EnlivenError):
+            self.editor.toasts.tell(error)  # what cannot be played is told by the panel that plays it
+        self._known = (wanted, {} if error is not None else future.result())
+
+
+def _dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
+    group = key_group(project, thing, np.zeros(1))
+    return () if group is None else group.dots
+
+
+def _pose_moved(project: Project, thing: Thing, dot: Dot, time: float, value: float) -> Project:
+    """A project in which a key pose puts the control point elsewhere, or is of another moment."""
+    puppet, layer = project.puppet(thing.character), layer_of_thing(project, thing)
+    assert layer is not None and thing.handle is not None
+    places = puppet.poses[dot.number].places.copy()
+    places[thing.handle, dot.axis] = value
+    changes: dict[str, object] = {"places": places}
+    if time != dot.time:
+        changes["time"] = layer.played(time, project.length_of(layer))[0]
+    return change_key_pose(project, puppet.id, dot.number, **changes)

@@ -1,0 +1,220 @@
+"""The curves of what is chosen, above the timeline and on its time; all from a draw list."""
+
+from __future__ import annotations
+
+import numpy as np
+from imgui_bundle import ImVec2, ImVec2Like, imgui
+
+from enliven.document import EASES
+from enliven_viewer.studio.curves import CurveGroup, CurveInput, Dot, Scale
+from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.timeline import LABELS
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, AXES, DARK, INK, LINE, QUIET, Colour
+
+_NAMES = {
+    "keys": "Keys",
+    "turn": "Turn",
+    "place": "Place",
+    "weight": "Weight",
+    "speed": "Speed",
+}
+"""What the groups are called."""
+_EASES = {"smooth": "Smooth", "linear": "Straight", "step": "At once"}
+"""What the ways from a key to the next are called."""
+_NOTHING = "Choose a node of a shape, a control point, a possessed mesh or a clip: its curves are shown here."
+_MENU = "key menu"
+_DIAMOND = 5.5
+"""Pixels from the middle of a key to its corners."""
+_WHEEL = 40.0
+"""Pixels that the time moves for a notch of the wheel with Shift."""
+
+
+def draw_curves(workspace: Workspace, area: Area) -> None:
+    """Draw the panel of the curves."""
+    flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    with panel("curves", area, flags):
+        curves = workspace.curves
+        curves.refresh()
+        groups, group = curves.groups(), curves.shown()
+        if group is None:
+            quiet(_NOTHING)
+            return
+        origin, size = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        curves.height = max(size.y, 20.0)
+        scale = curves.scale(group)
+        left = ImVec2(origin.x + LABELS - 12, origin.y)
+        imgui.set_cursor_screen_pos(left)
+        imgui.invisible_button("##curves", ImVec2(max(origin.x + size.x - left.x, 1), max(size.y, 1)))
+        workspace.remember("curves")
+        _listen(workspace, curves, origin, group)
+        _plot(workspace, curves, group, scale, origin, size)
+        imgui.set_cursor_screen_pos(origin)
+        _names(workspace, curves, groups, group)
+        _menu(curves)
+
+
+def _names(
+    workspace: Workspace, curves: CurveInput, groups: dict[str, CurveGroup], shown: CurveGroup
+) -> None:
+    """The groups that can be shown, and the channels of the one that is, with their values now."""
+    imgui.begin_child("##groups", ImVec2(LABELS - 22, 0))
+    for name in groups:
+        if imgui.selectable(f"{_NAMES[name]}##group", name == shown.name, 0, ImVec2(LABELS - 70, 0))[0]:
+            curves.group = name
+        workspace.remember(f"curves {name}")
+        if name == shown.name:
+            imgui.same_line()
+            if imgui.small_button("Fit"):
+                curves.fit()
+            workspace.remember("fit curves")
+            told("Show all values. The wheel shows more or less of them, the middle button moves them.")
+            _values(workspace, curves, shown)
+    imgui.end_child()
+
+
+def _values(workspace: Workspace, curves: CurveInput, shown: CurveGroup) -> None:
+    times, now = curves.sampled(), workspace.editor.time
+    with small():
+        for number, name in enumerate(shown.channels):
+            known = shown.values[:, number]
+            value = float(np.interp(now, times, known)) if np.isfinite(known).all() else float("nan")
+            with tinted(_colour(shown, number), imgui.Col_.text):
+                imgui.text_unformatted(f"   {name}   {_written(value, shown.unit)}")
+
+
+def _plot(
+    workspace: Workspace, curves: CurveInput, group: CurveGroup, scale: Scale, origin: ImVec2, size: ImVec2
+) -> None:
+    draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
+    left, right = origin.x + LABELS - 12, origin.x + size.x
+    draw.push_clip_rect(ImVec2(left, origin.y), ImVec2(right, origin.y + size.y), True)
+    draw.add_rect_filled(ImVec2(left, origin.y), ImVec2(right, origin.y + size.y), packed(DARK), 4.0)
+    with small():
+        for value in scale.ticks():
+            y = origin.y + scale.y(value)
+            strong = abs(value) < 1e-9
+            draw.add_line(ImVec2(left, y), ImVec2(right, y), packed(LINE, 2.4 if strong else 0.8))
+            draw.add_text(ImVec2(left + 5, y - 13), packed(QUIET, 0.8), _written(value, group.unit))
+        for time, numbered in layout.ticks():
+            if numbered:
+                x = origin.x + layout.x(time)
+                draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(LINE, 0.8))
+    for number in range(len(group.channels)):
+        _line(workspace, curves, group, number, scale, origin)
+    for dot in group.dots:
+        at = ImVec2(origin.x + layout.x(dot.time), origin.y + scale.y(dot.value))
+        _diamond(draw, at, _colour(group, dot.axis), chosen=dot.number == curves.chosen)
+    x = origin.x + layout.x(workspace.editor.time)
+    draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
+    if group.name == "keys" and not group.dots:
+        said = (
+            "Double-click: a key. Or: Keys while posing (Shift+K), and drag a joint with the Pose tool (R)."
+        )
+        draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
+    draw.pop_clip_rect()
+
+
+def _line(
+    workspace: Workspace, curves: CurveInput, group: CurveGroup, number: int, scale: Scale, origin: ImVec2
+) -> None:
+    """Draw a channel; where it is not known there is a gap."""
+    draw, layout, tint = (
+        imgui.get_window_draw_list(),
+        workspace.timeline.layout,
+        packed(_colour(group, number)),
+    )
+    values, xs = group.values[:, number], layout.x(0.0) + layout.track * curves.sampled() / layout.shown
+    ys = scale.height * (scale.high - values) / (scale.high - scale.low)
+    points: list[ImVec2Like] = []
+    for x, y in zip(xs.tolist(), ys.tolist(), strict=True):
+        if np.isfinite(y):
+            points.append(ImVec2(origin.x + x, origin.y + y))
+            continue
+        draw.add_polyline(points, tint, 1.8, 0)
+        points = []
+    draw.add_polyline(points, tint, 1.8, 0)
+
+
+def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: CurveGroup) -> None:
+    """Pass the pointer over the curves on."""
+    io, at = imgui.get_io(), imgui.get_mouse_pos()
+    x, y, timeline = at.x - origin.x, at.y - origin.y, workspace.timeline
+    if imgui.is_item_hovered():
+        dot = curves.dot_at(x, y)
+        if dot is not None:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
+            if not curves.busy:
+                imgui.set_tooltip(_told(dot, group))
+        if imgui.is_mouse_double_clicked(0):
+            curves.double(x, y)
+        elif imgui.is_mouse_clicked(0):
+            curves.press(x, y)
+        elif imgui.is_mouse_clicked(1) and dot is not None:
+            curves.chosen = dot.number
+            imgui.open_popup(_MENU)
+        if imgui.is_mouse_dragging(2, 0.0):
+            curves.pan(io.mouse_delta.y)
+            timeline.pan(-io.mouse_delta.x)
+        if io.key_ctrl and io.mouse_wheel:
+            timeline.zoom(io.mouse_wheel, x)
+        elif io.mouse_wheel_h or (io.key_shift and io.mouse_wheel):
+            timeline.pan(-_WHEEL * (io.mouse_wheel_h or io.mouse_wheel))
+        elif io.mouse_wheel:
+            curves.zoom(io.mouse_wheel, y)
+    if curves.busy and imgui.is_mouse_down(0):
+        curves.drag(x, y)
+    elif curves.busy:
+        curves.release(x, y)
+
+
+def _menu(curves: CurveInput) -> None:
+    """What the right button offers over a key."""
+    if not imgui.begin_popup(_MENU):
+        return
+    group = curves.shown()
+    dot = next((one for one in (group.dots if group else ()) if one.number == curves.chosen), None)
+    if dot is not None and dot.ease:
+        for ease in EASES:
+            if imgui.menu_item(f"{_EASES[ease]}##ease", "", dot.ease == ease)[0]:
+                curves.ease(ease)
+        imgui.separator()
+    if imgui.menu_item("Remove##key", "", False)[0]:
+        curves.remove()
+    imgui.end_popup()
+
+
+def _told(dot: Dot, group: CurveGroup) -> str:
+    said = f"{group.channels[dot.axis]}   {_written(dot.value, group.unit)}   at {dot.time:.2f} s"
+    more = "Drag: another value or moment. Right button: how it goes on, remove."
+    return f"{said}\n{more}"
+
+
+def _diamond(draw, at: ImVec2, tint: Colour, *, chosen: bool) -> None:  # type: ignore[no-untyped-def]
+    reach = _DIAMOND + 1.5 * chosen
+    corners = (
+        ImVec2(at.x, at.y - reach),
+        ImVec2(at.x + reach, at.y),
+        ImVec2(at.x, at.y + reach),
+        ImVec2(at.x - reach, at.y),
+    )
+    draw.add_quad_filled(*corners, packed(ACCENT if chosen else tint))
+    draw.add_quad(*corners, packed(INK if chosen else DARK), 1.4)
+
+
+def _colour(group: CurveGroup, number: int) -> Colour:
+    """The colour of a channel: of its axis, or bright where there is one alone."""
+    if len(group.channels) == 1:
+        return ACCENT
+    red, green, blue = AXES[number]
+    return red / 255, green / 255, blue / 255, 1.0
+
+
+def _written(value: float, unit: str) -> str:
+    if not np.isfinite(value):
+        return "-"
+    places = 0 if unit == "\u00b0" else 2
+    shown = round(value, places) + 0.0  # without a minus before 0
+    return f"{shown:.{places}f}{' m' if unit == 'm' else unit}"
