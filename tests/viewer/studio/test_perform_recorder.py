@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from enliven.person.body import Body
-from enliven.wire import BODIES, HOLDS, HoldMessage
-from enliven_viewer.link.received import ReceivedBodies
+from enliven.wire import BODIES, HOLDS, POSE, HoldMessage
+from enliven_viewer.link.received import ReceivedBodies, ReceivedPose
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 
 STEP = 33_333_333
@@ -59,3 +59,19 @@ def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> Non
     kept = recorder.end()
     assert kept.since_ns == 3 * STEP and [said.mode for said in kept.events] == ["alone"]
     assert [one.time_ns // STEP for one in kept.frames] == [1, 2, 3, 4]
+
+
+def test_a_slow_picture_after_which_topics_come_one_by_one_ends_nothing(box) -> None:
+    """Three seconds of performers, and then of poses, arrive in one picture."""
+    recorder = LiveRecorder()
+    recorder.heard(HOLDS, HoldMessage("box", 0, "alone", body=1, holders=[1]))
+    hear(recorder, 0)
+    recorder.begin("take 1")
+    hear(recorder, *range(1, 91))
+    for step in range(1, 91):
+        pose = box.rest_pose(step * STEP)
+        recorder.heard(POSE, ReceivedPose(pose, "edge", step, 0, 0, 0, 0, box, 1))
+    hear(recorder, 91)
+    assert not recorder.cut and recorder.holders.now
+    kept = recorder.end()
+    assert len(kept.frames) == 92 and len(kept.poses["box", 1]) == 90

@@ -11,8 +11,6 @@ from enliven.wire import BODIES, HOLDS, POSE, Topic
 from enliven_viewer.playback import NS
 from enliven_viewer.studio.perform.holders import Holders
 
-_BACK = 1.0
-"""Seconds by which the sensor's clock goes back where it is another one: the edge or a replay began again."""
 _BEFORE = 18_000
 """Frames of performers that are kept from before a recording: ten minutes, since a hold may be as old."""
 
@@ -73,7 +71,8 @@ class LiveRecorder:
         """Take a value of a topic, as the link brings it."""
         if topic is POSE:
             self._pose(value)
-        elif topic is BODIES and self._later(value.time_ns):
+        elif topic is BODIES and not (self._frames and value.time_ns <= self._frames[-1].time_ns):
+            self._note(value.time_ns)
             frame = BodyFrame(list(value.bodies), value.time_ns, value.edge)
             self._frames.append(frame)
             if self._kept is not None and not self.cut:
@@ -91,19 +90,18 @@ class LiveRecorder:
 
     def _pose(self, seen: Any) -> None:
         pose, kept = seen.pose, self._kept
-        self._later(pose.time_ns)
+        self._note(pose.time_ns)
         if kept is None or self.cut or seen.character is None or pose.time_ns < kept.since_ns:
             return
         key = pose.character, seen.revision
         kept.characters.setdefault(key, seen.character)
         kept.poses.setdefault(key, []).append(pose)
 
-    def _later(self, time_ns: int) -> bool:
-        """Note a time of the sensor's clock; returns whether it is later than all before."""
-        if self.newest_ns is not None and time_ns < self.newest_ns - _BACK * NS:
-            self.restarted()
-        later = self.newest_ns is None or time_ns > self.newest_ns
+    def _note(self, time_ns: int) -> None:
+        """Follow the sensor's clock; a recording that awaits it begins.
+
+        After a slow picture many messages come at once, topic by topic: their times are no order of arrival.
+        """
         self.newest_ns = max(self.newest_ns or time_ns, time_ns)
         if self._kept is not None and self._delay_ns is not None:
-            self._count_from(self._kept, self.newest_ns + self._delay_ns)
-        return later
+            self._count_from(self._kept, time_ns + self._delay_ns)
