@@ -36,6 +36,13 @@ class LocomotionSettings:
         low=0.0,
         high=1.0,
     )
+    leash: float = setting(
+        0.5,
+        "How far its own steps may lead it from the performer's way, before it is drawn back.",
+        unit="mesh sizes",
+        low=0.0,
+        high=1000.0,
+    )
     throw: float = setting(
         0.1,
         "How long before it leaves the floor the mesh's velocity is measured.",

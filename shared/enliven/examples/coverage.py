@@ -11,6 +11,9 @@ from enliven.examples.puppet_examples import material_of
 from enliven.examples.puppet_solve import seen_by
 from enliven.examples.suggest import distance_to
 
+_SAME = 1e-3
+"""Share of the mesh's size by which control points of two key poses are apart at most, to be posed alike."""
+
 
 @dataclass(frozen=True)
 class Coverage:
@@ -55,5 +58,6 @@ def unposed(puppet: Puppet) -> tuple[str, ...]:
     """A sentence where all key poses are alike, since none has been posed yet; else nothing."""
     if len(puppet.poses) < 2:
         return ()
-    same = all(np.array_equal(pose.places, puppet.poses[0].places) for pose in puppet.poses)
+    near = _SAME * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
+    same = all(np.abs(pose.places - puppet.poses[0].places).max() <= near for pose in puppet.poses)
     return ("All key poses are alike: say where the control points are to be.",) if same else ()

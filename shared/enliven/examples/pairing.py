@@ -1,6 +1,7 @@
 """Which joint of a performer a control point is meant to follow: a first guess, by side and height.
 
 guess_joints(clip.skeleton, puppet.rest)          # ("LeftHand end", "RightHand end", "Head end", ...)
+guess_joints(clip.skeleton, puppet.rest, still=still_joints(clip))    # none that does not move in that take
 
 Both are looked at from the front (+Z, left at +X), each scaled to its own width and height; a mesh that is
 wider from the side is taken to look at +X. Ends of limbs are taken before what is between them, and no joint
@@ -16,7 +17,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Float
-from enliven.document import Skeleton
+from enliven.document import Clip, Skeleton
+from enliven.examples.performer import performed
 from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
 
 _MIDDLE = 0.25
@@ -37,6 +39,12 @@ _BASE = 0.1
 """Share of the height below which a control point is at a mesh's foot."""
 _DEEPER = 1.5
 """So many times deeper than wide, a mesh is looked at from the side."""
+_STILL = 0.01
+"""Share of the performer's height by which a joint moves beside the hips at most while it is still."""
+_UPRIGHT = 0.6
+"""Height in lengths from which what has no two feet stands on one; a fish is longer."""
+_NEVER = 1000.0
+"""Cost of a joint that is not to be taken while there is any other."""
 _ASIDE = 0.15
 """Share of half the width from which a place is on a side."""
 
@@ -47,8 +55,20 @@ class _Candidate(NamedTuple):
     side: int
 
 
+def still_joints(clip: Clip) -> frozenset[str]:
+    """The joints that do not move in a take, seen from the hips as a mesh sees them: the hips themselves."""
+    names = clip.skeleton.names
+    poses = performed(clip, names).poses
+    far, tall = np.ptp(poses, axis=0).max(1), float(np.ptp(clip.skeleton.positions, axis=0).max())
+    return frozenset(name for name, moved in zip(names, far, strict=True) if moved <= _STILL * tall)
+
+
 def guess_joints(
-    skeleton: Skeleton, rest: Float, taken: Collection[str] = (), wanted: Sequence[int] | None = None
+    skeleton: Skeleton,
+    rest: Float,
+    taken: Collection[str] = (),
+    wanted: Sequence[int] | None = None,
+    still: Collection[str] = (),
 ) -> tuple[str, ...]:
     """(P,) names of joints for control points at ``rest`` (P, 3) metres, in the mesh's own frame.
 
@@ -58,6 +78,7 @@ def guess_joints(
         taken: joints that others follow already.
         wanted: numbers of the control points that need one; None for all. The others only say how large
             and how wide the mesh is.
+        still: joints that do not move: none is guessed, but for the base of what stands on one foot.
     """
     rest = np.asarray(rest, np.float64).reshape(-1, 3)
     if len(rest) == 0:
@@ -66,24 +87,34 @@ def guess_joints(
     if deep[2] > _DEEPER * deep[0]:
         rest = turned_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
+    root = skeleton.names[anatomy.trunk[0]]
     level = turned_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
     level = _arms_out(level, anatomy)
     found = [one for one in _candidates(anatomy, skeleton) if skeleton.names[one.joint] not in taken]
     found = found or _candidates(anatomy, skeleton)
+    found = [one for one in found if skeleton.names[one.joint] not in {*still} - {root}] or found
     rows_wanted = list(range(len(rest))) if wanted is None else list(wanted)
     whole, ours = level, _normal(rest, rest[rows_wanted])
-    if not _on_feet(_normal(rest, rest)):
+    base = np.zeros(len(ours), np.bool_)
+    long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
+    if not _on_feet(_normal(rest, rest)) and np.ptp(rest[:, 1]) >= _UPRIGHT * long:
         # What stands on one foot, as a chess piece does, has a head and hips, and no legs.
         kept = _upper(found, anatomy, skeleton)
         if len(kept) >= len(ours):
             found, whole = kept, level[[one.joint for one in kept]]
+            base[ours[:, 1].argmin()] = True
     joints = [one.joint for one in found]
     theirs = _normal(whole, level[joints])
     away = np.abs(ours[:, None] - theirs[None]) @ [1.0, 1.0, _DEPTH]
     apart = np.abs(_sides(ours)[:, None] - [one.side for one in found])
     cost = away + [one.cost for one in found] + _SIDE * apart
+    for column, joint in enumerate(joints):
+        if skeleton.names[joint] in still:
+            cost[~base | (ours[:, 1] > _BASE), column] += _NEVER
     times = max(-(-len(ours) // len(joints)), 1)
-    rows, columns = linear_sum_assignment(np.concatenate([cost + 10.0 * k for k in range(times)], axis=1))
+    rows, columns = linear_sum_assignment(
+        np.concatenate([cost + 10.0 * _NEVER * k for k in range(times)], axis=1)
+    )
     return tuple(skeleton.names[joints[column % len(joints)]] for column in columns[np.argsort(rows)])
 
 

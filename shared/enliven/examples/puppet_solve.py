@@ -20,11 +20,13 @@ from enliven.examples.spacetime import (
     PlacedMotion,
     check_switches,
     conditions_of,
+    drawn_back,
     find_switches,
     locate,
     planted,
     standing_feet,
 )
+from enliven.mapping import turned_about_y
 
 
 def solved(material: Material) -> PuppetMotion:
@@ -118,6 +120,11 @@ class _Solve:
             switches = find_switches(self._seen, step, self._legs(), how)
         mixed = self._rest + self._layer.weight * (places - self._rest)
         placed = locate(mixed, yaw, step, switches, self._feet, how, self._stands)
+        spread, theirs = (float(np.linalg.norm(p - p.mean(0))) for p in (self._rest, self.took.world[0]))
+        leash = how.leash * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
+        across = np.array([-1.0 if self._layer.mirrored else 1.0, 1.0, 1.0])
+        way = turned_about_y(self.took.root, -self.took.yaw[0]) * across
+        placed = drawn_back(placed, way, step, spread / max(theirs, 1e-9), leash)
         # The mesh stands at rest: that control points of feet are a little above its soles stays so.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         return placed

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 sys.path.append(str(Path(__file__).parents[1] / "mapping"))
 sys.path.append(str(Path(__file__).parents[1] / "motion"))
-from made_bodies import man, turned_body
+from made_bodies import man, random_motion, turned_body
 from test_capture_clip import STANDING
 
-from enliven.examples.pairing import guess_joints
+from enliven.examples.pairing import guess_joints, still_joints
 from enliven.mapping.facing import turned_about_y
 from enliven.person.body import Body
 from enliven.takes.capture_clip import clip_of_bodies
@@ -61,6 +61,33 @@ def test_a_head_that_is_too_short_for_a_limb_is_still_the_head():
 @pytest.mark.parametrize("rest", [[(0, 1, 0), (0, 0, 0)], [(0.02, 1, 0.1), (0.15, 0, 0)]])
 def test_a_chess_piece_has_a_head_and_hips(rest):
     assert guess_joints(man(), np.array(rest, float)) == ("top", "hips")
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 10_000), st.integers(3, 9))
+def test_a_joint_that_does_not_move_is_no_suggestion(seed, count):
+    """Whatever the mesh; the base of what stands on one foot alone may follow the hips."""
+    random = np.random.default_rng(seed)
+    clip = random_motion(random, man(), frames=6, size=0.5)
+    still = still_joints(clip)
+    assert "hips" in still and not still & {"Left finger", "Right toe", "top"}
+    rest = random.normal(size=(count, 3)) * random.uniform(0.2, 2.0, 3)
+    joints = guess_joints(clip.skeleton, rest, still=still)
+    given = [k for k, joint in enumerate(joints) if joint in still]
+    assert given in ([], [int(rest[:, 1].argmin())])
+    if given:
+        assert (
+            joints[given[0]] == "hips" and np.ptp(rest[:, 1]) >= 0.6 * np.ptp(rest[:, [0, 2]], axis=0).max()
+        )
+
+
+def test_a_fish_follows_nothing_that_does_not_move_and_a_chess_piece_stands():
+    clip = random_motion(np.random.default_rng(1), man(), frames=6, size=0.5)
+    still = still_joints(clip)
+    fish = [(0, 0.2, 1.5), (0, 0.2, -1.5), (0, 0.5, 0), (0, 0, 0.1), (0.3, 0.15, 0.5), (-0.3, 0.15, 0.5)]
+    assert not set(guess_joints(clip.skeleton, np.array(fish), still=still)) & still
+    piece = np.array([(0.02, 1, 0.1), (0, 0, 0)], float)
+    assert guess_joints(clip.skeleton, piece, still=still) == ("top", "hips")
 
 
 def test_more_points_than_joints_share_them():

@@ -68,10 +68,30 @@ def test_where_the_performer_stands_and_looks_changes_nothing(seed, yaw, x, z):
     np.testing.assert_allclose(here.root, there.root, atol=1e-6)
 
 
+def leashed(project, leash):
+    """The project with a stool that its own steps may lead so many of its sizes from the performer's way."""
+    puppet = project.puppets["stool"]
+    how = replace(puppet.locomotion, leash=leash)
+    return project.with_characters(replace(puppet, locomotion=how))
+
+
+@given(seeds)
+@few
+def test_a_mesh_of_a_performer_who_stays_stays_too(seed):
+    clip = walker()
+    clip = replace(clip, root=np.repeat(clip.root[:1], len(clip.root), 0))
+    project = puppet_project(seed, clip=clip)
+    size = float(np.linalg.norm(np.ptp(project.puppets["stool"].rest, axis=0)))
+    for leash in (0.1, 0.5):
+        made = motion(leashed(project, leash))
+        assert np.linalg.norm(made.root[:, [0, 2]], axis=1).max() < (leash + 0.35) * size
+        np.testing.assert_allclose(made.root[0, [0, 2]], 0.0, atol=1e-12)
+
+
 @given(seeds, st.floats(0.05, 0.95))
 @few
 def test_the_anchor_does_not_slide_also_between_frames(seed, part):
-    project = puppet_project(seed)
+    project = leashed(puppet_project(seed), 1000.0)
     puppet, made = project.puppets["stool"], motion(project)
     assert len(set(made.anchors)) > 1
     standing = [f for f in range(1, made.frames) if made.anchors[f] >= 0 and made.anchors[f - 1] >= 0]

@@ -1,6 +1,7 @@
 from .anchoring import stand as stand
 from .bounded import Nodes as Nodes
 from .constraints import Conditions as Conditions, conditions_of as conditions_of
+from .following import drawn_back as drawn_back
 from .locomotion import (
     PlacedMotion as PlacedMotion,
     check_switches as check_switches,

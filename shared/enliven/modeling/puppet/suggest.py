@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.deformation.graph import extremities
 from enliven.document import Clip, Plane, Project, Skeleton, unused
 from enliven.errors import InputError
-from enliven.examples import guess_joints, partners_of, performed, reflected, suggest_poses
+from enliven.examples import guess_joints, partners_of, performed, reflected, still_joints, suggest_poses
 from enliven.mapping import SkeletonLimb, anatomy_of
 from enliven.meshes import Mesh
 from enliven.modeling.mesh import plane_of_symmetry
@@ -54,9 +54,10 @@ def suggested_puppet(
         vertices = _with_images(mesh, vertices, plane)
     rest = mesh.vertices[vertices]
     partners = None if plane is None else _partners(rest, plane)
-    joints = guess_joints(clip.skeleton, rest)
+    still = still_joints(clip)
+    joints = guess_joints(clip.skeleton, rest, still=still)
     if partners is not None:
-        joints = symmetric_joints(clip.skeleton, joints, rest, partners)
+        joints = symmetric_joints(clip.skeleton, joints, rest, partners, still)
     kept = one_a_hand(clip.skeleton, joints, partners or range(len(joints)))
     vertices, joints, rest = [vertices[k] for k in kept], tuple(joints[k] for k in kept), rest[kept]
     for vertex, joint, foot in zip(vertices, joints, _feet(clip, joints, rest, mesh), strict=True):
@@ -104,7 +105,11 @@ def _partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
 
 
 def symmetric_joints(
-    skeleton: Skeleton, joints: Sequence[str], rest: Float, partners: Sequence[int]
+    skeleton: Skeleton,
+    joints: Sequence[str],
+    rest: Float,
+    partners: Sequence[int],
+    still: Collection[str] = (),
 ) -> tuple[str, ...]:
     """Joints made symmetric: mirror images follow the joints of both sides, points on the plane middle ones.
 
@@ -112,6 +117,7 @@ def symmetric_joints(
         joints: (P,) as they were guessed one by one.
         rest: (P, 3) metres, the control points.
         partners: (P,) the mirror image of each, as a number.
+        still: joints that do not move, which are not taken for others.
     """
     anatomy, out = anatomy_of(skeleton), list(joints)
     sides = {
@@ -121,15 +127,19 @@ def symmetric_joints(
         for a, b in zip(_own(left)[::-1], _own(right)[::-1], strict=False)
     }
     limbs = {joint for pair in anatomy.pairs for limb in pair for joint in skeleton.below(_own(limb)[0])}
-    middle = [joint for joint in range(len(skeleton)) if joint not in limbs]
+    ends = [limb.chain for limb in (anatomy.head, anatomy.tail) if limb is not None]
+    plain = dict.fromkeys(joint for chain in (anatomy.trunk, *ends) for joint in chain)
+    middle = [j for j in plain if j not in limbs and skeleton.names[j] not in still]
     heights = _shares(skeleton.positions[:, 1])
     for own, other in enumerate(partners):
         if own < other:
             shown = out[own] if out[own] in sides or out[other] not in sides else sides[out[other]]
             out[own], out[other] = shown, sides.get(shown, shown)
-        elif own == other and skeleton.index(out[own]) in limbs and middle:
-            high = _shares(rest[:, 1])[own]
-            out[own] = skeleton.names[min(middle, key=lambda joint: abs(float(heights[joint] - high)))]
+    for own in (own for own, other in enumerate(partners) if own == other):
+        if skeleton.index(out[own]) in limbs and middle:
+            high, others = _shares(rest[:, 1])[own], {*out[:own], *out[own + 1 :]}
+            free = [joint for joint in middle if skeleton.names[joint] not in others] or middle
+            out[own] = skeleton.names[min(free, key=lambda joint: abs(float(heights[joint] - high)))]
     return tuple(out)
 
 

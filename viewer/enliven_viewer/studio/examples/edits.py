@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.document import Coupling, Kind, Position, Project, Puppet, Switch, Velocity, unused
 from enliven.errors import InputError
-from enliven.examples import guess_joints
+from enliven.examples import guess_joints, still_joints
 from enliven.meshes import fit_height
 from enliven.modeling.edits import change_layers
 from enliven.modeling.puppet import add_key_pose, add_point, change_key_pose, change_point, mirror_key_pose
@@ -34,7 +34,8 @@ def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
         raise InputError("no take is shown", where="joints", mend="Choose one in the performer's view.")
     taken = [point.joint for point in puppet.points if point.joint]
     wanted = [k for k, point in enumerate(puppet.points) if not point.joint]
-    joints = guess_joints(project.takes[take].skeleton, puppet.rest, taken, wanted)
+    clip = project.takes[take]
+    joints = guess_joints(clip.skeleton, puppet.rest, taken, wanted, still_joints(clip))
     low, high = puppet.mesh.bounds[:, 1]
     for number, joint in zip(wanted, joints, strict=True):
         point = puppet.points[number]
