@@ -30,6 +30,7 @@ def finished(scanner: Scanner, kept: Kept, triangles: int, name: str) -> Decimat
     Raises:
         InputError: where there is nothing.
     """
+    scanner.close_loops()
     if kept != "thing":
         mesh = scanner.surface()
         if not len(mesh.faces):

@@ -10,11 +10,13 @@ from .ground import (
 from .decimation import Decimated as Decimated, decimated as decimated
 from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
 from .keyframes import Keyframes as Keyframes
+from .loops import ClosedWay as ClosedWay
 from .marching_cubes import surface_of as surface_of
 from .rasterizer import Drawing as Drawing, draw_mesh as draw_mesh
 from .scanner import Scanner as Scanner, ScanState as ScanState, ScanStep as ScanStep
 from .settings import (
     CutOutSettings as CutOutSettings,
+    LoopSettings as LoopSettings,
     DepthNoiseModel as DepthNoiseModel,
     ScanSettings as ScanSettings,
     VolumeSettings as VolumeSettings,

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from enliven import rotation
 from enliven.arrays import Float
 from enliven.scanning.alignment import SUMS, residuals
 from enliven.scanning.depth_view import DepthView
+from enliven.scanning.rigid import cross_matrix, moved
 from enliven.scanning.settings import TrackingSettings
 from enliven.scanning.threads import in_pieces
 from enliven.scanning.volume import DistanceVolume
@@ -78,10 +78,21 @@ class CameraTracker:
         for level in range(min(coarsest, len(self.volumes) - 1), -1, -1):
             for _ in range(s.coarse_steps if level else s.fine_steps):
                 move = self._step(self._normal_equations(view, pose, level), pose, up)
-                pose = _moved(pose, move)
+                pose = moved(pose, move)
                 if np.linalg.norm(move) < s.still:
                     break
-        return self._judged(self._normal_equations(view, pose, 0), pose)
+        return self.judged(view, pose)
+
+    def judged(self, view: DepthView, pose: Float) -> Alignment:
+        """Returns how well an image fits at a pose, with its error and information."""
+        sums = self._normal_equations(view, pose, 0)
+        weight = max(sums[28], 1e-12)
+        error = float(np.sqrt(sums[27] / weight))
+        # Neighbouring pixels have the same noise, and the model's error is the same for all.
+        independent = self.settings.independent / max(error, 1e-4) ** 2
+        information = _matrix(sums) * independent
+        agreeing, overlap = sums[29] / max(sums[31], 1e-12), sums[31] / max(sums[30], 1e-12)
+        return Alignment(pose, float(agreeing), float(overlap), error, information)
 
     def _normal_equations(self, view: DepthView, pose: Float, level: int) -> Float:
         """Returns (32,) sums over the points, each in the finest volume from ``level`` on that reaches it."""
@@ -110,22 +121,12 @@ class CameraTracker:
         if up is not None:
             # The turn w moves the felt direction by w x felt; it should come to lie on +Y.
             felt = pose[:3, :3] @ up
-            j = -_cross(felt)
+            j = -cross_matrix(felt)
             weight = scale * self.settings.gravity
             matrix[3:, 3:] += weight * j.T @ j
             gradient[3:] += weight * j.T @ (felt - np.array([0.0, 1.0, 0.0]))
         matrix[np.diag_indices(6)] += scale * self.settings.damping
         return np.asarray(-np.linalg.solve(matrix, gradient), np.float64)
-
-    def _judged(self, sums: Float, pose: Float) -> Alignment:
-        """Returns the alignment with its error and information."""
-        weight = max(sums[28], 1e-12)
-        error = float(np.sqrt(sums[27] / weight))
-        # Neighbouring pixels have the same noise, and the model's error is the same for all.
-        independent = self.settings.independent / max(error, 1e-4) ** 2
-        information = _matrix(sums) * independent
-        agreeing, overlap = sums[29] / max(sums[31], 1e-12), sums[31] / max(sums[30], 1e-12)
-        return Alignment(pose, float(agreeing), float(overlap), error, information)
 
 
 def _matrix(sums: Float) -> Float:
@@ -133,17 +134,3 @@ def _matrix(sums: Float) -> Float:
     matrix = np.zeros((6, 6))
     matrix[_UPPER] = sums[:21]
     return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
-
-
-def _cross(v: Float) -> Float:
-    """Returns (3, 3) the matrix of v x."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
-def _moved(pose: Float, step: Float) -> Float:
-    """Returns (4, 4) the pose after a move and a turn about the camera's place, world axes."""
-    out = pose.copy()
-    turn = rotation.from_rotation_vector(step[3:])
-    out[:3, :3] = rotation.nearest_rotation(rotation.to_matrix(turn) @ pose[:3, :3])
-    out[:3, 3] += step[:3]
-    return out

@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.scanning.depth_view import DepthView
+from enliven.scanning.rigid import apart
 
 _ROWS = 15
 """Cells down a small image: a hand's shift of the camera changes few of them much."""
@@ -32,27 +33,32 @@ class Keyframes:
     def offer(self, view: DepthView, world_from_camera: Float) -> bool:
         """Keep an image, where no kept one was taken near it; returns whether it is kept."""
         for pose in self._poses:
-            apart = np.linalg.norm(pose[:3, 3] - world_from_camera[:3, 3])
-            cosine = (np.trace(pose[:3, :3].T @ world_from_camera[:3, :3]) - 1.0) / 2.0
-            if apart < _APART and np.arccos(np.clip(cosine, -1.0, 1.0)) < _TURNED:
+            move, turn = apart(pose, world_from_camera)
+            if move < _APART and turn < _TURNED:
                 return False
-        self._small.append(_reduced(view))
+        self._small.append(reduced(view))
         self._poses.append(world_from_camera.copy())
         return True
 
     def nearest(self, view: DepthView, count: int) -> list[Float]:
         """Returns the (4, 4) poses of the images that look most like this one, the likest first."""
-        small = _reduced(view)
-        unlike = []
-        for other in self._small:
-            both = (small > 0) & (other > 0)
-            shared = both.mean() > _SHARED
-            unlike.append(np.abs(small - other)[both].mean() / both.mean() if shared else np.inf)
+        small = reduced(view)
+        unlike = unlikeness(small, self._small)
         order = np.argsort(unlike, kind="stable")[:count]
         return [self._poses[n] for n in order if np.isfinite(unlike[n])]
 
 
-def _reduced(view: DepthView) -> Float32:
+def unlikeness(small: Float32, others: list[Float32]) -> Float:
+    """Returns (N,) how unlike reduced images are to one, 1/m; inf where they have too little in common."""
+    unlike = []
+    for other in others:
+        both = (small > 0) & (other > 0)
+        share = both.mean()
+        unlike.append(np.abs(small - other)[both].mean() / share if share > _SHARED else np.inf)
+    return np.array(unlike)
+
+
+def reduced(view: DepthView) -> Float32:
     """Returns (15, 20) means of the inverse depth of a view's points, 0 where a cell has too few."""
     depth = view.points[..., 2]
     height, width = depth.shape

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -17,6 +17,7 @@ from enliven.scanning.camera_tracker import Alignment, CameraTracker
 from enliven.scanning.depth_view import DepthPreparation, DepthView
 from enliven.scanning.ground import cut_out, find_ground, focus_of
 from enliven.scanning.keyframes import Keyframes
+from enliven.scanning.loops import ClosedWay, FrameHistory, closed_way
 from enliven.scanning.marching_cubes import surface_of
 from enliven.scanning.settings import ScanSettings
 from enliven.scanning.volume import DistanceVolume
@@ -29,6 +30,8 @@ _TRIED = 4
 """Keyframes from which a lost camera is sought in each frame: 30 ms each."""
 _CLEANED = 90
 """Frames after which blocks without a surface are given back: three seconds."""
+_WORSE = 0.02
+"""Share by which images may agree less once a loop is closed: on a doubled surface each has its own."""
 
 
 class ScanState(Enum):
@@ -78,18 +81,21 @@ class Scanner:
         fusion = self.settings.volume
         sizes = [fusion.voxel * _COARSER**level for level in range(_LEVELS)]
         reaches = [fusion.reach] + [fusion.far] * (_LEVELS - 1)
-        self.volumes = [DistanceVolume(fusion, *size) for size in zip(sizes, reaches, strict=True)]
+        self._sizes = list(zip(sizes, reaches, strict=True))
+        self.volumes = self._empty_volumes()
         self.tracker = CameraTracker(self.volumes, self.settings.tracking)
         self.keyframes = Keyframes()
         self.poses: list[tuple[int, Float]] = []
+        self.history = FrameHistory(self.settings.loops.history)
+        self._ups: list[Float | None] = []
         self._camera: tuple[Intrinsics, DepthPreparation] | None = None
         self._pose, self._before = np.eye(4), np.eye(4)
         self._state = ScanState.EMPTY
 
     @property
     def megabytes(self) -> float:
-        """Memory of all volumes."""
-        return sum(volume.megabytes for volume in self.volumes)
+        """Memory of all volumes, and of the images that are kept."""
+        return sum(volume.megabytes for volume in self.volumes) + self.history.megabytes
 
     def add(self, frame: DepthFrame, up: Float | None = None) -> ScanStep:
         """Find the camera of a frame, and fuse the image where that is sure.
@@ -105,14 +111,53 @@ class Scanner:
             self._pose = LEVEL_WORLD_FROM_CAMERA.copy() if given is None else np.array(given, float)
             self._pose[:3, :3] = nearest_rotation(self._pose[:3, :3])
             self._before = self._pose
-            return self._fuse(frame, view, self._pose, None)
+            return self._fuse(frame, view, self._pose, None, up)
         if self._state in (ScanState.LOST, ScanState.EMPTY):
             return self._sought(view, up)
         found = self._tracked(view, up)
         self._state = self._judged(found)
         if self._state is not ScanState.SCANNING:
             return ScanStep(self._state, self._pose, found)
-        return self._fuse(frame, view, found.world_from_camera, found)
+        return self._fuse(frame, view, found.world_from_camera, found, up)
+
+    def close_loops(self) -> ClosedWay | None:
+        """Bend the camera's way so that what it saw twice lies in one place, and fuse its images again.
+
+        The way stays as it is where it closes already, or where the images agree less well after it.
+
+        Returns:
+            What was found; None where nothing was scanned.
+        """
+        if self._camera is None or not self.poses:
+            return None
+        s, poses = self.settings, [pose for _, pose in self.poses]
+        found = closed_way(self.history, poses, self._ups, self._camera[1], s)
+        if not found.gap:
+            return found
+        volumes, keyframes = self._fused_again(found.poses)
+        tracker = CameraTracker(volumes, s.tracking)
+        if found.agreement(tracker, found.poses) < found.agreement(self.tracker, poses) - _WORSE:
+            return found
+        self.volumes, self.tracker, self.keyframes = volumes, tracker, keyframes
+        self.poses = [(time, pose) for (time, _), pose in zip(self.poses, found.poses, strict=True)]
+        self._pose = self._before = found.poses[-1]
+        return replace(found, taken=True)
+
+    def _empty_volumes(self) -> list[DistanceVolume]:
+        """Returns volumes without a surface, from the finest to the coarsest."""
+        return [DistanceVolume(self.settings.volume, *size) for size in self._sizes]
+
+    def _fused_again(self, poses: list[Float]) -> tuple[list[DistanceVolume], Keyframes]:
+        """Returns the volumes and keyframes of all images that are still there, at other poses."""
+        volumes, keyframes = self._empty_volumes(), Keyframes()
+        for count, (number, frame) in enumerate(self.history.frames()):
+            view = self._prepared(frame)
+            for volume in volumes:
+                volume.integrate(view, poses[number])
+                if count % _CLEANED == _CLEANED - 1:
+                    volume.clean()
+            keyframes.offer(view, poses[number])
+        return volumes, keyframes
 
     def surface(self) -> Mesh:
         """Returns the surface that was scanned so far, metres, world."""
@@ -164,11 +209,15 @@ class Scanner:
             return ScanState.LOST
         return ScanState.UNSURE if found.deviation > s.unsure else ScanState.SCANNING
 
-    def _fuse(self, frame: DepthFrame, view: DepthView, pose: Float, found: Alignment | None) -> ScanStep:
+    def _fuse(
+        self, frame: DepthFrame, view: DepthView, pose: Float, found: Alignment | None, up: Float | None
+    ) -> ScanStep:
         """Fuses an image at a pose."""
         self._before, self._pose, self._state = self._pose, pose, ScanState.SCANNING
         room = all([volume.integrate(view, pose).room for volume in self.volumes])
+        self.history.add(len(self.poses), frame)
         self.poses.append((frame.time_ns, pose))
+        self._ups.append(up)
         self.keyframes.offer(view, pose)
         if len(self.poses) % _CLEANED == 0:
             for volume in self.volumes:

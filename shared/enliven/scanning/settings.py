@@ -81,6 +81,43 @@ class TrackingSettings:
 
 
 @dataclass(frozen=True)
+class LoopSettings:
+    """How a way that comes back to where it was is closed."""
+
+    history: int = setting(400, "Megabytes of packed images, to fuse again.", low=1, high=100_000)
+    piece_metres: float = setting(0.3, "Way of the camera in one piece.", unit="m", low=0.01, high=5)
+    piece_radians: float = setting(0.35, "Its turn in one piece.", unit="rad", low=0.01, high=3)
+    tried: int = setting(
+        2, "Earlier pieces that each is laid onto at most, by place and by look.", low=1, high=50
+    )
+    shared: float = setting(0.4, "Share of an image that another must look at.", low=0, high=1)
+    unlike: float = setting(
+        0.15, "Difference of inverse depths up to which images look alike.", unit="1/m", low=0, high=5
+    )
+    agreeing: float = setting(
+        0.6, "Share of points that must lie at the other piece's surface.", low=0, high=1
+    )
+    agree_metres: float = setting(
+        0.02, "How far two pieces laid onto one another, each way, may be apart.", unit="m", low=1e-4, high=1
+    )
+    agree_radians: float = setting(0.015, "How far they may be turned.", unit="rad", low=1e-4, high=1)
+    metres: float = setting(0.003, "What no alignment is surer than.", unit="m", low=1e-5, high=0.1)
+    radians: float = setting(0.002, "What no alignment is surer than.", unit="rad", low=1e-5, high=0.1)
+    tracked_metres: float = setting(
+        0.006, "Standard deviation of the tracking from piece to piece.", unit="m", low=1e-4, high=1
+    )
+    tracked_radians: float = setting(0.004, "Standard deviation of it.", unit="rad", low=1e-4, high=1)
+    level: float = setting(0.01, "Standard deviation of the felt way up.", unit="rad", low=1e-4, high=1)
+    doubt: float = setting(50.0, "Squared deviations at which a loop is half doubted.", low=1, high=1e6)
+    opened: float = setting(
+        3.0, "Standard deviations of a loop beyond which it stands open.", low=0, high=100
+    )
+    middle: float = setting(
+        1.2, "Depth at which it is said how far images moved.", unit="m", low=0.1, high=10
+    )
+
+
+@dataclass(frozen=True)
 class CutOutSettings:
     """How what stands on the floor is taken out of a scan."""
 
@@ -103,5 +140,6 @@ class ScanSettings:
 
     volume: VolumeSettings = setting(VolumeSettings, "How images become a surface.")
     tracking: TrackingSettings = setting(TrackingSettings, "How the camera is found.")
+    loops: LoopSettings = setting(LoopSettings, "How a way that comes back is closed.")
     cut_out: CutOutSettings = setting(CutOutSettings, "How what stands on the floor is taken out.")
     least_depth: float = setting(0.05, "Share of an image that must show a surface.", low=0, high=1)

@@ -1,0 +1,221 @@
+"""Loops are found and closed: pieces of a way are laid onto one another, and the whole way is bent to fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.camera import project
+from enliven.scanning.camera_tracker import Alignment, CameraTracker
+from enliven.scanning.depth_view import DepthPreparation, DepthView
+from enliven.scanning.keyframes import unlikeness
+from enliven.scanning.loops.history import FrameHistory
+from enliven.scanning.loops.pose_graph import PoseLink, settled
+from enliven.scanning.loops.submaps import PlacedPiece, SubMap, split_way
+from enliven.scanning.rigid import apart, between, inverse
+from enliven.scanning.settings import LoopSettings, ScanSettings
+
+_NEXT = 2
+"""Pieces after each that the tracking laid onto it already: no loops."""
+_GRID = 8
+"""Points across and down an image of which it is asked whether another image shows them."""
+_ASIDE = 0.5
+"""Cosine, 60 degrees, between two axes below which the cameras see different sides of things."""
+_NEAREST = 0.1
+"""Metres before a camera, nearer than which no point is looked for in its image."""
+_BELIEVED = 0.25
+"""Belief below which a loop counts as found to be wrong."""
+
+
+@dataclass(frozen=True)
+class ClosedWay:
+    """A way that was closed.
+
+    Attributes:
+        poses: (4, 4) of all images, world_from_camera.
+        pieces: into which the way was split.
+        links: between pieces, of which loops are those that are not sure.
+        loops: the number of loops that are believed.
+        gap: metres that a believed loop stood open by at most, in the middle of an image; 0 where none did.
+        moved: metres that the images' middles moved at most.
+        taken: whether the scan was fused again at these poses.
+    """
+
+    poses: list[Float]
+    pieces: list[SubMap]
+    links: list[PoseLink]
+    loops: int
+    gap: float
+    moved: float
+    views: list[DepthView] = field(repr=False)
+    taken: bool = False
+
+    def agreement(self, tracker: CameraTracker, poses: Sequence[Float]) -> float:
+        """Returns the mean share of the pieces' points that lie at a surface, their images being at poses."""
+        shares = [
+            tracker.judged(view, poses[piece.anchor]).agreeing
+            for view, piece in zip(self.views, self.pieces, strict=True)
+        ]
+        return float(np.mean(shares))
+
+
+def closed_way(
+    history: FrameHistory,
+    poses: Sequence[Float],
+    ups: Sequence[Float | None],
+    preparation: DepthPreparation,
+    settings: ScanSettings,
+) -> ClosedWay:
+    """Returns the way of a camera, bent so that what it saw twice lies in one place.
+
+    Args:
+        poses: (4, 4) of each image as they were tracked.
+        ups: (3,) unit vectors, camera frame, that point up, or None, of each image.
+    """
+    s = settings.loops
+    pieces = split_way(poses, history.numbers, s.piece_metres, s.piece_radians)
+    made = [_made(history, piece, poses, preparation) for piece in pieces]
+    links = _links(made, settings)
+    anchors = [piece.pose for piece in made]
+    felt = [ups[piece.anchor] for piece in pieces]
+    better, belief = settled(anchors, links, felt, s.level, s.doubt)
+    true = [link for link, trust in zip(links, belief, strict=True) if not link.sure and trust > _BELIEVED]
+    middle = np.array([0.0, 0.0, s.middle, 1.0])
+    opened = [gap for gap in (_gap(anchors, link, middle, s.opened) for link in true) if gap]
+    bent = _bent(poses, [piece.anchor for piece in pieces], better)
+    moved = max(float(np.linalg.norm((a - b) @ middle)) for a, b in zip(poses, bent, strict=True))
+    return ClosedWay(
+        bent, pieces, links, len(true), max(opened, default=0.0), moved, [piece.view for piece in made]
+    )
+
+
+def _gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) -> float:
+    """Returns the metres by which a link stands open where an image's middle is; 0 within its deviation."""
+    off = anchors[link.second] - anchors[link.first] @ link.first_from_second
+    gap = float(np.linalg.norm(off @ middle))
+    deviation = float(np.linalg.eigvalsh(link.information[:3, :3])[0]) ** -0.5
+    return gap if gap > most * deviation else 0.0
+
+
+def _made(
+    history: FrameHistory, piece: SubMap, poses: Sequence[Float], preparation: DepthPreparation
+) -> PlacedPiece:
+    """Returns a piece with its images."""
+    images = [(frame, poses[number]) for number, frame in history.frames(list(piece.numbers))]
+    return PlacedPiece(images, len(piece.numbers) // 2, preparation)
+
+
+def _links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
+    """Returns the links of each piece to the next, as it was tracked, and the loops that hold both ways."""
+    wanted = _candidates(pieces, settings.loops)
+    found: dict[tuple[int, int], Alignment] = {}
+    for n, piece in enumerate(pieces):
+        onto = [m for m in range(len(pieces)) if (min(n, m), max(n, m)) in wanted and m != n]
+        if not onto:
+            continue
+        tracker = piece.tracker(settings)
+        for m in onto:
+            laid = _laid(tracker, pieces[m], piece, settings)
+            if laid is not None:
+                found[n, m] = laid
+    links = [_tracked(pieces, n, settings.loops) for n in range(len(pieces) - 1)]
+    for (n, m), laid in found.items():
+        if (m, n) in found and _agree(pieces, n, m, laid, found[m, n], settings.loops):
+            links.append(_link(pieces, n, m, laid, settings.loops))
+    return links
+
+
+def _tracked(pieces: list[PlacedPiece], n: int, s: LoopSettings) -> PoseLink:
+    """Returns the link of a piece to the next one as the tracking says it."""
+    seen = inverse(pieces[n].pose) @ pieces[n + 1].pose
+    sure = np.diag([s.tracked_metres**-2] * 3 + [s.tracked_radians**-2] * 3)
+    return PoseLink(n, n + 1, seen, sure)
+
+
+def _candidates(pieces: list[PlacedPiece], s: LoopSettings) -> set[tuple[int, int]]:
+    """Returns the pairs (n, m), n < m, of pieces that follow one another no more, and may show the same."""
+    wanted: set[tuple[int, int]] = set()
+    small = [piece.small for piece in pieces]
+    for m in range(_NEXT + 1, len(pieces)):
+        before = pieces[: m - _NEXT]
+        unseen = np.array([1.0 - _shown(pieces[m], other) for other in before])
+        unlike = unlikeness(small[m], small[: m - _NEXT])
+        for measure, most in ((unseen, 1.0 - s.shared), (unlike, s.unlike)):
+            wanted |= {(int(n), m) for n in np.argsort(measure)[: s.tried] if measure[n] < most}
+    return wanted
+
+
+def _shown(piece: PlacedPiece, other: PlacedPiece) -> float:
+    """Returns the share of a piece's view that another's camera looks at from about the same side."""
+    if piece.pose[:3, 2] @ other.pose[:3, 2] < _ASIDE:
+        return 0.0
+    points = piece.view.points
+    rows = np.linspace(0, points.shape[0] - 1, _GRID).astype(int)
+    columns = np.linspace(0, points.shape[1] - 1, _GRID).astype(int)
+    some = points[np.ix_(rows, columns)].reshape(-1, 3)
+    some = some[some[:, 2] > 0]
+    there = inverse(other.pose) @ piece.pose
+    local = some @ there[:3, :3].T + there[:3, 3]
+    ahead = local[:, 2] > _NEAREST
+    if not ahead.any():
+        return 0.0
+    lens = other.view.intrinsics
+    at = project(local[ahead], lens)
+    inside = (at >= 0).all(1) & (at[:, 0] < lens.width) & (at[:, 1] < lens.height)
+    return float(inside.sum()) / _GRID**2
+
+
+def _laid(
+    tracker: CameraTracker, piece: PlacedPiece, onto: PlacedPiece, settings: ScanSettings
+) -> Alignment | None:
+    """Returns how a piece's anchor lies on another piece, or None where it does not."""
+    found = tracker.align(piece.view, piece.pose)
+    if not _good(found, settings):
+        other = tracker.align(piece.view, onto.pose)
+        found = max(found, other, key=lambda laid: laid.agreeing * laid.overlap)
+    return found if _good(found, settings) else None
+
+
+def _good(found: Alignment, settings: ScanSettings) -> bool:
+    """Returns whether an alignment may become a link."""
+    s = settings.loops
+    return (
+        found.agreeing > s.agreeing
+        and found.overlap > settings.tracking.overlap
+        and found.deviation < settings.tracking.unsure
+    )
+
+
+def _agree(
+    pieces: list[PlacedPiece], n: int, m: int, one: Alignment, other: Alignment, s: LoopSettings
+) -> bool:
+    """Returns whether m laid onto n says the same as n laid onto m."""
+    there = one.world_from_camera @ inverse(pieces[m].pose)
+    move, turn = apart(pieces[n].pose, there @ other.world_from_camera)
+    return move < s.agree_metres and turn < s.agree_radians
+
+
+def _link(pieces: list[PlacedPiece], n: int, m: int, laid: Alignment, s: LoopSettings) -> PoseLink:
+    """Returns the link that an alignment makes."""
+    turn = pieces[n].pose[:3, :3].T
+    both = np.kron(np.eye(2), turn)
+    covariance = both @ laid.covariance @ both.T
+    covariance += np.diag([s.metres**2] * 3 + [s.radians**2] * 3)
+    seen = inverse(pieces[n].pose) @ laid.world_from_camera
+    return PoseLink(n, m, seen, np.asarray(np.linalg.inv(covariance), np.float64), sure=False)
+
+
+def _bent(poses: Sequence[Float], anchors: list[int], better: list[Float]) -> list[Float]:
+    """Returns all poses, moved as the anchors before and after them were."""
+    turned = [new @ inverse(poses[at]) for at, new in zip(anchors, better, strict=True)]
+    out = []
+    for number, pose in enumerate(poses):
+        after = int(np.searchsorted(anchors, number))
+        low, high = max(after - 1, 0), min(after, len(anchors) - 1)
+        wide = anchors[high] - anchors[low]
+        share = (number - anchors[low]) / wide if wide else 0.0
+        out.append(between(turned[low] @ pose, turned[high] @ pose, share))
+    return out

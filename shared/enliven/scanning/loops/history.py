@@ -1,0 +1,64 @@
+"""The images of a scan, packed, so that they can be fused again at better poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from enliven.frames import DepthFrame
+from enliven.recording import pack_depth, unpack_depth
+
+_PAINTED = 4
+"""Images of which one keeps its colours: they change slowly, and are ten times as large as the depth."""
+
+
+@dataclass(frozen=True)
+class _Kept:
+    number: int
+    packed: bytes
+
+
+class FrameHistory:
+    """Depth images by number, some with colours; where they grow too large every second one is forgotten.
+
+    Args:
+        megabytes: that they may hold.
+    """
+
+    def __init__(self, megabytes: float) -> None:
+        self._most, self._held = megabytes * 1e6, 0
+        self._kept: list[_Kept] = []
+        self._every = 1
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @property
+    def megabytes(self) -> float:
+        """What the packed images hold."""
+        return self._held * 1e-6
+
+    @property
+    def numbers(self) -> list[int]:
+        """The numbers of the images that are still there."""
+        return [kept.number for kept in self._kept]
+
+    def add(self, number: int, frame: DepthFrame) -> None:
+        """Keep an image; numbers ascend."""
+        if number % self._every:
+            return
+        painted = number // self._every % _PAINTED == 0
+        packed = pack_depth(frame if painted else replace(frame, colour=None), 1)
+        self._kept.append(_Kept(number, packed))
+        self._held += len(packed)
+        while self._held > self._most and len(self._kept) > 1:
+            self._every *= 2
+            self._kept = [kept for kept in self._kept if kept.number % self._every == 0]
+            self._held = sum(len(kept.packed) for kept in self._kept)
+
+    def frames(self, numbers: list[int] | None = None) -> Iterator[tuple[int, DepthFrame]]:
+        """Yields the images of some numbers that are there, or all, with their numbers."""
+        wanted = None if numbers is None else set(numbers)
+        for kept in self._kept:
+            if wanted is None or kept.number in wanted:
+                yield kept.number, unpack_depth(kept.packed)

@@ -1,0 +1,182 @@
+"""A graph of poses: links say where one is seen from another, and the poses move until all agree best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
+
+from enliven import rotation
+from enliven.arrays import Float
+from enliven.scanning.rigid import cross_matrix, moved
+
+_STEPS = 30
+"""Steps of Levenberg and Marquardt in each round at most."""
+_SETTLED = 1e-9
+"""Share by which a step must lessen the cost for another one to follow."""
+_DAMPING = 1e-6
+"""Damping that each round begins with, of the mean of the matrix's diagonal."""
+_ROUNDS = 6
+"""Rounds in which the trust in loops that disagree is withdrawn, from all of it on."""
+_NARROWER = 5.0
+"""Factor by which what a loop may disagree shrinks from round to round (graduated non-convexity)."""
+
+
+@dataclass(frozen=True)
+class PoseLink:
+    """Where a pose is seen from another.
+
+    Attributes:
+        first, second: numbers of the poses.
+        first_from_second: (4, 4) the second in the first's frame.
+        information: (6, 6) inverse covariance of its place (m) and turn (rad), the first's axes.
+        sure: whether it is true; a loop that is not sure may be found to be wrong.
+    """
+
+    first: int
+    second: int
+    first_from_second: Float
+    information: Float
+    sure: bool = True
+
+
+def settled(
+    poses: Sequence[Float],
+    links: Sequence[PoseLink],
+    ups: Sequence[Float | None] | None = None,
+    level: float = 0.01,
+    doubt: float = 50.0,
+) -> tuple[list[Float], Float]:
+    """Returns the poses at which the links agree best, and how far each link is believed, 0 to 1.
+
+    The first pose stays. Links that are not sure count by Geman and McClure's measure, first a wide one.
+
+    Args:
+        poses: (4, 4) each, world_from_pose, where they are thought to be.
+        ups: (3,) unit vectors each, in the pose's frame, that point up as an accelerometer feels it, or None.
+        level: radians, standard deviation of these.
+        doubt: squared Mahalanobis distance at which a link that is not sure counts a quarter.
+    """
+    now, felt = [pose.copy() for pose in poses], list(ups or [None] * len(poses))
+    belief = np.ones(len(links))
+    if not links or len(poses) < 2:
+        return now, belief
+    loose = np.array([not link.sure for link in links])
+    for turn in range(_ROUNDS if loose.any() else 1):
+        now = _solved(now, links, belief, felt, level)
+        squares = _squares(now, links)
+        scale = doubt * _NARROWER ** (_ROUNDS - 1 - turn)
+        belief = np.where(loose, (scale / (scale + squares)) ** 2, 1.0)
+    return _solved(now, links, belief, felt, level), belief
+
+
+def cost_of(
+    poses: Sequence[Float],
+    links: Sequence[PoseLink],
+    belief: Float,
+    ups: Sequence[Float | None],
+    level: float,
+) -> float:
+    """Returns half the weighted sum of squares that :func:`settled` makes least, at a given belief."""
+    total = float(belief @ _squares(poses, links))
+    aim = _aim(poses, ups)
+    for pose, up in zip(poses, ups, strict=True):
+        if up is not None and aim is not None:
+            total += float(np.square(pose[:3, :3] @ up - aim).sum()) / level**2
+    return total / 2
+
+
+def residual_of(link: PoseLink, first: Float, second: Float) -> Float:
+    """Returns (6,) metres and radians from where a link sees its second pose to where that is."""
+    turn, seen = first[:3, :3].T, link.first_from_second
+    place = turn @ (second[:3, 3] - first[:3, 3]) - seen[:3, 3]
+    off = turn @ second[:3, :3] @ seen[:3, :3].T
+    return np.concatenate([place, rotation.to_rotation_vector(rotation.from_matrix(off))])
+
+
+def _squares(poses: Sequence[Float], links: Sequence[PoseLink]) -> Float:
+    """Returns (L,) squared Mahalanobis distances of the links."""
+    errors = [residual_of(link, poses[link.first], poses[link.second]) for link in links]
+    return np.array([e @ link.information @ e for e, link in zip(errors, links, strict=True)])
+
+
+def _aim(poses: Sequence[Float], ups: Sequence[Float | None]) -> Float | None:
+    """Returns (3,) the way up in the world: as the first pose that feels it does."""
+    return next((pose[:3, :3] @ up for pose, up in zip(poses, ups, strict=True) if up is not None), None)
+
+
+def _solved(
+    poses: list[Float], links: Sequence[PoseLink], belief: Float, ups: list[Float | None], level: float
+) -> list[Float]:
+    """Returns the poses after Levenberg and Marquardt's steps, at a given belief."""
+    damping, cost = _DAMPING, cost_of(poses, links, belief, ups, level)
+    for _ in range(_STEPS):
+        matrix, gradient = _normal_equations(poses, links, belief, ups, level)
+        diagonal = damping * matrix.diagonal().mean()
+        step = -splu(matrix + csc_matrix(diagonal * np.eye(len(gradient)))).solve(gradient)
+        tried = [poses[0], *(moved(pose, step[6 * n : 6 * n + 6]) for n, pose in enumerate(poses[1:]))]
+        after = cost_of(tried, links, belief, ups, level)
+        if after > cost:
+            damping *= 10.0
+            continue
+        gained = cost - after
+        poses, cost, damping = tried, after, damping / 10.0
+        if gained <= _SETTLED * cost + 1e-12:
+            break
+    return poses
+
+
+def _normal_equations(
+    poses: list[Float], links: Sequence[PoseLink], belief: Float, ups: list[Float | None], level: float
+) -> tuple[csc_matrix, Float]:
+    """Returns the (6 N - 6) square normal matrix of all poses but the first, and the gradient."""
+    count = len(poses) - 1
+    blocks: dict[tuple[int, int], Float] = {(n, n): np.zeros((6, 6)) for n in range(count)}
+    gradient = np.zeros((count, 6))
+    for link, trust in zip(links, belief, strict=True):
+        error, of_first, of_second = _slopes(link, poses[link.first], poses[link.second])
+        weight = trust * link.information
+        for a, slope_a in ((link.first - 1, of_first), (link.second - 1, of_second)):
+            if a < 0:
+                continue
+            gradient[a] += slope_a.T @ weight @ error
+            for b, slope_b in ((link.first - 1, of_first), (link.second - 1, of_second)):
+                if b >= 0:
+                    blocks[a, b] = blocks.get((a, b), 0.0) + slope_a.T @ weight @ slope_b
+    aim = _aim(poses, ups)
+    for n, up in enumerate(ups[1:]):
+        if up is not None and aim is not None:
+            felt = poses[n + 1][:3, :3] @ up
+            slope = -cross_matrix(felt)
+            blocks[n, n][3:, 3:] += slope.T @ slope / level**2
+            gradient[n, 3:] += slope.T @ (felt - aim) / level**2
+    rows, columns, values = [], [], []
+    down, across = np.mgrid[0:6, 0:6]
+    for (a, b), block in blocks.items():
+        rows.append((6 * a + down).ravel())
+        columns.append((6 * b + across).ravel())
+        values.append(np.ravel(block))
+    place = np.concatenate(rows), np.concatenate(columns)
+    return csc_matrix((np.concatenate(values), place), shape=(6 * count, 6 * count)), gradient.ravel()
+
+
+def _slopes(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float, Float]:
+    """Returns the residual and its (6, 6) slopes along a move and a turn of either pose, world axes."""
+    error = residual_of(link, first, second)
+    turn, apart = first[:3, :3].T, second[:3, 3] - first[:3, 3]
+    turned = _inverse_of_turning(error[3:]) @ turn
+    of_first, of_second = np.zeros((6, 6)), np.zeros((6, 6))
+    of_first[:3, :3], of_second[:3, :3] = -turn, turn
+    of_first[:3, 3:] = turn @ cross_matrix(apart)
+    of_first[3:, 3:], of_second[3:, 3:] = -turned, turned
+    return error, of_first, of_second
+
+
+def _inverse_of_turning(turn: Float) -> Float:
+    """Returns (3, 3) how a rotation vector changes by a small turn after it (the inverse left Jacobian)."""
+    angle, cross = float(np.linalg.norm(turn)), cross_matrix(turn)
+    share = 1 / 12 if angle < 1e-4 else (1 - angle / 2 / np.tan(angle / 2)) / angle**2
+    return np.asarray(np.eye(3) - cross / 2 + share * cross @ cross)
