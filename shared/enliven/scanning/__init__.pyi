@@ -11,6 +11,14 @@ from .decimation import Decimated as Decimated, decimated as decimated
 from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
 from .keyframes import Keyframes as Keyframes
 from .marching_cubes import surface_of as surface_of
+from .preview import (
+    PIECE as PIECE,
+    STEPS as STEPS,
+    PieceSums as PieceSums,
+    ScanPiece as ScanPiece,
+    piece_of as piece_of,
+    piece_sums as piece_sums,
+)
 from .rasterizer import Drawing as Drawing, draw_mesh as draw_mesh
 from .scanner import Scanner as Scanner, ScanState as ScanState, ScanStep as ScanStep
 from .settings import (

@@ -8,10 +8,12 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 
+from enliven.arrays import Float
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.picture.growing import GrowingPicture, GrowingSurfacePass
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
 from enliven_viewer.studio.puppets import PuppetOverlay
 from enliven_viewer.studio.tools import NOTHING, ToolPicture
@@ -33,6 +35,7 @@ class Viewport:
         self.renderer = Renderer(ctx, size, settings)
         self._tubes = Tubes(ctx)
         self._puppet_overlay: PuppetOverlay | None = None
+        self._growing: GrowingSurfacePass | None = None
 
     def draw(
         self,
@@ -45,8 +48,9 @@ class Viewport:
         meshes: bool = True,
         bones: bool = True,
         live: Scene | None = None,
+        growing: tuple[GrowingPicture, Float] | None = None,
     ) -> None:
-        """One picture, resolved; ``live`` is what stands beside the project's characters."""
+        """One picture, resolved; ``live`` stands beside the project's characters, ``growing`` is a scan."""
         actors = [
             SceneCharacter(one.drawn, one.pose, vertices=one.solved) for one in stage if meshes and one.drawn
         ]
@@ -55,12 +59,21 @@ class Viewport:
         if live is not None:
             scene = replace(live, actors=(*actors, *live.actors), extent=extent)
         self.renderer.draw(scene, lens.view)
+        self._draw_growing(growing)
         self._draw_puppet(over)
         handled = [one for one in stage if len(one.handles) and not one.own_tool]
         if bones and handled:
             rows = np.concatenate([skeleton_rows(one, lens, selection, overlay) for one in handled])
             near = min(float(((one.handles - lens.view.eye) @ lens.forward).min()) for one in handled)
             self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
+
+    def _draw_growing(self, growing: tuple[GrowingPicture, Float] | None) -> None:
+        """Draw what is being scanned; without a scan its memory is given back."""
+        if growing is not None:
+            self._growing = self._growing or GrowingSurfacePass(self.renderer.ctx)
+            self._growing.draw(self.renderer.picture, *growing)
+        elif self._growing is not None:
+            self._growing.release()
 
     def _draw_puppet(self, over: ToolPicture) -> None:
         """Draw what the puppet tool shows over the picture."""

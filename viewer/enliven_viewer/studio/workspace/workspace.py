@@ -14,6 +14,7 @@ from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
+from enliven_viewer.studio.scan import ScanSession, scan_actions
 from enliven_viewer.studio.start import Tour, Toured
 from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.workspace.action_table import studio_actions
@@ -71,6 +72,8 @@ class Workspace:
         self.actions.add(*studio_actions(self.commands, self.input, self.ask, self.preferences))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
+        self.scan = ScanSession(editor, self.perform)
+        self.actions.add(*scan_actions(self.scan))
         self.timeline = TimelineInput(editor)
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: pressed(self.perform, key) or self.timeline.rows.type(key)
