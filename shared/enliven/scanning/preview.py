@@ -75,7 +75,10 @@ class PieceSums:
 
 def piece_sums(volume: DistanceVolume) -> PieceSums:
     """Returns what a volume has of each piece, to tell which changed."""
-    blocks = np.flatnonzero(volume.solid[: volume.blocks.count])
+    count = volume.blocks.count
+    beside, solid = volume.blocks.beside[:count], volume.solid[:count]
+    # A cell lies in its block, and its far corners in those beside it.
+    blocks = np.flatnonzero((solid[np.maximum(beside, 0)] & (beside >= 0)).any(1))
     weights = np.empty(len(blocks))
     _weigh(blocks, volume.weight, weights)
     own = volume.blocks.places[blocks].astype(np.int64) // PIECE
@@ -88,15 +91,13 @@ def piece_sums(volume: DistanceVolume) -> PieceSums:
 
 def piece_of(volume: DistanceVolume, place: tuple[int, int, int], blocks: Int) -> ScanPiece:
     """Returns the surface in the given blocks (B,) of a piece."""
-    # A cell lies in its block, and its far corners in those beside it, where the surface may cross as well.
-    beside = volume.blocks.beside
     most = len(blocks) * _CELLS**3 * MOST_TRIANGLES * 3
     places, seen = np.empty((most, 3), np.uint16), np.empty(most, np.uint8)
     colours = np.zeros((most if len(volume.hue) else 0, 3), np.uint8)
     corner = np.array(place, np.int64) * PIECE
     used = _cells(
-        blocks, beside, volume.blocks.places, corner, volume.distance, volume.weight, volume.hue,
-        triangle_table(), places, colours, seen,
+        blocks, volume.blocks.beside, volume.blocks.places, corner, volume.distance, volume.weight,
+        volume.hue, triangle_table(), places, colours, seen,
     )  # fmt: skip
     wide = places[:used].astype(np.int64)
     keys = wide[:, 0] << 32 | wide[:, 1] << 16 | wide[:, 2]
