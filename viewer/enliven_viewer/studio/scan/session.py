@@ -23,6 +23,8 @@ VOXELS: dict[Size, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
 """Metres of a voxel's side by what is scanned: a cup, a chair, a room."""
 _ABOVE = 0.012
 """Metres by which it is drawn higher: its floor is seen, and not the stage's."""
+_WORDS = 0.5
+"""Metres of the picture above it for the words."""
 _FRAMED = 8
 """Images from which on it is brought into the picture: the middle of what is looked at is known."""
 _OFF = ScanMessage()
@@ -176,8 +178,9 @@ class ScanSession:
         points = np.array([[x, y, z] for x in bounds[:, 0] for y in bounds[:, 1] for z in bounds[:, 2]])
         points = points @ place[:3, :3].T + place[:3, 3]
         camera = np.array(self.said.stage_from_camera).reshape(3, 4)[:, 3]
-        # The camera will be all about it.
-        points = np.concatenate([points, [camera, camera * [-1.0, 1.0, -1.0]]])
+        # The camera will be all about it, and words stand above it.
+        top = [0.0, points[:, 1].max() + _WORDS, 0.0]
+        points = np.concatenate([points, [camera, camera * [-1.0, 1.0, -1.0], top]])
         aspect = self.editor.size[0] / max(self.editor.size[1], 1.0)
         self.editor.camera.frame((points.min(0), points.max(0)), aspect, room=0.85)
 
