@@ -95,6 +95,9 @@ class Scans:
             told.forget("scan piece")
         if self._ended:
             told.send(ScanMessage(self._number), 0)
+        if self._begun and self._beginning is not None:
+            # Not where it was asked for: loading takes long, and the viewer's other orders would wait for it.
+            self._beginning.start()
         self._begun = self._ended = False
         if self._beginning is not None and self._beginning.scan is not None:
             self._scan, self._beginning = self._beginning.scan, None
@@ -127,7 +130,6 @@ class Scans:
         name = order.name or self._free_name()
         named = msgspec.structs.replace(order, name=name)
         self._beginning = _Beginning(self._number, named, self._caster())
-        self._beginning.start()
 
     def _caster(self) -> Callable[[Mesh, str], Actor]:
         """Returns what makes the actor of a scanned mesh, ready for its first frame."""

@@ -49,6 +49,16 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         ctx.mouse_click(0)
         ctx.yield_()
 
+    def press(name: str, done: Callable[[], object]) -> None:
+        """Click until it had its effect: on a busy machine the edge may be silent just then."""
+        end = time.monotonic() + PATIENCE
+        while not done() and time.monotonic() < end:
+            click(name)
+            for _ in range(60):
+                if not done():
+                    ctx.yield_()
+        until(done, name)
+
     def shot(name: str) -> None:
         ctx.yield_(2)
         wanted.append(name)
@@ -61,7 +71,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     perform.connect_nearby(*words)
     until(lambda: perform.connected and perform.standing, "the stage")
     shot("ready")
-    click("scan start")
+    press("scan start", lambda: scan.active)
     until(lambda: scan.said.fused > 3 and scan.surface, "a surface")
     shot("begun")
     first = len(scan.surface[0].faces)
@@ -69,19 +79,15 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     said["grown"] = [first, len(scan.surface[0].faces)]
     said["words"] = advice_of(scan.said).text
     shot("growing")
-    click("scan pause")
-    until(lambda: scan.said.phase == "paused", "a pause")
+    press("scan pause", lambda: scan.said.phase == "paused")
     shot("paused")
     before = scan.said.fused
-    click("scan undo")
-    until(lambda: scan.said.fused < before, "the seconds back")
+    press("scan undo", lambda: scan.said.fused < before)
     said["undone"] = [before, scan.said.fused]
-    click("scan pause")
+    press("scan pause", lambda: scan.said.phase == "scanning")
     until(lambda: scan.said.fused > 45, "the rest")
     shot("round")
-    while scan.said.phase == "scanning":  # on a busy machine the edge may be silent just now
-        click("scan done")
-        ctx.yield_(40)
+    press("scan done", lambda: scan.said.phase in ("finishing", "done"))
     shot("making")
     until(lambda: "scan" in editor.project.characters, "the character")
     until(lambda: "scan" in perform.standing and not scan.shown, "it on the stage")

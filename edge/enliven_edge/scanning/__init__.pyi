@@ -9,5 +9,5 @@ from .finish import (
 )
 from .growing import GrowingSurface as GrowingSurface
 from .live_scan import LiveScan as LiveScan
-from .next_view import NextView as NextView, next_view as next_view
+from .missing import NextView as NextView, next_view as next_view
 from .sheet import sheet_of as sheet_of

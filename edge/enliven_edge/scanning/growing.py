@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.scanning import PIECE, STEPS, DistanceVolume, PieceSums, ScanPiece, piece_of, piece_sums
-from enliven.scanning.blocks import SIDE
+from enliven.scanning import PIECE_STEPS, DistanceVolume, PieceSums, ScanPiece, piece_of, piece_sums
 from enliven.wire import MAX_PIECE_FACES, MAX_PIECE_VERTICES, ScanPieceMessage
 
 _CHANGED = 0.25
@@ -32,8 +31,7 @@ class GrowingSurface:
         """Returns the pieces that changed most since they were returned, of so many bytes in all about."""
         sums = piece_sums(volume)
         now = [_place(row) for row in sums.places]
-        step = volume.band.voxel / STEPS
-        found = [self._gone(place, step) for place in self._sent.keys() - set(now)]
+        found = [self._gone(place, volume.band.voxel) for place in self._sent.keys() - set(now)]
         much = self._much(now, sums)
         for k in np.argsort(-much, kind="stable"):
             place = now[k]
@@ -53,10 +51,10 @@ class GrowingSurface:
         grown = np.abs(np.log2((sums.weights + 1.0) / (before[:, 1] + 1.0)))
         return np.asarray(grown + np.abs(sums.counts - before[:, 0]) / np.maximum(sums.counts, before[:, 0]))
 
-    def _gone(self, place: Place, step: float) -> ScanPieceMessage:
+    def _gone(self, place: Place, voxel: float) -> ScanPieceMessage:
         """Returns the message of a piece without a surface."""
         del self._sent[place]
-        return ScanPieceMessage(self._number, place, PIECE * SIDE * STEPS, step)
+        return ScanPieceMessage(self._number, place, PIECE_STEPS, voxel)
 
 
 def _place(row: Int) -> Place:
@@ -71,7 +69,7 @@ def as_message(piece: ScanPiece, number: int) -> ScanPieceMessage:
     return ScanPieceMessage(
         number,
         piece.place,
-        PIECE * SIDE * STEPS,
+        PIECE_STEPS,
         piece.step,
         piece.places[kept].astype("<u2").tobytes(),
         piece.seen[kept].tobytes(),

@@ -10,7 +10,7 @@ from enliven import rotation
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.scanning import Ground, Scanner, find_ground, focus_of, surface_of
-from enliven_edge.scanning.next_view import next_view
+from enliven_edge.scanning.missing import next_view
 
 _LOOKED_EVERY = 1.0
 """Seconds between two looks at the whole of it, each 0.15 s."""

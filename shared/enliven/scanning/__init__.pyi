@@ -12,8 +12,7 @@ from .depth_view import DepthPreparation as DepthPreparation, DepthView as Depth
 from .keyframes import Keyframes as Keyframes
 from .marching_cubes import surface_of as surface_of
 from .preview import (
-    PIECE as PIECE,
-    STEPS as STEPS,
+    PIECE_STEPS as PIECE_STEPS,
     PieceSums as PieceSums,
     ScanPiece as ScanPiece,
     piece_of as piece_of,

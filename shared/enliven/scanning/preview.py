@@ -16,6 +16,8 @@ PIECE = 8
 """Blocks along a side of a piece: 26 cm at 4 mm."""
 STEPS = 512
 """Steps of a voxel in which a piece tells its places: its side, 64 voxels, has 32768."""
+PIECE_STEPS = PIECE * SIDE * STEPS
+"""Steps of a piece's side."""
 _STRIDE = 2
 """Voxels of a cell's side: a quarter of the triangles, and legs of 2 cm still stand."""
 _CELLS = SIDE // _STRIDE
@@ -51,7 +53,7 @@ class ScanPiece:
     @property
     def vertices(self) -> Float:
         """(V, 3) metres, the scan's world."""
-        return (self.places + np.array(self.place) * float(PIECE * SIDE * STEPS)) * self.step
+        return (self.places + np.array(self.place) * float(PIECE_STEPS)) * self.step
 
 
 @dataclass(frozen=True)

@@ -179,8 +179,8 @@ class ScanSession:
         points = points @ place[:3, :3].T + place[:3, 3]
         camera = np.array(self.said.stage_from_camera).reshape(3, 4)[:, 3]
         # The camera will be all about it, and words stand above it.
-        top = [0.0, points[:, 1].max() + _WORDS, 0.0]
-        points = np.concatenate([points, [camera, camera * [-1.0, 1.0, -1.0], top]])
+        top = np.array([0.0, points[:, 1].max() + _WORDS, 0.0])
+        points = np.vstack([points, camera, camera * [-1.0, 1.0, -1.0], top])
         aspect = self.editor.size[0] / max(self.editor.size[1], 1.0)
         self.editor.camera.frame((points.min(0), points.max(0)), aspect, room=0.85)
 

@@ -94,7 +94,7 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     heading("Go on")
     making = said.phase == "finishing"
     imgui.begin_disabled(making)
-    label = "\uf04c  Pause" if said.phase == "scanning" else "\uf04b  Go on"
+    label = "\uf04c  Pause###pause" if said.phase == "scanning" else "\uf04b  Go on###pause"
     if imgui.button(label, _HALF):
         workspace.actions.do("scan.pause")
     workspace.remember("scan pause")
@@ -107,7 +107,7 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     imgui.end_disabled()
     _keeping(workspace, scan)
     with tinted((*GOOD[:3], 0.5), imgui.Col_.button):
-        if imgui.button("It becomes a character..." if making else "\uf00c  Done", _TALL):
+        if imgui.button("It becomes a character...###done" if making else "\uf00c  Done###done", _TALL):
             workspace.actions.do("scan.done")
     workspace.remember("scan done")
     told("It is cut out, stands on the stage, and can be possessed")
