@@ -44,7 +44,7 @@ def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Pa
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout.splitlines()[-1])
     assert said["done"], said
-    assert said["lacks"].startswith("No camera is connected")
+    assert said["lacks"].startswith("No stage is connected")
     assert said["grown"][1] > 1.3 * said["grown"][0] > 0
     assert said["words"].startswith(("Walk", "Hold it", "Good"))
     assert said["undone"][1] < said["undone"][0]

@@ -14,7 +14,7 @@ from enliven.meshes import Mesh
 from enliven.wire import SCAN, SCAN_PIECE, Answer, Refused, Scan, ScanMessage
 from enliven_viewer.render import Scene
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.perform import NO_STAGE, PerformSession
 from enliven_viewer.studio.picture import GrowingPicture
 from enliven_viewer.studio.scan.growing import GrowingMesh
 
@@ -84,7 +84,7 @@ class ScanSession:
     def lacks_stage(self) -> str:
         """Why nothing can be scanned, and what to do about it; empty where it can."""
         if self.perform.client is None:
-            return "No camera is connected. Connect to a stage, or start one, in the Perform workspace"
+            return NO_STAGE
         return self.perform.lacks_edge()
 
     def lacks_scan(self) -> str:
