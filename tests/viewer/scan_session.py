@@ -71,6 +71,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     perform.connect_nearby(*words)
     until(lambda: perform.connected and perform.standing, "the stage")
     shot("ready")
+    click("scan room")
     press("scan start", lambda: scan.active)
     until(lambda: scan.said.fused > 3 and scan.surface, "a surface")
     shot("begun")
@@ -85,7 +86,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     press("scan undo", lambda: scan.said.fused < before)
     said["undone"] = [before, scan.said.fused]
     press("scan pause", lambda: scan.said.phase == "scanning")
-    until(lambda: scan.said.fused > 45, "the rest")
+    until(lambda: scan.said.fused > 40, "the rest")
     shot("round")
     press("scan done", lambda: scan.said.phase in ("finishing", "done"))
     shot("making")
