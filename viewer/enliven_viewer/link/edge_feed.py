@@ -27,11 +27,13 @@ class EdgeFeed:
     Attributes:
         link: the sockets.
         heard: called with the topic and the value of everything that arrives, in the order of the timeline.
+        restarted: called where another process of the edge is heard, before what that one says.
     """
 
     def __init__(self, link: EdgeClient) -> None:
         self.link = link
         self.heard: Callable[[Topic, Any], None] = lambda topic, value: None
+        self.restarted: Callable[[], None] = lambda: None
         self._shown_cues: set[str] = set()
         self._notice, self._notice_until = "", 0.0
         self._edge_ms: float | None = None
@@ -39,25 +41,27 @@ class EdgeFeed:
         self._bare_since: float | None = None
         self._look: Look | None = None
         self._told_instance: int | None = None
+        self._instance: int | None = None
 
     def poll(self, document: Document) -> int:
         """Apply everything that has arrived since the last call, without waiting; how many messages."""
         self.link.poll()
+        began_again = self._watch_instance()
         document.characters = dict(self.link.characters)
-        count, poses = 0, []
-        for topic in shown_topics():
-            values = self.link.take(topic)
-            count += len(values)
-            poses = values if topic is POSE else poses
-            for value in values:
-                track_of(topic).put(document, value)
-                self.heard(topic, value)
+        arrived = [(topic, value) for topic in shown_topics() for value in self.link.take(topic)]
+        if not began_again:  # else two clocks may be mixed
+            # After a slow picture seconds of one topic come before those of the next.
+            arrived.sort(key=lambda one: _time_ns(one[1]))
+        for topic, value in arrived:
+            track_of(topic).put(document, value)
+            self.heard(topic, value)
         self._forget_cues(document)
+        poses = [value for topic, value in arrived if topic is POSE]
         if poses:
             self._take_latency(poses[-1])
         self._look_again()
         document.edge = self._state()
-        return count
+        return len(arrived)
 
     def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:
         """Asks the edge to carry out an order; a direction of view is told again to an edge that restarts."""
@@ -68,6 +72,14 @@ class EdgeFeed:
     def close(self) -> None:
         """Let the sockets go."""
         self.link.close()
+
+    def _watch_instance(self) -> bool:
+        """Tell that the edge was started again; returns whether it was."""
+        before, self._instance = self._instance, self.link.edges[0].instance
+        began_again = before not in (None, self._instance)
+        if began_again:
+            self.restarted()
+        return began_again
 
     def _forget_cues(self, document: Document) -> None:
         """Removes the cues of characters that the edge has no longer."""
@@ -121,3 +133,8 @@ class EdgeFeed:
             health=tuple(messages_to_health(status.health)) if status is not None and connected else (),
             signal=self.link.topics[endpoint][(POSE if self.link.characters else BODIES).name].signal,
         )
+
+
+def _time_ns(value: Any) -> int:
+    """Returns the sensor's clock of what arrived."""
+    return value.pose.time_ns if isinstance(value, ReceivedPose) else value.time_ns
