@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
+import numpy as np
 
 from enliven.errors import InputError
 from enliven.frames import DepthFrame, Frame
@@ -18,6 +20,9 @@ from enliven_edge.stage import Stage, cast_mesh
 if TYPE_CHECKING:
     from enliven.possession import Actor
     from enliven_edge.scanning import LiveScan
+
+_GAP = 0.4
+"""Metres of floor between what was scanned and what stands on the stage already."""
 
 
 class Told(Protocol):
@@ -136,11 +141,19 @@ class Scans:
         nodes, settings = self._settings.nodes, self._settings.actor
 
         def made(mesh: Mesh, name: str) -> Actor:
-            actor = cast_mesh(mesh, name, nodes, settings, fit=False)
+            actor = cast_mesh(self._beside(mesh, name), name, nodes, settings, fit=False)
             actor.warm_up()
             return actor
 
         return made
+
+    def _beside(self, mesh: Mesh, name: str) -> Mesh:
+        """Returns the mesh where no other character of the stage stands at rest."""
+        others = [one.vertices[:, 0].max() for own, one in self._stage.characters.items() if own != name]
+        if not others:
+            return mesh
+        aside = max(others) + _GAP - mesh.vertices[:, 0].min()
+        return replace(mesh, vertices=mesh.vertices + np.array([aside, 0.0, 0.0]))
 
     def _free_name(self) -> str:
         """Returns "scan", or the first of "scan 2", "scan 3", ... that nothing on the stage has."""

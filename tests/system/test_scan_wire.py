@@ -12,11 +12,12 @@ from patience import PATIENCE
 
 from enliven.errors import InputError
 from enliven.frames import Frame
+from enliven.samples import load_sample
 from enliven.wire import SCAN, SCAN_PIECE, Refused, Scan, ScanMessage
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage import Stage, cast_mesh
 from enliven_edge.tracking import Tracker
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 from enliven_synthesis.sensor.scene import Box
@@ -47,10 +48,10 @@ class Reel:
 class Running:
     """An edge that scans, and viewers of it."""
 
-    def __init__(self) -> None:
+    def __init__(self, actors=()) -> None:
         wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
         self.outlet = Outlet(wire, "reel")
-        self.stage = Stage([])
+        self.stage = Stage(actors)
         self.edge = Edge(Reel(), Tracker(), self.stage, self.outlet)
         self.viewers: list[EdgeClient] = []
         self.answers: list[object] = []
@@ -165,6 +166,22 @@ def test_a_scan_that_cannot_be_made_says_why_and_goes_on_and_a_cancelled_one_is_
     assert not late.latest(SCAN_PIECE) and not running.stage.characters
     with pytest.raises(InputError, match="nothing is scanned"):
         running.edge.carry_out(Scan("done"))
+
+
+def test_what_was_scanned_stands_beside_what_is_there(frames) -> None:
+    chair = cast_mesh(load_sample("chair"), "chair", 32, fit=False)
+    running = Running([chair])
+    try:
+        viewer = running.viewer()
+        running.ask(Scan("start", voxel=0.016))
+        running.until(lambda: running.said().phase == "scanning", "the beginning")
+        running.show(frames[:12])
+        running.ask(Scan("done"))
+        running.until(lambda: "scan" in viewer.characters, "the character")
+        apart = viewer.characters["scan"].vertices[:, 0].min() - chair.character.vertices[:, 0].max()
+        assert apart == pytest.approx(0.4, abs=1e-3)
+    finally:
+        running.close()
 
 
 def test_a_made_up_box_is_refused() -> None:
