@@ -19,6 +19,7 @@ from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.tools import Pointer
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 LIMB = {"character": "limb", "handle": None, "chain": (), "layer": None}
@@ -79,6 +80,8 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id == "motion.paste":
         editor.select(**CHAIN)
         workspace.commands.copy_motion()
+    if action.id.startswith("view.take_"):
+        workspace.actions.do(action.id.replace("take", "store"))
     if action.id == "shape.show_all":
         workspace.outliner.hide("star", on=True)
     if action.id == "shape.unlock_all":
@@ -89,3 +92,14 @@ def ready_for(workspace: Workspace, action: Action) -> None:
         workspace.commands.clips.do("split")
         editor.scrub(0.4)
     editor.select(**NEEDS.get(action.id, LIMB))
+
+
+def pixel_on(workspace: Workspace, name: str) -> tuple[float, float]:
+    """A pixel on the surface of a character."""
+    one, tool = workspace.editor.posed(name), workspace.input.tools["choose"]
+    middles = one.vertices[one.character.mesh.faces].mean(1)
+    for x, y in workspace.editor.lens.pixels_of(middles[:: max(len(middles) // 60, 1)]):
+        hit = tool.character_at(Pointer((x, y)))
+        if hit is not None and hit.character == name and hit.handle < 0:
+            return x, y
+    raise AssertionError(f"{name} is not seen")

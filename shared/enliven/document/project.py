@@ -41,6 +41,30 @@ class Marker:
 
 
 @dataclass(frozen=True)
+class CameraMark:
+    """A view that was stored, to be taken again.
+
+    Attributes:
+        id: its name.
+        target: x, y, z in metres, what the camera looks at.
+        azimuth: radians around the target from +Z towards +X.
+        elevation: radians above the floor.
+        distance: metres from the target.
+    """
+
+    id: str
+    target: tuple[float, float, float]
+    azimuth: float
+    elevation: float
+    distance: float
+
+    def __post_init__(self) -> None:
+        numbers = (*self.target, self.azimuth, self.elevation, self.distance)
+        if not (all(abs(one) < float("inf") for one in numbers) and self.distance > 0.0):
+            raise InputError("it is no view", where=f"view {self.id!r}", mend="Store it again.")
+
+
+@dataclass(frozen=True)
 class Handling:
     """How an artist's window treats a character; neither exports nor stages ask.
 
@@ -68,6 +92,7 @@ class Project:
         bodies: what performers did, as it was tracked: possessed meshes are solved from it.
         markers: moments with names, in the order in which they were made.
         handling: the characters that are hidden or locked, and how.
+        views: camera bookmarks.
 
     Raises:
         InputError: where a character plays a take that is not there.
@@ -79,6 +104,7 @@ class Project:
     bodies: Mapping[str, BodyTake] = field(default_factory=dict)
     markers: Mapping[str, Marker] = field(default_factory=dict)
     handling: Mapping[str, Handling] = field(default_factory=dict)
+    views: Mapping[str, CameraMark] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for part in fields(self):

@@ -195,7 +195,7 @@ def test_textures_are_shared_and_leave_with_their_last_character(gl) -> None:
     boards = [board(told, shared, at=z) for z in (0.0, 0.5)]
     for some in (boards, boards[:1], [board(told, shared)], []):
         renderer.draw(Scene(tuple(SceneCharacter(b, b.rest_pose()) for b in some), (), PLAIN), view())
-        assert len(renderer._textures) == bool(some)
+        assert len(renderer.textures) == bool(some)
 
 
 def test_a_broken_picture_is_white_and_said(gl, caplog) -> None:

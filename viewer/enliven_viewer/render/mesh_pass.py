@@ -131,8 +131,8 @@ class MeshPass:
 
     def _render(self, mesh: SkinnedMesh, each: DrawnPart, program: moderngl.Program) -> None:
         """Draw a part with its textures."""
-        for name, texture in each.textures.items():
-            texture.use(UNITS[f"{name}_map"])
+        for name, held in each.textures.items():
+            held.texture.use(UNITS[f"{name}_map"])
         set_uniform(program, "cutoff", each.part.cutoff)
         mesh.render(program, each)
 

@@ -61,7 +61,7 @@ class Renderer:
         self._frame = ctx.buffer(reserve=_FRAME_BYTES, dynamic=True)
         self._skin = load_program(ctx, "skin.vert", varyings=("out_position", "out_normal"))
         self._mesh_pass = MeshPass(ctx, self.settings)
-        self._textures = Textures(ctx, self.settings.texture_size, self.settings.anisotropy)
+        self.textures = Textures(ctx, self.settings.texture_size, self.settings.anisotropy)
         self._caster = load_program(ctx, "caster.vert", "caster.frag")
         self._to_key = to_key(self.settings)
         self._body = load_program(ctx, "capsule.vert", "capsule.frag")
@@ -94,6 +94,7 @@ class Renderer:
     def draw(self, scene: Scene, view: CameraView) -> None:
         """Draw a scene into :attr:`picture` and resolve it."""
         self.picture.drawn.use()  # without a framebuffer OpenGL refuses even what draws nothing
+        self.textures.arrive()
         meshes = self._skinned(scene)
         box = scene.lit_box or EMPTY_BOX
         stage = self._write_frame(box, view)
@@ -147,7 +148,7 @@ class Renderer:
             known = self._meshes.get(actor.character.id)
             if known is None or known.character is not actor.character:
                 crease = math.radians(self.settings.crease_angle)
-                made = SkinnedMesh(self.ctx, actor.character, crease, self._skin, self._textures)
+                made = SkinnedMesh(self.ctx, actor.character, crease, self._skin, self.textures)
                 if known is not None:
                     known.release()  # after the new one has taken the textures that both have
                 known = made

@@ -14,7 +14,7 @@ from enliven.document import Character, Pose
 from enliven.meshes import Texture, longest_edge
 from enliven_viewer.render.gl import UNITS
 from enliven_viewer.render.held import HeldLight, reach_of_points
-from enliven_viewer.render.materials import Part, Textures, paint_keys, painted
+from enliven_viewer.render.materials import HeldTexture, Part, Textures, paint_keys, painted
 from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.scene import corners
 from enliven_viewer.render.surface import (
@@ -40,7 +40,7 @@ class DrawnPart(NamedTuple):
     part: Part
     start: int
     count: int
-    textures: dict[str, moderngl.Texture]
+    textures: dict[str, HeldTexture]
 
 
 class SkinnedMesh:
@@ -207,7 +207,7 @@ class SkinnedMesh:
     def _sources(self) -> tuple[Texture, ...]:
         return () if self.character.materials is None else self.character.materials.textures
 
-    def _take(self, part: Part, textures: Textures) -> dict[str, moderngl.Texture]:
+    def _take(self, part: Part, textures: Textures) -> dict[str, HeldTexture]:
         return {name: textures.take(self._sources[number], name) for name, number, _ in part.maps}
 
     def _array(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:

@@ -14,6 +14,7 @@ import glfw
 from imgui_bundle import ImVec2, imgui
 from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 
+from enliven_viewer.studio.pointer_path import PointerPath
 from enliven_viewer.studio.workspace import Workspace
 
 _SMALLEST = (640.0, 360.0)
@@ -28,6 +29,7 @@ class Desktop:
         self._window: Any = glfw_window_hello_imgui()
         self._dropped: list[Path] = []
         self.scale = self._density()
+        self.path = PointerPath()
         glfw.set_drop_callback(self._window, self._drop)
         self._listen()
         self._fit()
@@ -77,6 +79,7 @@ class Desktop:
 
         def move(window: Any, x: float, y: float) -> None:
             before[0](window, x / self.scale, y / self.scale)
+            self.path.tell(x / self.scale, y / self.scale)
 
         def enter(window: Any, inside: int) -> None:
             held = any(glfw.get_mouse_button(self._window, button) for button in range(3))

@@ -219,6 +219,7 @@ class StudioWindow:
         context = window_context()
         self._screen = context.detect_framebuffer()  # now, while the window's own is bound
         self._viewport = Viewport(context, (64, 64), settings.render)
+        self._viewport.renderer.textures.beside = self.step is None  # films wait for every picture
         self._source = Viewport(context, (64, 64), settings.render)
         self._performer = PerformerPicture(self._source.renderer)
         self._thumbnails = Thumbnails(context, self.workspace.puppets.stage.surfaces)
@@ -355,8 +356,11 @@ class StudioWindow:
         at = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
         held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}
         free = area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
-        if at != user_input.at and (free or user_input.busy):
-            user_input.move(at, **held)
+        spot = (io.mouse_pos.x, io.mouse_pos.y)
+        for x, y in self._desktop.path.take(spot) if self._desktop is not None else [spot]:
+            passed = (x - area.x, y - area.y)
+            if passed != user_input.at and (free or user_input.busy):
+                user_input.move(passed, **held)
         for button in (0, 1, 2):
             if free and imgui.is_mouse_clicked(button):
                 user_input.press(at, button, **held)

@@ -25,6 +25,16 @@ from .clips import (
     stretch_clip as stretch_clip,
     trim_clip as trim_clip,
 )
+from .groups import (
+    copy_characters as copy_characters,
+    middle_of as middle_of,
+    mirror_characters as mirror_characters,
+    move_characters as move_characters,
+    mute_characters as mute_characters,
+    scale_characters as scale_characters,
+    shift_characters as shift_characters,
+    turn_characters as turn_characters,
+)
 from .handling import (
     delete_take as delete_take,
     handle_characters as handle_characters,

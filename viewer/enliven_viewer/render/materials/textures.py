@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import moderngl
@@ -35,12 +36,18 @@ _Key = tuple[int, bool]
 
 
 @dataclass
-class _Held:
-    """A texture on the GPU, how many meshes use it, and what its key was made of, which lives as long."""
+class HeldTexture:
+    """A texture on the GPU, how many meshes use it, and what its key was made of, which lives as long.
+
+    Attributes:
+        texture: white until the picture is decoded.
+        decoding: the picture on its way; None once it is there.
+    """
 
     texture: moderngl.Texture
     source: Texture
     users: int = 0
+    decoding: Future[UInt8] | None = None
 
 
 class Textures:
@@ -49,6 +56,9 @@ class Textures:
     Args:
         most: pixels of a side; a larger picture is made smaller.
         anisotropy: samples along the direction in which a texture is seen at a slant; 1 for none.
+
+    Attributes:
+        beside: whether pictures are decoded in threads while white is drawn; a window sets it.
     """
 
     def __init__(self, ctx: moderngl.Context, most: int, anisotropy: int) -> None:
@@ -57,15 +67,32 @@ class Textures:
         self._most = min(most, limit)
         by_hand = any(name in ctx.info.get("GL_RENDERER", "").lower() for name in _SOFTWARE)
         self._anisotropy = 1.0 if by_hand else min(float(anisotropy), ctx.max_anisotropy or 1.0)
-        self._held: dict[_Key, _Held] = {}
+        self._held: dict[_Key, HeldTexture] = {}
+        self.beside = False
+        self._pool: ThreadPoolExecutor | None = None
 
-    def take(self, source: Texture, name: str) -> moderngl.Texture:
+    def take(self, source: Texture, name: str) -> HeldTexture:
         """The texture for a map of a material, which is used until it is given back."""
         key = id(source), name in _COLOURS
         if key not in self._held:
-            self._held[key] = _Held(self._uploaded(source, key[1]), source)
+            self._held[key] = self._begun(source, key[1])
         self._held[key].users += 1
-        return self._held[key].texture
+        return self._held[key]
+
+    def arrive(self) -> None:
+        """Take the pictures that were decoded meanwhile; to be called once a picture."""
+        for (_, colours), held in self._held.items():
+            if held.decoding is not None and held.decoding.done():
+                pixels, held.decoding = held.decoding.result(), None
+                held.texture.release()
+                held.texture = self._uploaded(held.source, colours, pixels)
+
+    def _begun(self, source: Texture, colours: bool) -> HeldTexture:
+        if not self.beside:
+            return HeldTexture(self._uploaded(source, colours, _pixels(source, self._most)), source)
+        self._pool = self._pool or ThreadPoolExecutor(2, "textures")
+        decoding = self._pool.submit(_pixels, source, self._most)
+        return HeldTexture(self._uploaded(source, colours, _WHITE), source, decoding=decoding)
 
     def give_back(self, source: Texture, name: str) -> None:
         """Count one user less; a texture without any leaves the GPU."""
@@ -79,9 +106,9 @@ class Textures:
     def __len__(self) -> int:
         return len(self._held)
 
-    def _uploaded(self, source: Texture, colours: bool) -> moderngl.Texture:
+    def _uploaded(self, source: Texture, colours: bool, decoded: UInt8) -> moderngl.Texture:
         sampler = _sampler(source)
-        pixels = _unfolded(_pixels(source, self._most), sampler)
+        pixels = _unfolded(decoded, sampler)
         options = {"internal_format": _SRGB8_ALPHA8} if colours else {}
         texture = self.ctx.texture(pixels.shape[1::-1], 4, pixels.tobytes(), **options)
         texture.build_mipmaps()

@@ -20,7 +20,7 @@ from enliven_viewer.studio.examples import Solving
 from enliven_viewer.studio.puppets import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport import Lens, Selection, StandingCharacter, length_of
+from enliven_viewer.studio.viewport import Lens, Selection, Snapping, StandingCharacter, length_of
 
 Edit = Callable[[Project], Project]
 R = TypeVar("R", bound=RigBase)
@@ -43,6 +43,7 @@ class Editor:
         self.moves, self.look = CameraMoves(), self.settings.render.look
         self.size: tuple[float, float] = (float(self.settings.width), float(self.settings.height))
         self.selection = Selection()
+        self.snapping = Snapping()
         self.toasts = Toasts(self.settings.toast)
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.scrubbing = False

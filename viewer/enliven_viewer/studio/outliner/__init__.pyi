@@ -1,4 +1,8 @@
-from .actions import choosing_actions as choosing_actions, outliner_actions as outliner_actions
+from .actions import (
+    alone as alone,
+    choosing_actions as choosing_actions,
+    outliner_actions as outliner_actions,
+)
 from .outliner import Outliner as Outliner
 from .tree import (
     CHARACTER as CHARACTER,

@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.outliner import Outliner
+
+
+def alone(action: Action, editor: Editor) -> Action:
+    """An action on one shape, which says so where several are chosen."""
+
+    def lacks() -> str:
+        said = "Several shapes are chosen. Choose one of them alone first."
+        return said if editor.selection.several else action.why_not()
+
+    return replace(action, why_not=lacks)
 
 
 def choosing_actions(editor: Editor) -> Iterator[Action]:
@@ -36,7 +47,7 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
     editor = outliner.editor
 
     def chosen() -> tuple[str, ...]:
-        return editor.selection.characters
+        return tuple(one.id for one in editor.chosen_all)
 
     def lacks() -> str:
         return "" if chosen() else "Nothing is chosen. Click a shape first."

@@ -8,6 +8,7 @@ from enliven.document import RigBase
 from enliven_viewer.studio.panels.fields import character_name
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
+from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
@@ -22,6 +23,16 @@ _DEEDS = (
     "shape.turn_left",
     "shape.turn_right",
 )
+_TOGETHER = (
+    *_DEEDS,
+    "motion.earlier",
+    "motion.later",
+    "motion.mute",
+    "shape.hide",
+    "shape.lock",
+    "edit.delete",
+)
+"""Actions on all that is chosen."""
 _JOINTED = ("motion.spread", "motion.clear")
 """Actions that only characters with bones have."""
 
@@ -31,10 +42,13 @@ def draw_side(workspace: Workspace, area: Area) -> None:
     editor = workspace.editor
     with panel("side", area):
         chosen = editor.chosen()
-        if chosen is not None:
+        several = editor.selection.several
+        if several:
+            _several(workspace)
+        elif chosen is not None:
             _chosen(workspace, chosen)
         chosen, layer = editor.chosen(), editor.selection.layer
-        if chosen is not None and layer is not None:
+        if chosen is not None and layer is not None and not several:
             draw_layer(workspace, chosen, layer)
 
 
@@ -51,7 +65,21 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
     if editor.selection.handle is not None:
         said.append(f"node {character.handles[editor.selection.handle]}")
     quiet(", ".join(said))
-    for place, action in enumerate((*_DEEDS, *_JOINTED) if jointed else _DEEDS):
+    draw_numbers(workspace)
+    _buttons(workspace, (*_DEEDS, *_JOINTED) if jointed else _DEEDS)
+
+
+def _several(workspace: Workspace) -> None:
+    """What can be done to several characters at once."""
+    names = workspace.editor.selection.characters
+    heading(f"{len(names)} shapes are chosen")
+    quiet(", ".join(names))
+    draw_numbers(workspace)
+    _buttons(workspace, _TOGETHER)
+
+
+def _buttons(workspace: Workspace, actions: tuple[str, ...]) -> None:
+    for place, action in enumerate(actions):
         if place % 2:
             imgui.same_line()
         action_button(workspace, action, _HALF)

@@ -6,6 +6,7 @@ import contextlib
 import os
 import sys
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from enliven.document import Project
@@ -38,6 +39,8 @@ class ProjectStore:
         self._saved: Project = editor.history.project
         self._autosaved: Project = self._saved
         self._since = time.monotonic()
+        self._writer: ThreadPoolExecutor | None = None
+        self._writing: tuple[Future[None], Project] | None = None
 
     @property
     def name(self) -> str:
@@ -89,25 +92,45 @@ class ProjectStore:
         assert target is not None, "a project without a file is saved with a path"
         project = self.editor.history.project
         write_project(target, project)
+        self.settle()  # before its file goes
         self.path, self._saved, self._autosaved = target, project, project
         self._own().unlink(missing_ok=True)
         self.editor.toasts.say(f"Saved {target.name}")
 
     def autosave(self, now: float | None = None) -> None:
-        """Write the recovery file where it is time and something has changed."""
+        """Begin to write the recovery file, beside the window, where it is time and something has changed."""
         now = time.monotonic() if now is None else now
-        if now - self._since >= self.editor.settings.autosave:
+        if self._writing is not None:
+            if self._writing[0].done():
+                self.settle()
+        elif now - self._since >= self.editor.settings.autosave:
             self._since = now
-            self.autosave_now()
+            self._begin_writing()
 
     def autosave_now(self) -> None:
-        """Write the recovery file where something has changed since the last."""
-        project = self.editor.history.project
+        """Write the recovery file where something has changed since the last, and wait for it."""
+        self.settle()
+        self._begin_writing()
+        self.settle()
+
+    def _begin_writing(self) -> None:
+        project = self.editor.history.project  # a value: it may be edited on while it is written
         if project is self._autosaved or not self.dirty:
             return
+        self._writer = self._writer or ThreadPoolExecutor(1, "autosave")
+        self._writing = (self._writer.submit(self._write, project), project)
+
+    def _write(self, project: Project) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_project(self._own(), project)
+
+    def settle(self) -> None:
+        """Wait for the recovery file that is being written, and say where it cannot be."""
+        if self._writing is None:
+            return
+        (written, project), self._writing = self._writing, None
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            write_project(self._own(), project)
+            written.result()
             self._autosaved = project
         except (OSError, EnlivenError) as error:
             said = error.what if isinstance(error, EnlivenError) else str(error.strerror)
@@ -151,9 +174,11 @@ class ProjectStore:
 
     def close(self) -> None:
         """Remove the recovery file, since the studio ends without fault."""
+        self.settle()
         self._own().unlink(missing_ok=True)
 
     def _begin(self, project: Project) -> None:
+        self.settle()
         self.editor.begin(project)
         self._saved = self._autosaved = self.editor.history.project
         self._own().unlink(missing_ok=True)

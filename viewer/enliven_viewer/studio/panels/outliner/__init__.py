@@ -1,4 +1,4 @@
-"""The panel of the outliner: its rows, with eyes, locks and names that are typed in place."""
+"""The outliner and the numbers of what is chosen: rows with eyes and locks, fields with units."""
 
 import lazy_loader
 

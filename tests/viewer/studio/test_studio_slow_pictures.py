@@ -1,0 +1,117 @@
+"""What a slow picture or disk must not spoil: strokes, autosaving, and textures that are still decoded."""
+
+from __future__ import annotations
+
+import io
+import json
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from in_a_window import in_a_window
+from PIL import Image
+
+from enliven.document import Project
+from enliven.meshes import Texture
+from enliven_viewer.render.materials import Textures
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.pointer_path import PointerPath
+from enliven_viewer.studio.workspace import project_store as module
+from enliven_viewer.studio.workspace.project_store import ProjectStore
+
+SESSION = Path(__file__).parents[1] / "studio_events_session.py"
+spots = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)).map(lambda at: (float(at[0]), float(at[1]))))
+
+
+@given(st.lists(spots, max_size=6))
+def test_every_place_is_taken_once_and_in_order_however_many_a_picture_has(pictures) -> None:
+    """Each picture ImGui is at the last place that was told before it, as without a change of a button."""
+    path, taken, told = PointerPath(), [], []
+    at = (-1.0, -1.0)
+    for picture in pictures:
+        for x, y in picture:
+            path.tell(x + 0.4, y)  # ImGui counts whole pixels
+            told.append((x, y))
+        at = told[-1] if told else at
+        while True:  # a place that was passed twice ends a picture early, and the rest comes with the next
+            some = path.take(at)
+            assert some[-1] == at
+            if some == [at] and len(taken) >= len(told):
+                break
+            taken += some
+    assert taken == told
+
+
+def test_what_lies_beyond_a_button_waits_and_a_jump_forgets_the_rest() -> None:
+    path = PointerPath()
+    for x in range(6):
+        path.tell(float(x), 0.0)
+    assert path.take((2.0, 0.0)) == [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], "the button went down there"
+    assert path.take((5.0, 0.0)) == [(3.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
+    path.tell(7.0, 0.0)
+    assert path.take((40.0, 40.0)) == [(40.0, 40.0)] and path.take((7.0, 0.0)) == [(7.0, 0.0)]
+
+
+def test_strokes_have_every_place_of_a_slow_picture_in_the_window(tmp_path) -> None:
+    said = in_a_window(SESSION, str(tmp_path))
+    assert said["done"]
+    assert said["places"] > 60, "a circle that was drawn within two pictures is round"
+    assert said["roundness"] < 0.1
+
+
+def test_a_project_is_kept_beside_the_window_as_it_was_when_it_began(tmp_path, monkeypatch) -> None:
+    goes_on, threads, written = threading.Event(), [], []
+
+    def slowly(path: Path, project: Project) -> None:
+        threads.append(threading.current_thread())
+        assert goes_on.wait(20.0)
+        written.append(project)
+        path.write_bytes(b"kept")
+
+    monkeypatch.setattr(module, "write_project", slowly)
+    editor = Editor()
+    store = ProjectStore(editor, tmp_path)
+    editor.edit("one", lambda project: Project())
+    first = editor.project
+    store.autosave(store._since + 60.0)
+    editor.edit("two", lambda project: Project())
+    store.autosave(store._since + 120.0)
+    goes_on.set()
+    store.settle()
+    assert written == [first] and threads[0] is not threading.main_thread()
+    store.autosave(store._since + 180.0)
+    store.close()
+    assert written[-1] is editor.project and list(tmp_path.iterdir()) == [], "it waits before the file goes"
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_texture_is_white_until_it_is_decoded_beside_the_window(gl, monkeypatch, beside) -> None:
+    goes_on, colour, out = threading.Event(), (200, 30, 60), io.BytesIO()
+    Image.new("RGB", (8, 8), colour).save(out, "PNG")
+    source = Texture(np.frombuffer(out.getvalue(), np.uint8), json.dumps({"magFilter": 9728}))
+    textures = Textures(gl, 64, 1)
+    textures.beside = beside
+    if beside:
+        from enliven_viewer.render.materials import textures as decoding
+
+        plain = decoding._pixels
+        monkeypatch.setattr(decoding, "_pixels", lambda *told: goes_on.wait(20.0) and plain(*told))
+    held = textures.take(source, "base")
+    if beside:
+        textures.arrive()
+        assert held.texture.size == (1, 1)
+        goes_on.set()
+        end = time.monotonic() + 20.0
+        while held.decoding is not None and time.monotonic() < end:
+            textures.arrive()
+            time.sleep(0.001)
+    assert held.texture.size == (8, 8) and tuple(held.texture.read()[:3]) == colour
+    assert textures.take(source, "base") is held
+    textures.give_back(source, "base")
+    textures.give_back(source, "base")
+    assert len(textures) == 0
+    textures.arrive()
