@@ -17,12 +17,14 @@ from enliven.wire import (
     PutCharacter,
     Release,
     RemoveCharacter,
+    Scan,
     Smooth,
 )
 from enliven_edge.network import Handler
 
 if TYPE_CHECKING:
     from enliven_edge.arrivals import Arrivals
+    from enliven_edge.scans import Scans
     from enliven_edge.stage import Stage
     from enliven_edge.tracking import Tracker
 
@@ -35,6 +37,7 @@ class Served(Protocol):
 
     stage: Stage
     arrivals: Arrivals
+    scans: Scans
     tracker: Tracker
 
 
@@ -55,6 +58,7 @@ def handlers_of(edge: Served) -> dict[type[Order], Handler]:
         PutCharacter: Handler(lambda order: edge.arrivals.put(order)),
         CharacterPart: Handler(lambda order: edge.arrivals.take(order)),
         RemoveCharacter: Handler(lambda order: edge.stage.remove(order.character)),
+        Scan: Handler(lambda order: edge.scans.ask(order)),
     }
 
 

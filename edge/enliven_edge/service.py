@@ -17,6 +17,7 @@ from enliven_edge.arrivals import Arrivals
 from enliven_edge.controls import Controls, Lamps, lamps_of
 from enliven_edge.network import FrameRate, Handler, Outlet
 from enliven_edge.orders import handlers_of
+from enliven_edge.scans import Scans
 from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of
 from enliven_edge.stage import Opening, Stage, Tick
 from enliven_edge.tracking import Tracker
@@ -43,6 +44,7 @@ class Edge:
         physics: loose things among the characters, or None.
         controls: pedals and the like, beside the viewers; the caller closes them.
         arrivals: puts the characters that clients send on the stage; None makes one.
+        scans: what viewers scan with the sensor; None makes one.
         once: end at the first fault of the sensor, in place of going on with its next good frame.
 
     Attributes:
@@ -63,12 +65,13 @@ class Edge:
         physics: Playground | None = None,
         controls: Controls | None = None,
         arrivals: Arrivals | None = None,
+        scans: Scans | None = None,
         once: bool = False,
     ) -> None:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
         self.health, self.physics = health or HealthMonitor(), physics
         self.controls = controls or Controls([])
-        self.arrivals = arrivals or Arrivals(stage)
+        self.arrivals, self.scans = arrivals or Arrivals(stage), scans or Scans(stage)
         self.pace = FrameRate()
         self.frames = 0
         self._heard = time.monotonic()
@@ -90,6 +93,7 @@ class Edge:
             else:
                 self._wait()
             self._listen()
+        self.scans.close()
 
     def stop(self) -> None:
         """Ends :meth:`run` after the current frame; safe to call from a signal handler."""
@@ -117,7 +121,9 @@ class Edge:
             return
         self._show()
         self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
-        bodies = as_sent(self.tracker.track(frame))
+        bodies = [] if self.scans.active else as_sent(self.tracker.track(frame))
+        while not self.scans.take(frame, waits=getattr(self.sensor, "recorded", False)):
+            self._listen()
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces)
         tick = self._with_props(self.stage.tick(frame, poses, frame.read_ns or read_ns))
         self.outlet.publish(tick)
@@ -126,6 +132,7 @@ class Edge:
     def _show(self) -> None:
         """Puts what has arrived on the stage; tells viewers, take and physics what came, changed or went."""
         self.arrivals.poll()
+        self.scans.poll(self.outlet)
         characters = self.stage.characters
         self.outlet.show(characters, self.arrivals.revisions)
         if self.physics is not None:

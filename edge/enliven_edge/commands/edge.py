@@ -159,6 +159,7 @@ def serve(
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
     from enliven_edge.network import Outlet, need_free
+    from enliven_edge.scans import Scans
     from enliven_edge.service import Edge
     from enliven_edge.sources import opened
     from enliven_edge.stage import Stage
@@ -184,6 +185,7 @@ def serve(
             stage,
             outlet,
             arrivals=Arrivals(stage, chosen),
+            scans=Scans(stage, chosen),
             possess_at=possess_at,
             parts=parts,
             stop_after=seconds,

@@ -125,6 +125,10 @@ class Outlet(Closing):
         self._publisher.publish(message)
         self._write(message, time_ns)
 
+    def forget(self, topic: str) -> None:
+        """Forgets the newest messages of a latched topic: viewers that come later are not told them."""
+        self._publisher.forget(topic)
+
     def report(self, pace: FrameRate, phase: str, performers: int, sensor: str = "") -> None:
         """Sets the state of the edge for the heartbeat; a new phase is sent at once.
 

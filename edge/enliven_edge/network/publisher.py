@@ -201,6 +201,10 @@ class Publisher(Closing):
         self._streams.send(data)
         return len(data)
 
+    def forget(self, topic: str) -> None:
+        """Forgets the newest messages of a latched topic."""
+        self._latest = {key: data for key, data in self._latest.items() if key[0] != topic}
+
     def set_status(self, **fields: Any) -> None:
         """Change fields of the heartbeat (sensor, phase, note, fps, latency_p50_ms, latency_p99_ms,
         performers, dropped, health); a new phase goes out at once."""

@@ -12,6 +12,13 @@ from .depth_view import DepthPreparation as DepthPreparation, DepthView as Depth
 from .keyframes import Keyframes as Keyframes
 from .loops import ClosedWay as ClosedWay
 from .marching_cubes import surface_of as surface_of
+from .preview import (
+    PIECE_STEPS as PIECE_STEPS,
+    PieceSums as PieceSums,
+    ScanPiece as ScanPiece,
+    piece_of as piece_of,
+    piece_sums as piece_sums,
+)
 from .rasterizer import Drawing as Drawing, draw_mesh as draw_mesh
 from .scanner import Scanner as Scanner, ScanState as ScanState, ScanStep as ScanStep
 from .settings import (

@@ -60,8 +60,15 @@ from .requests import (
     RemoveCharacter as RemoveCharacter,
     Reply as Reply,
     Request as Request,
+    Scan as Scan,
     Smooth as Smooth,
     Welcome as Welcome,
+)
+from .scans import (
+    MAX_PIECE_FACES as MAX_PIECE_FACES,
+    MAX_PIECE_VERTICES as MAX_PIECE_VERTICES,
+    ScanMessage as ScanMessage,
+    ScanPieceMessage as ScanPieceMessage,
 )
 from .sockets import (
     CONTROL_PORT as CONTROL_PORT,
@@ -93,6 +100,8 @@ from .topics import (
     PROPS as PROPS,
     REPLY as REPLY,
     REQUEST as REQUEST,
+    SCAN as SCAN,
+    SCAN_PIECE as SCAN_PIECE,
     STAGE as STAGE,
     STATUS as STATUS,
     STREAMS as STREAMS,

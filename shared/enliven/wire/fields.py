@@ -21,6 +21,8 @@ Digest = Annotated[bytes, Meta(min_length=32, max_length=32)]
 Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """Finite: msgspec refuses NaN and infinities by the range."""
+Metres = Annotated[float, Meta(gt=0.0, le=100.0)]
+"""A length within a stage and the room about it."""
 
 MAX_TRANSFORM_BYTES = 256 * 1024
 """Bytes of a coded pose: 4096 transforms of 12 numbers that take at most 34 bits each, and room."""

@@ -14,6 +14,7 @@ from enliven.wire.fields import (
     Count,
     Digest,
     Identity,
+    Metres,
     Name,
     Nanoseconds,
     Number,
@@ -146,6 +147,31 @@ class RemoveCharacter(Order, frozen=True):
     character: Name
 
 
+class Scan(Order, frozen=True):
+    """Scans with the edge's camera: what is to be done now.
+
+    Attributes:
+        do: "start" a new scan; "pause" it; "go on", also after it was done, which adds to it; "undo" the last
+            seconds; "done": it becomes a character of the stage; "cancel" it.
+        name: for "start", the id of the character that it becomes; None: "scan", or "scan 2", ...
+        voxel: for "start", metres of a voxel's side.
+        within: for "start", metres; what is farther is left out, and the thing may be turned.
+        whole: for "done", keep all that was scanned, and not what stands on the floor.
+        box: for "done", the lowest and the highest corner, metres on the stage, of what is kept; or empty.
+    """
+
+    do: Literal["start", "pause", "go on", "undo", "done", "cancel"]
+    name: Name | None = None
+    voxel: Annotated[float, Meta(ge=0.001, le=0.1)] = 0.004
+    within: Metres | None = None
+    whole: bool = False
+    box: Annotated[list[Number], Meta(max_length=6)] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if len(self.box) not in (0, 6):
+            raise ValueError(f"a box has 6 numbers, not {len(self.box)}")
+
+
 class Ping(Ask, frozen=True):
     """Asks for the edge's clock, and says that the viewer is still there; ``sent_ns`` is its wall clock."""
 
@@ -192,7 +218,7 @@ SUPERSEDED = "superseded by a newer one"
 """The reason for refusing an order that a newer one of the same viewer replaced."""
 REQUESTS: list[type[Ask]] = [
     *(Hello, GetState, Possess, Release, Smooth, Lock, Look, Browse, Ping),
-    *(PutCharacter, CharacterPart, RemoveCharacter),
+    *(PutCharacter, CharacterPart, RemoveCharacter, Scan),
 ]
 """All requests that this program reads; a program that reads one more appends its class."""
 Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong

@@ -14,6 +14,7 @@ from typing import Any, Literal
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.fields import MAX_PART_BYTES
 from enliven.wire.requests import Reply, Request
+from enliven.wire.scans import ScanMessage, ScanPieceMessage
 from enliven.wire.streams import (
     BodiesMessage,
     CuesMessage,
@@ -90,6 +91,14 @@ HOLDS = register(
     Topic("holds", HoldMessage, "stream", 40 * 1024, 0, "every", latched=True, key=_character, recorded=True)
 )
 STAGE = register(Topic("stage", StageMessage, "stream", 128 * 1024, 0, "every", latched=True, recorded=True))
+SCAN = register(Topic("scan", ScanMessage, "stream", 4 * 1024, 0, "newest", latched=True))
+SCAN_PIECE = register(
+    Topic(
+        *("scan piece", ScanPieceMessage, "stream", 256 * 1024, 0, "newest"),
+        latched=True,
+        key=lambda message: " ".join(map(str, message.place)),
+    )
+)
 STATUS = register(Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge))
 CHARACTER = register(
     Topic("character", CharacterMessage, "state", 128 * 1024 * 1024, 0, "newest", recorded=True)

@@ -42,7 +42,7 @@ def stage(tmp_path_factory) -> Workspace:
 
 CHOSEN = (LIMB, TIP, CHAIN, POST, STAR)
 _STEPS = ("edit.undo", "edit.redo", "edit.history")
-NOT_AT_RANDOM = (*_STEPS, "file.", "shape.bake", "help.", "tool.", "perform.")
+NOT_AT_RANDOM = (*_STEPS, "file.", "shape.bake", "help.", "tool.", "perform.", "scan.")
 """Dialogues, steps through the history, and what takes seconds in a thread."""
 
 

@@ -32,7 +32,13 @@ from enliven_viewer.studio.panels import (
 )
 from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
 from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
-from enliven_viewer.studio.panels.stage import draw_live, draw_perform, draw_rooms
+from enliven_viewer.studio.panels.stage import (
+    draw_live,
+    draw_perform,
+    draw_rooms,
+    draw_scan,
+    draw_scan_over,
+)
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
@@ -241,6 +247,8 @@ class StudioWindow:
         editor.advance(elapsed)
         perform = self.workspace.perform
         perform.advance(elapsed)
+        scan = self.workspace.scan
+        scan.advance()
         self._draw_source()
         scale = imgui.get_io().display_framebuffer_scale.y
         size = max(round(area.width * scale), 1), max(round(area.height * scale), 1)
@@ -248,7 +256,7 @@ class StudioWindow:
         renderer.look = editor.look
         renderer.resize(size)
         self._viewport.draw(
-            [one for one in editor.seen if one.id not in perform.hidden],
+            [one for one in editor.seen if one.id not in perform.hidden and not scan.active],
             editor.lens,
             editor.selection,
             self.workspace.input.tool.overlay(),
@@ -256,7 +264,8 @@ class StudioWindow:
             ghosts=self.workspace.ghosts.picture(),
             meshes=editor.show_meshes,
             bones=editor.show_bones and perform.room in ("Animate", "Model"),
-            live=None if self._hides_live else perform.scene,
+            live=None if self._hides_live else scan.beside(perform.scene),
+            growing=scan.surface,
         )
         bottom = self._framebuffer_size()[1] - round((area.y + area.height) * scale)
         renderer.present(self._screen, (round(area.x * scale), bottom))
@@ -294,6 +303,7 @@ class StudioWindow:
         if not self.opening.bare:
             self._panels(places)
             draw_live(self.workspace, places.viewport, self.pace)
+            draw_scan_over(self.workspace, places.viewport)
         asking = self.workspace.asking  # Escape closes the dialogue, and not what is behind it as well
         draw_dialogs(self.workspace)
         self._listen(places.viewport, keys=not asking)
@@ -311,7 +321,9 @@ class StudioWindow:
         draw_rooms(self.workspace)
         if places.tools.width:
             draw_toolbar(self.workspace, places.tools)
-        if room == "Perform":
+        if room == "Perform" and self.workspace.scan.shown:
+            draw_scan(self.workspace, places.side)
+        elif room == "Perform":
             draw_perform(self.workspace, places.side)
         elif places.side.width:
             self._side(places)

@@ -43,6 +43,10 @@ class StageSender:
         else:
             stage.put(project, name, then=told)
 
+    def stands(self, name: str, one: RigBase) -> None:
+        """Note that a character stands on the stage as it is in the project: the edge made it."""
+        self._sent[name], self.states[name] = one, "on the stage"
+
     def remove(self, stage: StageLink, name: str) -> None:
         """Take a character from the stage."""
         self._sent.pop(name, None)

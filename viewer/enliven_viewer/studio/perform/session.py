@@ -124,6 +124,11 @@ class PerformSession:
         return self._client is not None and self.live is not None and self.live.document.edge.connected
 
     @property
+    def client(self) -> EdgeClient | None:
+        """The link to the edge; None without one, and while a take is played."""
+        return self._client
+
+    @property
     def stage(self) -> StageLink | None:
         """The stage of the edge; None without one."""
         return None if self._client is None else self._client.stage

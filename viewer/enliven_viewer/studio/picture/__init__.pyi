@@ -1,1 +1,2 @@
+from .growing import GrowingPicture as GrowingPicture
 from .viewport import Viewport as Viewport

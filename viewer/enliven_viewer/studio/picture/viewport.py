@@ -8,11 +8,13 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 
+from enliven.arrays import Float
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.ghosts import GhostPicture
+from enliven_viewer.studio.picture.growing import GrowingPicture, GrowingSurfacePass
 from enliven_viewer.studio.picture.onion import OnionSkin
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
 from enliven_viewer.studio.puppets import PuppetOverlay
@@ -35,6 +37,7 @@ class Viewport:
         self.renderer = Renderer(ctx, size, settings)
         self._tubes = Tubes(ctx)
         self._puppet_overlay: PuppetOverlay | None = None
+        self._growing: GrowingSurfacePass | None = None
         self._onion: OnionSkin | None = None
 
     def draw(
@@ -49,8 +52,9 @@ class Viewport:
         meshes: bool = True,
         bones: bool = True,
         live: Scene | None = None,
+        growing: tuple[GrowingPicture, Float] | None = None,
     ) -> None:
-        """One picture, resolved; ``live`` is what stands beside the project's characters."""
+        """One picture, resolved; ``live`` stands beside the project's characters, ``growing`` is a scan."""
         actors = [
             SceneCharacter(one.drawn, one.pose, vertices=one.solved) for one in stage if meshes and one.drawn
         ]
@@ -59,6 +63,7 @@ class Viewport:
         if live is not None:
             scene = replace(live, actors=(*actors, *live.actors), extent=extent)
         self.renderer.draw(scene, lens.view)
+        self._draw_growing(growing)
         if ghosts is not None and ghosts.bodies:
             self._onion = self._onion or OnionSkin(self.renderer.ctx)
             self._onion.draw(self.renderer.picture, ghosts.bodies)
@@ -71,6 +76,14 @@ class Viewport:
         if ghosts is not None and len(ghosts.tubes):
             near = float(((ghosts.tubes[:, :3] - lens.view.eye) @ lens.forward).min())
             self._tubes.draw(self.renderer.picture, ghosts.tubes, _SEEN_THROUGH * max(near, 0.05))
+
+    def _draw_growing(self, growing: tuple[GrowingPicture, Float] | None) -> None:
+        """Draw what is being scanned; without a scan its memory is given back."""
+        if growing is not None:
+            self._growing = self._growing or GrowingSurfacePass(self.renderer.ctx)
+            self._growing.draw(self.renderer.picture, *growing)
+        elif self._growing is not None:
+            self._growing.release()
 
     def _draw_puppet(self, over: ToolPicture) -> None:
         """Draw what the puppet tool shows over the picture."""

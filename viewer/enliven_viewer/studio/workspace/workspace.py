@@ -18,6 +18,7 @@ from enliven_viewer.studio.outliner import Outliner, outliner_actions
 from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
+from enliven_viewer.studio.scan import ScanSession, scan_actions
 from enliven_viewer.studio.start import Tour, Toured
 from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.workspace.action_table import curve_action, ghost_action, studio_actions
@@ -82,6 +83,8 @@ class Workspace:
         self.actions.add(ghost_action(self.ghosts), curve_action(self.curves))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
+        self.scan = ScanSession(editor, self.perform)
+        self.actions.add(*scan_actions(self.scan))
         self.figures, self.typing = Figures(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*outliner_actions(self.outliner))

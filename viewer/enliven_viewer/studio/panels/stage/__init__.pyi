@@ -2,3 +2,4 @@ from .growing import draw_growing as draw_growing
 from .live import draw_live as draw_live
 from .perform import draw_perform as draw_perform
 from .rooms import draw_rooms as draw_rooms
+from .scan import draw_scan as draw_scan, draw_scan_over as draw_scan_over

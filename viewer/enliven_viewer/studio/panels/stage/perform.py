@@ -28,6 +28,10 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         if perform.live is None:
             return
         _recording(workspace, perform)
+        if imgui.button("\uf030  Scan a thing...", _WHOLE):
+            workspace.actions.do("scan.open")
+        workspace.remember("scan")
+        told("Carry the camera round it, and it becomes a character")
         _characters(workspace, perform)
         _performers(workspace, perform)
 

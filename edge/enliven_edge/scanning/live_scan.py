@@ -1,0 +1,226 @@
+"""A scan beside the edge's loop: a thread fuses the newest image, and tells viewers how it goes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from enliven.arrays import Float
+from enliven.errors import EnlivenError, InputError
+from enliven.frames import DepthFrame
+from enliven.meshes import Mesh
+from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
+from enliven.wire import Scan, ScanMessage, ScanPieceMessage
+from enliven_edge.scanning.checkpoints import Checkpoints
+from enliven_edge.scanning.diary import ScanDiary
+from enliven_edge.scanning.finish import Kept, finished
+from enliven_edge.scanning.growing import GrowingSurface
+from enliven_edge.scanning.standing import ScanPlace
+
+log = logging.getLogger(__name__)
+
+_TOLD_EVERY = 0.1
+"""Seconds between two messages of how it goes: lost is seen at once."""
+_SHOWN_EVERY = 0.25
+"""Seconds between two looks for pieces that changed."""
+_BYTES = 400_000
+"""Bytes a second of pieces at most: a wireless network carries them beside the poses."""
+_WAITS = 0.03
+"""Seconds that an image of a recording waits before the edge's loop looks after other things: a frame."""
+_TRIANGLES = 50_000
+"""Of the mesh that the scan becomes: a chair keeps within a millimetre."""
+_LEAST_ALONE = 0.01
+"""Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
+
+Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
+Cast = Callable[[Mesh, str], Any]
+"""Makes a character's actor of a mesh and its id."""
+
+
+@dataclass
+class ScanRun:
+    """What "undo" takes back: the surface, and what is told of it."""
+
+    scanner: Scanner
+    diary: ScanDiary
+
+
+def scan_settings(order: Scan) -> ScanSettings:
+    """Returns the settings of a scan that a viewer asked for."""
+    volume = VolumeSettings(voxel=order.voxel)
+    if order.within is None:
+        return ScanSettings(volume=volume)
+    near = replace(volume, reach=min(volume.reach, order.within), far=order.within)
+    return ScanSettings(volume=near, least_depth=_LEAST_ALONE)
+
+
+class LiveScan(threading.Thread):
+    """One scan: images are offered from the edge's loop, messages are taken there.
+
+    Args:
+        number: of the scan.
+        order: how it is begun; with the name of the character that it becomes.
+        cast: makes the actor, in this scan's own thread.
+
+    Attributes:
+        actor: what was scanned, for the stage, once it is done; the loop takes it.
+    """
+
+    def __init__(self, number: int, order: Scan, cast: Cast) -> None:
+        super().__init__(name="scan", daemon=True)
+        self.number, self.order, self.actor = number, order, None
+        self._cast = cast
+        self._run = ScanRun(Scanner(scan_settings(order)), ScanDiary())
+        self._checkpoints: Checkpoints[ScanRun] = Checkpoints()
+        self._growing, self._place = GrowingSurface(number), ScanPlace()
+        self._frame: DepthFrame | None = None
+        self._orders: deque[Scan] = deque()
+        self._messages: deque[ScanMessage | ScanPieceMessage] = deque()
+        self._wake, self._ended = threading.Condition(), False
+        self.phase: Phase = "scanning"
+        self._tracking, self._now_ns, self._note = "", 0, ("", "")
+        self._camera: Float | None = None
+        self._told = self._shown = 0.0
+
+    def offer(self, frame: DepthFrame, *, waits: bool = False) -> bool:
+        """Gives the newest image; one that was not looked at yet is passed over, or waited for a moment.
+
+        Returns:
+            False where it is to be given again, since the one before still waits.
+        """
+        with self._wake:
+            waits = waits and self.phase == "scanning"
+            if waits and not self._wake.wait_for(lambda: self._frame is None, _WAITS):
+                return False
+            self._frame = frame
+            self._wake.notify_all()
+        return True
+
+    def ask(self, order: Scan) -> None:
+        """Carries out a viewer's order, soon.
+
+        Raises:
+            InputError: where it cannot be done now.
+        """
+        if self.phase == "finishing":
+            raise InputError("the mesh is being made", where="scan", mend="Wait until it stands there.")
+        if order.do == "undo" and not self._checkpoints.seconds(self._now_ns):
+            raise InputError("there is nothing to take back", where="scan", mend="Cancel it, or scan on.")
+        if order.do == "done":
+            self.phase = "finishing"
+        with self._wake:
+            self._orders.append(order)
+            self._wake.notify()
+
+    def messages(self) -> list[ScanMessage | ScanPieceMessage]:
+        """Returns what is to be told to viewers since the last call."""
+        found = []
+        while self._messages:
+            found.append(self._messages.popleft())
+        return found
+
+    def end(self) -> None:
+        """Ends it, soon; what was scanned is forgotten."""
+        with self._wake:
+            self._ended = True
+            self._wake.notify()
+
+    def run(self) -> None:
+        """Fuses images and carries out orders, until it is ended."""
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._ended or self._orders or self._frame, _TOLD_EVERY)
+                if self._ended:
+                    return
+                frame, self._frame = self._frame, None
+                self._wake.notify_all()
+                order = self._orders.popleft() if self._orders else None
+            try:
+                if order is not None:
+                    self._obey(order)
+                elif frame is not None and self.phase == "scanning":
+                    self._fuse(frame)
+            except EnlivenError as error:
+                self._fail(error)
+            except Exception as error:  # the edge's loop goes on, and the scan says why it does not
+                log.exception("the scan failed")
+                mend = "Cancel it and scan again; the log of the edge says more."
+                self._fail(InputError(f"the scan failed ({type(error).__name__})", where="scan", mend=mend))
+            self._tell()
+
+    def _fuse(self, frame: DepthFrame) -> None:
+        """Adds an image."""
+        run = self._run
+        step = run.scanner.add(frame)
+        run.diary.add(step, frame.time_ns)
+        self._tracking, self._now_ns = step.state.value, frame.time_ns
+        self._camera = step.world_from_camera
+        if step.state is ScanState.SCANNING:
+            self._checkpoints.offer(run, frame.time_ns, run.scanner.megabytes)
+
+    def _obey(self, order: Scan) -> None:
+        """Does what a viewer asked for."""
+        self._note = ("", "")
+        if order.do == "pause" and self.phase == "scanning":
+            self.phase = "paused"
+        elif order.do == "go on":
+            self.phase = "scanning"
+        elif order.do == "undo":
+            before = self._checkpoints.back(self._now_ns)
+            self._run = before or self._run
+            self._camera = self._run.scanner.poses[-1][1] if self._run.scanner.poses else None
+        elif order.do == "done":
+            self.phase = "finishing"
+            self._tell(at_once=True)
+            self._finish(order)
+
+    def _finish(self, order: Scan) -> None:
+        """Makes the character."""
+        run, name = self._run, self.order.name or "scan"
+        run.diary.refuse("scan")
+        kept: Kept = "all" if order.whole else "thing" if self.order.within is None else "alone"
+        made = finished(run.scanner, kept, _TRIANGLES, name)
+        self.actor = self._cast(made.mesh, name)
+        self._note = next(iter(run.diary.advice()), "")[:160], ""
+        self.phase = "done"
+
+    def _fail(self, error: EnlivenError) -> None:
+        """Says what is wrong; the scan goes on where it is asked to."""
+        self.phase = "failed"
+        self._note = error.what[:160], error.mend[:160]
+
+    def _tell(self, *, at_once: bool = False) -> None:
+        """Tells how it goes, and the pieces that changed."""
+        now, scanner = time.monotonic(), self._run.scanner
+        if now - self._shown >= _SHOWN_EVERY and self.phase in ("scanning", "paused", "failed"):
+            since, self._shown = min(now - self._shown, 1.0), now
+            self._messages.extend(self._growing.changes(scanner.volumes[0], round(_BYTES * since)))
+            self._place.look(scanner)
+        if at_once or now - self._told >= _TOLD_EVERY or self.phase == "done":
+            self._told = now
+            self._messages.append(self._message())
+
+    def _message(self) -> ScanMessage:
+        diary, place = self._run.diary, self._place
+        return ScanMessage(
+            number=self.number,
+            phase=self.phase,
+            tracking=self._tracking,
+            time_ns=self._now_ns,
+            fused=diary.counts[ScanState.SCANNING],
+            way=diary.way,
+            full=diary.full,
+            undoable=self._checkpoints.seconds(self._now_ns),
+            missing=place.missing,
+            stage_from_scan=place.rows(),
+            stage_from_camera=[] if self._camera is None else place.rows(self._camera),
+            view=place.view,
+            character=(self.order.name or "") if self.phase == "done" else "",
+            note=self._note[0],
+            mend=self._note[1],
+        )

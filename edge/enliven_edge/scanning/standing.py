@@ -1,0 +1,79 @@
+"""Where a scan stands on the stage while it grows: on the floor that it shows, its middle over the origin."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from enliven import rotation
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.scanning import Ground, Scanner, find_ground, focus_of, surface_of
+from enliven_edge.scanning.missing import next_view
+
+_LOOKED_EVERY = 1.0
+"""Seconds between two looks at the whole of it, each 0.15 s."""
+_CARRIED = 1.2
+"""Metres above the floor at which a camera is carried, until the floor is seen."""
+_MOVED = 0.03
+"""Metres by which the floor or the middle must move before the picture follows: it is not to tremble."""
+_SETTLED = 30
+"""Images from which on the middle stays where it is; before that the camera may still come to the thing."""
+
+
+class ScanPlace:
+    """The floor, the middle and what is missing of a scan, looked for now and then.
+
+    Attributes:
+        missing: share of the surface near the middle that was not seen.
+        view: six metres on the stage, from where most of it is seen and what to look at; or empty.
+    """
+
+    def __init__(self) -> None:
+        self.stage_from_scan = np.eye(4)
+        self.stage_from_scan[1, 3] = _CARRIED
+        self.missing, self.view = 1.0, list[float]()
+        self._looked, self._found = 0.0, False
+
+    def look(self, scanner: Scanner) -> None:
+        """Looks for the floor, the middle and the next best view, where the last look is old."""
+        now = time.monotonic()
+        if now - self._looked < _LOOKED_EVERY or not scanner.poses:
+            return
+        self._looked = now
+        mesh, poses = surface_of(scanner.volumes[1]), [pose for _, pose in scanner.poses]
+        focus = focus_of(poses)
+        try:
+            ground = find_ground(mesh, settings=scanner.settings.cut_out)
+        except InputError:
+            ground = Ground(np.array([0.0, 1.0, 0.0]), -_CARRIED, 0.0)
+        self._follow(ground, focus, len(poses))
+        away = float(np.median([np.linalg.norm(pose[:3, 3] - focus) for pose in poses]))
+        found = next_view(mesh, ground, focus, away)
+        self.missing, self.view = min(found.missing, 1.0), []
+        if found.eye is not None:
+            self.view = [*self._on_stage(found.eye), *self._on_stage(focus)]
+
+    def rows(self, pose: Float | None = None) -> list[float]:
+        """Returns the twelve numbers of a pose (4, 4) of the scan's world, or of that, on the stage."""
+        whole = self.stage_from_scan if pose is None else self.stage_from_scan @ pose
+        return [float(x) for x in whole[:3].ravel()]
+
+    def _on_stage(self, point: Float) -> list[float]:
+        return [float(x) for x in self.stage_from_scan[:3, :3] @ point + self.stage_from_scan[:3, 3]]
+
+    def _follow(self, ground: Ground, focus: Float, images: int) -> None:
+        """Puts the floor at y = 0 and the middle above the origin, where they moved."""
+        turn = np.asarray(rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0]))))
+        wanted = np.eye(4)
+        wanted[:3, :3], wanted[:3, 3] = turn, -(turn @ focus)
+        wanted[1, 3] = -ground.offset
+        if self._found and images > _SETTLED:
+            # The middle is where it was; only the floor is followed.
+            kept = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]
+            wanted[[0, 2], 3] = -(turn @ kept[:3])[[0, 2]]
+        corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]], float)
+        moved = corners @ (wanted - self.stage_from_scan).T
+        if not self._found or np.linalg.norm(moved, axis=1).max() > _MOVED:
+            self.stage_from_scan, self._found = wanted, True

@@ -1,0 +1,163 @@
+"""Scans that viewers ask for: begun, told to all, and put on the stage; one at a time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import msgspec
+import numpy as np
+
+from enliven.errors import InputError
+from enliven.frames import DepthFrame, Frame
+from enliven.meshes import Mesh
+from enliven.wire import Scan, ScanMessage
+from enliven_edge.settings import EdgeSettings
+from enliven_edge.stage import Stage, cast_mesh
+
+if TYPE_CHECKING:
+    from enliven.possession import Actor
+    from enliven_edge.scanning import LiveScan
+
+_GAP = 0.4
+"""Metres of floor between what was scanned and what stands on the stage already."""
+
+
+class Told(Protocol):
+    """What scans tell viewers by."""
+
+    def send(self, message: Any, time_ns: int) -> None:
+        """Sends a message to all viewers."""
+
+    def forget(self, topic: str) -> None:
+        """Forgets what viewers that come later were to be told of a topic."""
+
+
+class _Beginning(threading.Thread):
+    """Loads what a scan needs, which an edge that never scans does not load, while the frames go on."""
+
+    def __init__(self, number: int, order: Scan, cast: Callable[[Mesh, str], Actor]) -> None:
+        super().__init__(name="beginning of a scan", daemon=True)
+        self._begun = number, order, cast
+        self.scan: LiveScan | None = None
+
+    def run(self) -> None:
+        from enliven_edge.scanning import LiveScan
+
+        self.scan = LiveScan(*self._begun)
+
+
+class Scans:
+    """The scan that is under way on an edge.
+
+    Args:
+        stage: where what was scanned stands at last.
+        settings: how characters are cast.
+    """
+
+    def __init__(self, stage: Stage, settings: EdgeSettings | None = None) -> None:
+        self._stage, self._settings = stage, settings or EdgeSettings()
+        self._scan: LiveScan | None = None
+        self._beginning: _Beginning | None = None
+        self._number = 0
+        self._begun = self._ended = False
+
+    @property
+    def active(self) -> bool:
+        """Whether the camera is carried about: no performers are looked for then."""
+        under_way = self._scan is not None and self._scan.phase in ("scanning", "paused", "failed")
+        return under_way or self._beginning is not None
+
+    def ask(self, order: Scan) -> None:
+        """Carries out a viewer's order.
+
+        Raises:
+            InputError: where it cannot be done now.
+        """
+        if order.do == "start":
+            self._start(order)
+        elif self._beginning is not None and order.do != "cancel":
+            raise InputError("the scan begins just now", where="scan", mend="Ask again in a moment.")
+        elif self._scan is None and self._beginning is None:
+            raise InputError("nothing is scanned", where="scan", mend="Start a scan first.")
+        elif order.do == "cancel":
+            self.close()
+            self._ended = True
+        elif self._scan is not None:
+            self._scan.ask(order)
+
+    def take(self, frame: Frame, *, waits: bool = False) -> bool:
+        """Gives the scan an image of the sensor; False where it has to wait and come again."""
+        if self._scan is None or not isinstance(frame, DepthFrame):
+            return True
+        return self._scan.offer(frame, waits=waits)
+
+    def poll(self, told: Told) -> None:
+        """Tells viewers how it goes, and puts what was scanned on the stage; call it once a frame."""
+        if self._begun or self._ended:
+            told.forget("scan piece")
+        if self._ended:
+            told.send(ScanMessage(self._number), 0)
+        if self._begun and self._beginning is not None:
+            # Not where it was asked for: loading takes long, and the viewer's other orders would wait for it.
+            self._beginning.start()
+        self._begun = self._ended = False
+        if self._beginning is not None and self._beginning.scan is not None:
+            self._scan, self._beginning = self._beginning.scan, None
+            self._scan.start()
+        scan = self._scan
+        if scan is None:
+            return
+        actor, scan.actor = scan.actor, None
+        if actor is not None:
+            self._stage.put(actor)
+            told.forget("scan piece")
+        for message in scan.messages():
+            told.send(message, getattr(message, "time_ns", 0))
+
+    def close(self) -> None:
+        """Ends the scan; what was not made a character of is forgotten."""
+        if self._scan is not None:
+            self._scan.end()
+        self._scan = self._beginning = None
+
+    def _start(self, order: Scan) -> None:
+        """Begins a scan in the place of one that was done or went wrong."""
+        if self._beginning is not None or (
+            self._scan is not None and self._scan.phase not in ("done", "failed")
+        ):
+            raise InputError("a scan is under way", where="scan", mend="Finish or cancel it first.")
+        self.close()
+        self._number += 1
+        self._begun = True
+        name = order.name or self._free_name()
+        named = msgspec.structs.replace(order, name=name)
+        self._beginning = _Beginning(self._number, named, self._caster())
+
+    def _caster(self) -> Callable[[Mesh, str], Actor]:
+        """Returns what makes the actor of a scanned mesh, ready for its first frame."""
+        nodes, settings = self._settings.nodes, self._settings.actor
+
+        def made(mesh: Mesh, name: str) -> Actor:
+            actor = cast_mesh(self._beside(mesh, name), name, nodes, settings, fit=False)
+            actor.warm_up()
+            return actor
+
+        return made
+
+    def _beside(self, mesh: Mesh, name: str) -> Mesh:
+        """Returns the mesh where no other character of the stage stands at rest."""
+        others = [one.vertices[:, 0].max() for own, one in self._stage.characters.items() if own != name]
+        if not others:
+            return mesh
+        aside = max(others) + _GAP - mesh.vertices[:, 0].min()
+        return replace(mesh, vertices=mesh.vertices + np.array([aside, 0.0, 0.0]))
+
+    def _free_name(self) -> str:
+        """Returns "scan", or the first of "scan 2", "scan 3", ... that nothing on the stage has."""
+        names, number = self._stage.characters, 1
+        while (name := "scan" if number == 1 else f"scan {number}") in names:
+            number += 1
+        return name

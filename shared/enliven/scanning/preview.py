@@ -1,0 +1,178 @@
+"""The surface of a scan in pieces, coarser than the final one, to be looked at while it grows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32, UInt8, UInt16
+from enliven.kernels import njit
+from enliven.scanning.blocks import SIDE, VOXELS
+from enliven.scanning.cube_table import MOST_TRIANGLES, STARTS, triangle_table
+from enliven.scanning.volume import DistanceVolume
+
+PIECE = 8
+"""Blocks along a side of a piece: 26 cm at 4 mm."""
+STEPS = 512
+"""Steps of a voxel in which a piece tells its places: its side, 64 voxels, has 32768."""
+PIECE_STEPS = PIECE * SIDE * STEPS
+"""Steps of a piece's side."""
+_STRIDE = 2
+"""Voxels of a cell's side: a quarter of the triangles, and legs of 2 cm still stand."""
+_CELLS = SIDE // _STRIDE
+"""Cells along a side of a block."""
+_SUPPORT = 0.05
+"""Sum of weights from which a voxel is shown: half of what the final surface needs."""
+_WELL = 1.2
+"""Sum of weights of a voxel that was seen well: six looks from a metre and a half."""
+_STARTS = np.array(STARTS, np.int32)
+"""(3, 4) by axis, the corners where a cell's edges begin."""
+
+
+@dataclass(frozen=True)
+class ScanPiece:
+    """A part of the surface.
+
+    Attributes:
+        place: (3,) of the piece, in sides of pieces from the scan's origin.
+        places: (V, 3) uint16 in ``step`` metres from the piece's corner.
+        colours: (V, 3) uint8 sRGB, or None.
+        seen: (V,) uint8, 255 where the surface was seen well.
+        faces: (F, 3) int32.
+        step: metres.
+    """
+
+    place: tuple[int, int, int]
+    places: UInt16
+    colours: UInt8 | None
+    seen: UInt8
+    faces: Int32
+    step: float
+
+    @property
+    def vertices(self) -> Float:
+        """(V, 3) metres, the scan's world."""
+        return (self.places + np.array(self.place) * float(PIECE_STEPS)) * self.step
+
+
+@dataclass(frozen=True)
+class PieceSums:
+    """What a volume has of each piece.
+
+    Attributes:
+        places: (P, 3) of the pieces.
+        counts: (P,) their blocks with a surface.
+        weights: (P,) sums of the weights in these.
+        piece: (B,) the piece of each of those blocks.
+        blocks: (B,) its number in the volume.
+    """
+
+    places: Int
+    counts: Int
+    weights: Float
+    piece: Int
+    blocks: Int
+
+
+def piece_sums(volume: DistanceVolume) -> PieceSums:
+    """Returns what a volume has of each piece, to tell which changed."""
+    count = volume.blocks.count
+    beside, solid = volume.blocks.beside[:count], volume.solid[:count]
+    # A cell lies in its block, and its far corners in those beside it.
+    blocks = np.flatnonzero((solid[np.maximum(beside, 0)] & (beside >= 0)).any(1))
+    weights = np.empty(len(blocks))
+    _weigh(blocks, volume.weight, weights)
+    own = volume.blocks.places[blocks].astype(np.int64) // PIECE
+    places, piece = np.unique(own, axis=0, return_inverse=True)
+    piece = piece.reshape(-1).astype(np.int64)
+    counts = np.bincount(piece, minlength=len(places)).astype(np.int64)
+    sums = np.asarray(np.bincount(piece, weights, len(places)), np.float64)
+    return PieceSums(places, counts, sums, piece, blocks)
+
+
+def piece_of(volume: DistanceVolume, place: tuple[int, int, int], blocks: Int) -> ScanPiece:
+    """Returns the surface in the given blocks (B,) of a piece."""
+    most = len(blocks) * _CELLS**3 * MOST_TRIANGLES * 3
+    places, seen = np.empty((most, 3), np.uint16), np.empty(most, np.uint8)
+    colours = np.zeros((most if len(volume.hue) else 0, 3), np.uint8)
+    corner = np.array(place, np.int64) * PIECE
+    used = _cells(
+        blocks, volume.blocks.beside, volume.blocks.places, corner, volume.distance, volume.weight,
+        volume.hue, triangle_table(), places, colours, seen,
+    )  # fmt: skip
+    wide = places[:used].astype(np.int64)
+    keys = wide[:, 0] << 32 | wide[:, 1] << 16 | wide[:, 2]
+    _, first, number = np.unique(keys, return_index=True, return_inverse=True)
+    faces = number.reshape(-1, 3).astype(np.int32)
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    tinted = colours[:used][first] if len(volume.hue) else None
+    step = volume.band.voxel / STEPS
+    return ScanPiece(place, places[:used][first], tinted, seen[:used][first], faces[whole], step)
+
+
+@njit(cache=True, nogil=True)
+def _weigh(blocks, weight, sums):  # type: ignore[no-untyped-def]
+    """Fills the sums of the blocks' weights."""
+    for n in range(len(blocks)):
+        total = 0.0
+        for i in range(VOXELS):
+            total += weight[blocks[n], i]
+        sums[n] = total
+
+
+@njit(cache=True, nogil=True)
+def _voxel(b, x, y, z, beside):  # type: ignore[no-untyped-def]
+    """Returns the block and the voxel at a place of a block, up to one beyond its end."""
+    other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
+    return other, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
+
+
+@njit(cache=True, nogil=True)
+def _case(b, x, y, z, beside, distance, weight):  # type: ignore[no-untyped-def]
+    """Returns the case of a cell; 0 where a corner is not known."""
+    case = 0
+    for k in range(8):
+        at = (x + _STRIDE * (k & 1), y + _STRIDE * ((k >> 1) & 1), z + _STRIDE * (k >> 2))
+        other, i = _voxel(b, at[0], at[1], at[2], beside)
+        if other < 0 or weight[other, i] < _SUPPORT:
+            return 0
+        case |= (1 << k) if distance[other, i] < 0.0 else 0
+    return case
+
+
+@njit(cache=True, nogil=True)
+def _cells(blocks, beside, at, corner, distance, weight, hue, table, places, colours, seen):  # type: ignore[no-untyped-def]
+    """Fills the corners of the triangles, three by three; returns how many corners they are."""
+    used = 0
+    place = np.empty(3, np.int64)
+    for b in blocks:
+        for cell in range(_CELLS**3):
+            x, y = _STRIDE * (cell % _CELLS), _STRIDE * (cell // _CELLS % _CELLS)
+            z = _STRIDE * (cell // _CELLS**2)
+            case = _case(b, x, y, z, beside, distance, weight)
+            if case == 0 or case == 255:
+                continue
+            k = 0
+            while table[case, k] >= 0:
+                axis, start = table[case, k] // 4, _STARTS[table[case, k] // 4, table[case, k] % 4]
+                place[0], place[1] = x + _STRIDE * (start & 1), y + _STRIDE * ((start >> 1) & 1)
+                place[2] = z + _STRIDE * (start >> 2)
+                one, i = _voxel(b, place[0], place[1], place[2], beside)
+                place[axis] += _STRIDE
+                two, j = _voxel(b, place[0], place[1], place[2], beside)
+                place[axis] -= _STRIDE
+                share = distance[one, i] / (distance[one, i] - distance[two, j])
+                for c in range(3):
+                    voxels = SIDE * (at[b, c] - corner[c]) + place[c] + _STRIDE * share * (axis == c)
+                    places[used, c] = np.uint16(voxels * STEPS + 0.5)
+                for c in range(len(colours) and 3):
+                    # Where only one end has a colour, it is the vertex's; 0 is none.
+                    first = hue[one, i, c] if hue[one, i, c] > 0 else hue[two, j, c]
+                    second = hue[two, j, c] if hue[two, j, c] > 0 else first
+                    colours[used, c] = np.uint8(min((first + share * (float(second) - first)) / 256.0, 255.0))
+                known = min(weight[one, i], weight[two, j]) / _WELL
+                seen[used] = np.uint8(min(255.0 * known, 255.0))
+                used += 1
+                k += 1
+    return used

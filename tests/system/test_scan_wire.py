@@ -1,0 +1,189 @@
+"""Scanning over the wire: an edge scans what its camera sees, a viewer that comes late sees all of it."""
+
+import sys
+import time
+import uuid
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from patience import PATIENCE
+
+from enliven.errors import InputError
+from enliven.frames import Frame
+from enliven.samples import load_sample
+from enliven.wire import SCAN, SCAN_PIECE, Refused, Scan, ScanMessage
+from enliven_edge.network.outlet import Outlet
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage import Stage, cast_mesh
+from enliven_edge.tracking import Tracker
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.scene import Box
+from enliven_viewer.link import EdgeClient
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "synthesis"))
+from test_handheld import box_mesh
+
+THING = box_mesh(Box((-0.2, 0.0, -0.15), (0.2, 0.5, 0.15)))
+PATH = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.2, height=(0.8, 1.0), turns=1.0, seconds=6.0)
+
+
+@pytest.fixture(scope="module")
+def frames():
+    take = HandheldScan(THING, load_profile("kinect1"), PATH, width=320, colour=True)
+    return [take.frame(index) for index in range(0, take.frames, 5)]
+
+
+class Reel:
+    """A sensor that shows what it is given."""
+
+    name, fps, recorded = "reel", 30.0, True
+
+    def read(self, timeout: float | None = None) -> Frame | None:
+        raise TimeoutError
+
+
+class Running:
+    """An edge that scans, and viewers of it."""
+
+    def __init__(self, actors=()) -> None:
+        wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
+        self.outlet = Outlet(wire, "reel")
+        self.stage = Stage(actors)
+        self.edge = Edge(Reel(), Tracker(), self.stage, self.outlet)
+        self.viewers: list[EdgeClient] = []
+        self.answers: list[object] = []
+
+    def viewer(self) -> EdgeClient:
+        self.viewers.append(EdgeClient([self.outlet.publisher.endpoint]))
+        self.until(lambda: self.viewers[-1].status, "a viewer")
+        return self.viewers[-1]
+
+    def until(self, done, what: str) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not done():
+            assert time.monotonic() < deadline, f"{what}: it never came to be"
+            self.edge._wait()
+            self.edge._listen()
+            for viewer in self.viewers:
+                viewer.poll()
+            time.sleep(0.002)
+
+    def ask(self, order: Scan) -> object:
+        count = len(self.answers)
+        self.viewers[0].ask(order, self.answers.append)
+        self.until(lambda: len(self.answers) > count, order.do)
+        return self.answers[-1]
+
+    def said(self, viewer: int = 0) -> ScanMessage:
+        return self.viewers[viewer].latest(SCAN).get("", ScanMessage())
+
+    def show(self, frames) -> None:
+        self.shown = getattr(self, "shown", 0) + 1
+        later = [replace(one, time_ns=one.time_ns + self.shown * 10**11) for one in frames]
+        for frame in later:
+            self.edge.step(frame)
+        self.until(lambda: self.said().time_ns == later[-1].time_ns, "the last image")
+
+    def close(self) -> None:
+        self.edge.scans.close()
+        for viewer in self.viewers:
+            viewer.close()
+        self.outlet.close()
+
+
+@pytest.fixture
+def running():
+    one = Running()
+    yield one
+    one.close()
+
+
+def seen(viewer: EdgeClient, number: int = 1) -> set[str]:
+    return {key for key, one in viewer.latest(SCAN_PIECE).items() if one.number == number and one.seen}
+
+
+def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames) -> None:
+    viewer = running.viewer()
+    assert isinstance(running.ask(Scan("pause")), Refused), "nothing is scanned"
+    running.ask(Scan("start", name="box", voxel=0.008))
+    assert "a scan" in running.ask(Scan("start")).reason or "begins" in running.answers[-1].reason
+    running.until(lambda: running.said().phase == "scanning", "the beginning")
+    running.show(frames[:6])
+    running.until(lambda: seen(viewer) and running.said().view, "a surface, and a way to go on")
+    begun = running.said().missing
+    running.show(frames[6:22])
+    running.until(lambda: len(seen(viewer)) > 4 and running.said().missing < begun, "more of it")
+    said = running.said()
+    eye = np.array(said.stage_from_camera).reshape(3, 4)[:, 3]
+    assert 0.7 < eye[1] < 1.1 and 0.9 < np.hypot(eye[0], eye[2]) < 1.5, "it stands on the floor"
+    assert said.undoable > 1.0 and said.way > 1.0 and 0.0 < said.missing < 1.0
+    late = running.viewer()
+    running.until(lambda: seen(late) >= seen(viewer), "all of it for who comes late")
+    running.ask(Scan("pause"))
+    running.until(lambda: running.said().phase == "paused", "the pause")
+    running.ask(Scan("undo"))
+    running.until(lambda: running.said().fused < said.fused, "the last seconds back")
+    running.ask(Scan("go on"))
+    running.until(lambda: running.said().phase == "scanning", "more")
+    running.show(frames[12:])
+    running.ask(Scan("done"))
+    assert isinstance(running.ask(Scan("go on")), Refused), "it is being made"
+    running.until(lambda: "box" in viewer.characters and "box" in late.characters, "the character")
+    running.until(lambda: running.said().phase == "done", "the end")
+    made = viewer.characters["box"]
+    size = np.ptp(made.vertices, axis=0)
+    assert abs(size[1] - 0.5) < 0.03 and made.colours is not None and running.said().character == "box"
+    running.until(lambda: not running.edge.scans.active, "performers again")
+    # Scanning on adds to it.
+    before = running.said().fused
+    running.ask(Scan("go on"))
+    running.show(frames[-8:])
+    running.ask(Scan("done"))
+    running.until(lambda: running.said().phase == "done" and viewer.characters["box"] is not made, "again")
+    assert running.said().fused > before and list(running.stage.characters) == ["box"]
+
+
+def test_a_scan_that_cannot_be_made_says_why_and_goes_on_and_a_cancelled_one_is_gone(running, frames) -> None:
+    viewer = running.viewer()
+    running.ask(Scan("start", voxel=0.016))
+    running.until(lambda: running.said().phase == "scanning", "the beginning")
+    for n in range(4):
+        running.edge.step(replace(frames[0], time_ns=n * 1_000_000))
+    running.until(lambda: running.said().fused > 1, "images")
+    running.ask(Scan("done"))
+    running.until(lambda: running.said().phase == "failed", "the refusal")
+    assert "moved 0 cm" in running.said().note and "round the thing" in running.said().mend
+    running.ask(Scan("go on"))
+    running.show(frames[1:8])
+    running.until(lambda: seen(viewer), "a surface")
+    running.ask(Scan("cancel"))
+    running.until(lambda: running.said().phase == "off", "the end of it")
+    late = running.viewer()
+    running.until(lambda: late.latest(SCAN), "what is told late")
+    assert not late.latest(SCAN_PIECE) and not running.stage.characters
+    with pytest.raises(InputError, match="nothing is scanned"):
+        running.edge.carry_out(Scan("done"))
+
+
+def test_what_was_scanned_stands_beside_what_is_there(frames) -> None:
+    chair = cast_mesh(load_sample("chair"), "chair", 32, fit=False)
+    running = Running([chair])
+    try:
+        viewer = running.viewer()
+        running.ask(Scan("start", voxel=0.016))
+        running.until(lambda: running.said().phase == "scanning", "the beginning")
+        running.show(frames[:12])
+        running.ask(Scan("done"))
+        running.until(lambda: "scan" in viewer.characters, "the character")
+        apart = viewer.characters["scan"].vertices[:, 0].min() - chair.character.vertices[:, 0].max()
+        assert apart == pytest.approx(0.4, abs=1e-3)
+    finally:
+        running.close()
+
+
+def test_a_made_up_box_is_refused() -> None:
+    with pytest.raises(ValueError, match="6 numbers"):
+        Scan("done", box=[0.0, 1.0])

@@ -1,0 +1,145 @@
+"""Scans in the real window with a real edge that replays a carried camera; prints what came of it.
+
+xvfb-run -a .venv/bin/python tests/viewer/scan_session.py FOLDER CARRIED.mcap [FOLDER OF PICTURES]
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from imgui_bundle import ImVec2, hello_imgui, imgui
+from PIL import Image
+
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.scan.words import advice_of
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+PATIENCE = 200.0
+"""Seconds in which anything has happened: kernels may have to be compiled first."""
+said: dict[str, object] = {"done": False}
+wanted: list[str] = []
+
+
+def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: str) -> None:
+    """What an artist does."""
+    workspace = window.workspace
+    editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
+
+    def until(done: Callable[[], object], what: str) -> None:
+        end = time.monotonic() + PATIENCE
+        while not done():
+            if time.monotonic() > end:
+                said["missing"] = [what, str(scan.said)[:400], [toast.text for toast in editor.toasts.shown]]
+                raise TimeoutError(what)
+            ctx.yield_()
+
+    def click(name: str) -> None:
+        until(lambda: not scan.lacks_stage(), "an edge that is heard")
+        ctx.yield_(2)
+        left, top, right, bottom = workspace.widget(name)
+        ctx.mouse_move_to_pos(ImVec2(min((left + right) / 2, left + 40), (top + bottom) / 2))
+        ctx.mouse_click(0)
+        ctx.yield_()
+
+    def press(name: str, done: Callable[[], object]) -> None:
+        """Click until it had its effect: on a busy machine the edge may be silent just then."""
+        end = time.monotonic() + PATIENCE
+        while not done() and time.monotonic() < end:
+            click(name)
+            for _ in range(60):
+                if not done():
+                    ctx.yield_()
+        until(done, name)
+
+    def shot(name: str) -> None:
+        ctx.yield_(2)
+        wanted.append(name)
+        until(lambda: not wanted, "a picture")
+
+    said["lacks"] = workspace.actions["scan.start"].why_not()
+    workspace.actions.do("scan.open")
+    shot("before")
+    words = ("--recording", recording, "--loop", "--speed", "0.5")
+    perform.connect_nearby(*words)
+    until(lambda: perform.connected and perform.standing, "the stage")
+    shot("ready")
+    click("scan room")
+    press("scan start", lambda: scan.active)
+    until(lambda: scan.said.fused > 3 and scan.surface, "a surface")
+    shot("begun")
+    first = len(scan.surface[0].faces)
+    until(lambda: scan.said.fused > 20 and scan.said.view, "more of it")
+    said["grown"] = [first, len(scan.surface[0].faces)]
+    said["words"] = advice_of(scan.said).text
+    shot("growing")
+    press("scan pause", lambda: scan.said.phase == "paused")
+    shot("paused")
+    before = scan.said.fused
+    press("scan undo", lambda: scan.said.fused < before)
+    said["undone"] = [before, scan.said.fused]
+    press("scan pause", lambda: scan.said.phase == "scanning")
+    until(lambda: scan.said.fused > 40, "the rest")
+    shot("round")
+    press("scan done", lambda: scan.said.phase in ("finishing", "done"))
+    shot("making")
+    until(lambda: "scan" in editor.project.characters, "the character")
+    until(lambda: "scan" in perform.standing and not scan.shown, "it on the stage")
+    ctx.yield_(20)
+    one = editor.project.characters["scan"]
+    said["scanned"] = [len(one.mesh.faces), np.ptp(one.mesh.vertices, axis=0).round(2).tolist()]
+    said["chosen"] = [editor.selection.character, editor.history.undo_name, one.mesh.colours is not None]
+    shot("done")
+    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))
+    ctx.yield_()
+    said["undone edit"] = sorted(editor.project.characters)
+    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.mod_shift) | int(imgui.Key.z))
+    ctx.yield_()
+    fused = scan.said.fused
+    workspace.actions.do("scan.again")
+    until(lambda: scan.said.phase == "scanning" and scan.said.fused > fused + 5, "more of the same thing")
+    workspace.actions.do("scan.done")
+    until(lambda: editor.history.undo_name == "add to the scan scan", "the second making")
+    said["again"] = [sorted(editor.project.characters), scan.said.fused > fused + 5]
+    said["done"] = True
+    workspace.store.forget()
+    window.close()
+
+
+def main() -> None:
+    folder = Path(sys.argv[1])
+    large = len(sys.argv) > 3
+    render = RenderSettings() if large else RenderSettings(shadow_size=64, contact_size=32, samples=1)
+    settings = StudioSettings(render=render, width=1280 if large else 900, height=760 if large else 640)
+    workspace = Workspace.new(Editor(settings), folder)
+    window = StudioWindow(workspace)
+
+    def register() -> None:
+        engine = hello_imgui.get_imgui_test_engine()
+        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
+        test = imgui.test_engine.register_test(engine, "studio", "scan")
+        test.test_func = lambda ctx: work(ctx, window, sys.argv[2])
+        imgui.test_engine.queue_test(engine, test)
+
+    def after(window: StudioWindow) -> None:
+        while wanted:
+            name = wanted.pop()
+            if large:
+                Image.fromarray(window.pixels()).save(Path(sys.argv[3]) / f"{name}.png")
+        if "missing" in said:
+            workspace.store.forget()
+            window.close()
+
+    window.run(seconds=570, after=after, register_tests=register)
+    print(json.dumps(said, default=str))
+
+
+if __name__ == "__main__":
+    main()

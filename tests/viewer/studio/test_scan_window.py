@@ -1,0 +1,98 @@
+"""Scanning in the studio's real window with a real edge that replays a camera carried round a chair."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from enliven.recording import Recorder
+from enliven.samples import load_sample
+from enliven.wire import ScanMessage
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_viewer.render import OrbitCamera
+from enliven_viewer.studio.scan import advice_of, scan_marks
+from enliven_viewer.studio.viewport import Fill, Lens
+
+SESSION = Path(__file__).parents[1] / "scan_session.py"
+PATH = HandheldPath(target=(0.0, 0.45, 0.0), radius=1.3, height=(0.7, 1.3), turns=1.0, seconds=8.0)
+
+
+@pytest.fixture(scope="module")
+def carried(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scan") / "carried.mcap"
+    take = HandheldScan(load_sample("chair"), load_profile("kinect1"), PATH, width=320, colour=True)
+    with Recorder(path) as recorder:
+        for index in range(0, take.frames, 5):
+            recorder.write_frame(take.frame(index))
+    return path
+
+
+def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Path) -> None:
+    command = [sys.executable, str(SESSION), str(tmp_path), str(carried)]
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        if shutil.which("xvfb-run") is None:
+            pytest.skip("there is no display, and no xvfb-run to make one")
+        command = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24", *command]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout.splitlines()[-1])
+    assert said["done"], said
+    assert said["lacks"].startswith("No stage is connected")
+    assert said["grown"][1] > 1.3 * said["grown"][0] > 0
+    assert said["words"].startswith(("Walk", "Hold it", "Good"))
+    assert said["undone"][1] < said["undone"][0]
+    faces, (wide, tall, deep) = said["scanned"]
+    # At a centimetre, of a third of the way round: seat, legs and a part of the back.
+    assert 2000 < faces <= 50_000 and 0.4 < tall < 1.3 and wide < 0.9 and deep < 0.9
+    assert said["chosen"] == ["scan", "scan scan", True], "one edit, chosen, with its colours"
+    assert said["undone edit"] == []
+    assert said["again"] == [["scan"], True], "the same character, of more pictures"
+
+
+def message(**given: object) -> ScanMessage:
+    """A scan at 1.3 m, the camera at +z, that looks at the middle."""
+    camera = [1.0, 0, 0, 0.0, 0, -1.0, 0, 0.8, 0, 0, -1.0, 1.3]
+    usual: dict[str, object] = {"number": 1, "phase": "scanning", "tracking": "scanning"}
+    return ScanMessage(**{**usual, "stage_from_camera": camera, **given})  # type: ignore[arg-type]
+
+
+def view(angle: float, up: float = 0.8) -> list[float]:
+    return [1.3 * np.sin(angle), up, 1.3 * np.cos(angle), 0.0, 0.4, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"view": view(1.0)}, "Walk on to the right"),
+        ({"view": view(-1.0, 1.4)}, "Walk on to the left, and hold it higher"),
+        ({"view": view(3.0)}, "Walk round to the other side"),
+        ({"view": view(0.1, 0.3)}, "Hold it lower"),
+        ({"view": []}, "All round: press Done"),
+        ({"tracking": "lost", "view": view(1.0)}, "Lost: go back to where you were"),
+        ({"tracking": "empty"}, "Go nearer: nothing is seen"),
+        ({"phase": "paused"}, "Paused"),
+        ({"phase": "failed", "note": "nothing stands there"}, "nothing stands there"),
+        ({"full": True}, "It is full: nothing new is added. Press Done"),
+        ({"phase": "done"}, ""),
+    ],
+)
+def test_the_person_with_the_camera_is_told_one_thing(given: dict[str, object], words: str) -> None:
+    assert advice_of(message(**given)).text == words
+
+
+def test_the_arrow_leads_from_the_camera_to_where_it_is_wanted() -> None:
+    camera = OrbitCamera()
+    camera.frame((np.array([-1.5, 0.0, -1.5]), np.array([1.5, 1.5, 1.5])), 1.6, at_once=True)
+    lens = Lens(camera.view(1.6), (800.0, 500.0))
+    told = scan_marks(message(view=view(1.2)), lens)
+    assert any(isinstance(mark, Fill) for mark in told), "the head of the arrow"
+    lost = scan_marks(message(view=view(1.2), tracking="lost"), lens)
+    assert 0 < len(lost) < len(told) and not any(isinstance(mark, Fill) for mark in lost)
+    assert scan_marks(message(phase="done"), lens) == ()

@@ -1,0 +1,155 @@
+"""The panel of a scan, and what is said over the picture to the person who carries the camera."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
+from enliven_viewer.studio.panels.viewport_overlay import draw_mark
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.scan import ScanSession, Size, advice_of, scan_marks
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, WAIT, Colour
+
+_WHOLE = ImVec2(-1, 0)
+_HALF = ImVec2(126, 0)
+_TALL = ImVec2(-1, 38)
+_LARGE = 34.0
+"""Pixels of the words over the picture: read from three metres away, with a camera in the hands."""
+_SIZES: dict[Size, str] = {
+    "small": "Something small: a cup, a shoe",
+    "thing": "A chair, a lamp, a person",
+    "room": "A room, or a large thing",
+}
+_MOODS: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
+
+
+def draw_scan(workspace: Workspace, area: Area) -> None:
+    """Draw the panel at the right."""
+    scan = workspace.scan
+    with panel("scan", area):
+        if scan.active:
+            _under_way(workspace, scan)
+        else:
+            _before(workspace, scan)
+        imgui.dummy(ImVec2(0, 6))
+        if imgui.button("Back to the stage", _WHOLE):
+            scan.shown = False
+        workspace.remember("scan back")
+
+
+def _before(workspace: Workspace, scan: ScanSession) -> None:
+    """What is chosen before a scan."""
+    heading("Scan")
+    quiet("Carry the camera round a thing once, a metre and a half away, and it becomes a character.")
+    lacking = scan.lacks_stage()
+    if lacking:
+        with tinted(WAIT, imgui.Col_.text):
+            imgui.push_text_wrap_pos(0.0)
+            imgui.text_unformatted(lacking.partition(". ")[0])
+            imgui.pop_text_wrap_pos()
+        quiet(lacking.partition(". ")[2])
+    heading("What is it?")
+    for size, words in _SIZES.items():
+        if imgui.radio_button(words, scan.size == size):
+            scan.size = size
+        workspace.remember(f"scan {size}")
+    scan.turned = imgui.checkbox("The camera stands still, it is turned", scan.turned)[1]
+    workspace.remember("scan turned")
+    told("On a turntable, in the hands, or a person who turns once; the wall well behind, 1.5 m away")
+    heading("Its name")
+    imgui.set_next_item_width(-1)
+    scan.name = imgui.input_text_with_hint("##scan name", "scan", scan.name)[1]
+    workspace.remember("scan name")
+    imgui.begin_disabled(bool(lacking))
+    with tinted((*ACCENT[:3], 0.55), imgui.Col_.button):
+        if imgui.button("\uf030  Start", _TALL):
+            workspace.actions.do("scan.start")
+    workspace.remember("scan start")
+    imgui.end_disabled()
+    if not scan.lacks_again():
+        if imgui.button(f"Add to {scan.said.character}", _WHOLE):
+            workspace.actions.do("scan.again")
+        workspace.remember("scan again")
+        told("Scan on, for what was not seen yet: lay it on its side, or look from below")
+
+
+def _under_way(workspace: Workspace, scan: ScanSession) -> None:
+    """What is seen and done while it is scanned."""
+    said = scan.said
+    heading("Scan")
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_unformatted(f"{said.way:.1f} m round it, {said.fused} pictures")
+    imgui.pop_text_wrap_pos()
+    share = 1.0 - min(max(said.missing, 0.0), 1.0)
+    with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
+        imgui.progress_bar(share, ImVec2(-1, 10), "")
+    told(f"{100 * share:.0f} of 100 parts of what is about the middle were seen")
+    quiet("Yellow lines: seen too little yet. The arrow leads to where most is missing.")
+    if said.note:
+        quiet(said.note)
+    if said.mend:
+        quiet(said.mend)
+    heading("Go on")
+    making = said.phase == "finishing"
+    imgui.begin_disabled(making)
+    label = "\uf04c  Pause###pause" if said.phase == "scanning" else "\uf04b  Go on###pause"
+    if imgui.button(label, _HALF):
+        workspace.actions.do("scan.pause")
+    workspace.remember("scan pause")
+    imgui.same_line()
+    imgui.begin_disabled(said.undoable <= 0)
+    if imgui.button("\uf0e2  Undo", _HALF):
+        workspace.actions.do("scan.undo")
+    workspace.remember("scan undo")
+    told(f"Takes the last {said.undoable:.0f} seconds back: a hand came into view, or the camera slipped")
+    imgui.end_disabled()
+    _keeping(workspace, scan)
+    with tinted((*GOOD[:3], 0.5), imgui.Col_.button):
+        if imgui.button("It becomes a character...###done" if making else "\uf00c  Done###done", _TALL):
+            workspace.actions.do("scan.done")
+    workspace.remember("scan done")
+    told("It is cut out, stands on the stage, and can be possessed")
+    if imgui.button("Cancel", _WHOLE):
+        workspace.actions.do("scan.cancel")
+    workspace.remember("scan cancel")
+    imgui.end_disabled()
+
+
+def _keeping(workspace: Workspace, scan: ScanSession) -> None:
+    """What of it is kept."""
+    heading("What is kept")
+    if imgui.radio_button("What stands on the floor", not scan.whole):
+        scan.whole = False
+    workspace.remember("scan thing")
+    if imgui.radio_button("All that was scanned", scan.whole):
+        scan.whole = True
+    workspace.remember("scan whole")
+
+
+def draw_scan_over(workspace: Workspace, area: Area) -> None:
+    """Draw the camera, the arrow and the words over the picture."""
+    scan = workspace.scan
+    if not scan.active:
+        return
+    draw = imgui.get_background_draw_list()
+    draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
+    for mark in scan_marks(scan.said, workspace.editor.lens):
+        draw_mark(draw, area, mark)
+    advice = advice_of(scan.said)
+    if advice.text:
+        _words(draw, area, advice.text, _MOODS[advice.mood])
+    draw.pop_clip_rect()
+
+
+def _words(draw, area: Area, text: str, tint: Colour) -> None:  # type: ignore[no-untyped-def]
+    """One line of large words at the top, in the middle."""
+    grown = imgui.calc_text_size(text).x / imgui.get_font_size()
+    size = min(_LARGE, (area.width - 120.0) / max(grown, 1e-3))
+    wide = grown * size
+    x, y = area.x + (area.width - wide) / 2, area.y + 26
+    low, high = ImVec2(x - 48, y - 12), ImVec2(x + wide + 24, y + size + 12)
+    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.82)), 12.0)
+    draw.add_circle_filled(ImVec2(x - 24, y + size / 2), 9.0, packed(tint))
+    draw.add_text(imgui.get_font(), size, ImVec2(x, y), packed(INK), text)

@@ -1,0 +1,87 @@
+"""Draws a surface that grows while it is scanned, hatched where it was seen little."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int32, UInt8
+from enliven_viewer.render.gl import RenderTarget, load_program
+from enliven_viewer.theme import WAIT
+
+
+@dataclass(frozen=True, eq=False)
+class GrowingPicture:
+    """A surface as it is drawn.
+
+    Attributes:
+        vertices: (V, 3) metres, its own frame.
+        normals: (V, 3) unit.
+        colours: (V, 3) uint8 sRGB.
+        seen: (V,) uint8, 255 where it was seen well.
+        faces: (F, 3) int32.
+    """
+
+    vertices: Float32
+    normals: Float32
+    colours: UInt8
+    seen: UInt8
+    faces: Int32
+
+
+class GrowingSurfacePass:
+    """Draws over the last picture of a renderer, with the same camera, before and behind what stands there.
+
+    Args:
+        ctx: the renderer's context.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
+        self._program = load_program(ctx, "scan.vert", "scan.frag")
+        self._shown: GrowingPicture | None = None
+        self._buffers: list[moderngl.Buffer] = []
+        self._array: moderngl.VertexArray | None = None
+
+    def draw(self, picture: RenderTarget, shown: GrowingPicture, world_from_own: Float) -> None:
+        """Draw a surface where (4, 4) ``world_from_own`` puts it, and resolve the picture."""
+        self._load(shown)
+        if self._array is None:
+            return
+        picture.widen()
+        self._ctx.enable_only(moderngl.DEPTH_TEST)
+        self._ctx.depth_func = "<="
+        picture.write_depth(True)
+        self._program["world_from_own"] = tuple(np.asarray(world_from_own, float).T.ravel())
+        self._program["hatch"] = WAIT[:3]
+        self._array.render(moderngl.TRIANGLES)
+        picture.resolve()
+
+    def release(self) -> None:
+        """Give the memory on the GPU back."""
+        if self._array is not None:
+            self._array.release()
+        for buffer in self._buffers:
+            buffer.release()
+        self._array, self._buffers, self._shown = None, [], None
+
+    def _load(self, shown: GrowingPicture) -> None:
+        """Put a surface on the GPU; the same one is not sent again."""
+        if shown is self._shown:
+            return
+        self.release()
+        self._shown = shown
+        if not len(shown.faces):
+            return
+        tints = np.concatenate([shown.colours, shown.seen[:, None]], 1)
+        data = (shown.vertices.astype("f4"), shown.normals.astype("f4"), tints, shown.faces.astype("i4"))
+        places, normals, colours, order = (self._ctx.buffer(np.ascontiguousarray(one)) for one in data)
+        self._buffers = [places, normals, colours, order]
+        self._array = self._ctx.vertex_array(
+            self._program,
+            [(places, "3f", "in_position"), (normals, "3f", "in_normal"), (colours, "4f1", "in_tint")],
+            index_buffer=order,
+            index_element_size=4,
+        )

@@ -1,0 +1,77 @@
+"""The growing surface of a scan, put together of the pieces that its edge sends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int32, UInt8
+from enliven.meshes import Mesh
+from enliven.wire import ScanPieceMessage
+from enliven_viewer.studio.picture import GrowingPicture
+
+_PLAIN = np.array([205, 205, 200], np.uint8)
+"""sRGB of a surface that a camera without colours saw."""
+
+
+class GrowingMesh:
+    """The newest of each piece, as one surface.
+
+    Attributes:
+        picture: as it is drawn, in the scan's world; None without a surface. Another object once it changed.
+    """
+
+    def __init__(self) -> None:
+        self._pieces: dict[str, ScanPieceMessage] = {}
+        self.picture: GrowingPicture | None = None
+
+    def take(self, newest: Mapping[str, ScanPieceMessage], number: int) -> bool:
+        """Take in the newest message of each piece of a scan; returns whether anything changed."""
+        pieces = {key: one for key, one in newest.items() if one.number == number and one.seen}
+        same = len(pieces) == len(self._pieces)
+        if same and all(self._pieces.get(key) is one for key, one in pieces.items()):
+            return False
+        self._pieces = pieces
+        self.picture = _joined(list(pieces.values())) if pieces else None
+        return True
+
+    @property
+    def bounds(self) -> Float | None:
+        """(2, 3) metres, the scan's world, without what only strays about; None without a surface."""
+        if self.picture is None:
+            return None
+        return np.asarray(np.quantile(self.picture.vertices, [0.02, 0.98], axis=0), float)
+
+
+def _joined(pieces: list[ScanPieceMessage]) -> GrowingPicture:
+    """Returns the pieces as one surface, smooth across their seams."""
+    vertices: list[Float32] = []
+    faces: list[Int32] = []
+    colours: list[UInt8] = []
+    count = 0
+    for one in pieces:
+        steps = np.frombuffer(one.vertices, "<u2").reshape(-1, 3)
+        found = np.frombuffer(one.faces, "<u2").reshape(-1, 3).astype(np.int32)
+        found = found[(found < len(steps)).all(1)]
+        vertices.append((steps + np.array(one.place, float) * one.side).astype(np.float32) * one.step)
+        faces.append(found + count)
+        told = np.frombuffer(one.colours, np.uint8).reshape(-1, 3)
+        colours.append(told if len(told) else np.tile(_PLAIN, (len(steps), 1)))
+        count += len(steps)
+    points, joined = np.concatenate(vertices), np.concatenate(faces)
+    seen = np.concatenate([np.frombuffer(one.seen, np.uint8) for one in pieces])
+    return GrowingPicture(points, _normals(points, joined), np.concatenate(colours), seen, joined)
+
+
+def _normals(vertices: Float32, faces: Int32) -> Float32:
+    """Returns (V, 3) unit normals; vertices at one place, of neighbouring pieces, have the same."""
+    _, place = np.unique(np.round(vertices * 1e4).astype(np.int64), axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    whole = Mesh(vertices.astype(float), faces).face_vectors()
+    total = np.zeros((int(place.max(initial=-1)) + 1, 3))
+    for axis in range(3):
+        for corner in range(3):
+            total[:, axis] += np.bincount(place[faces[:, corner]], whole[:, axis], len(total))
+    lengths = np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-30)
+    return np.asarray((total / lengths)[place], np.float32)

@@ -1,0 +1,94 @@
+"""Marks over the picture of a scan: the camera where it is, and the way to where it should be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.wire import ScanMessage
+from enliven_viewer.studio.scan.words import advice_of
+from enliven_viewer.studio.viewport import Fill, Lens, Line, Point
+from enliven_viewer.theme import ACCENT, BAD, GOOD, WAIT, Colour
+
+Mark = Line | Fill
+_AHEAD = 0.16
+"""Metres from a drawn camera's eye to its picture."""
+_HALF = (0.11, 0.08)
+"""Metres, half the sides of a drawn camera's picture."""
+_BARB = 0.09
+"""Metres of the arrow's head."""
+_ALONG = 28
+"""Points of the arrow's way."""
+_FAINT = 0.75
+"""Opacity of where the camera should be."""
+
+
+def scan_marks(said: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
+    """Returns the marks of a scan that is under way, in the viewport's pixels."""
+    if said.phase not in ("scanning", "paused", "failed") or not said.stage_from_camera:
+        return ()
+    advice = advice_of(said)
+    pose = np.array(said.stage_from_camera).reshape(3, 4)
+    tint: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
+    marks = _camera(pose[:, :3], pose[:, 3], lens, tint[advice.mood])
+    if advice.arrow and said.view:
+        eye, target = np.array(said.view[:3]), np.array(said.view[3:])
+        faint: Colour = (*ACCENT[:3], _FAINT)
+        marks += _arrow(pose[:, 3], eye, target, lens)
+        marks += _camera(_looking(eye, target), eye, lens, faint)
+    return tuple(marks)
+
+
+def _camera(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
+    """A camera as a pyramid of lines, its picture at the open end; ``axes`` (3, 3) right, down, ahead."""
+    right, down, ahead = axes.T
+    across, up = _HALF
+    corners = [eye + _AHEAD * ahead + x * across * right + y * up * down for x, y in _ROUND]
+    lines: list[Mark] = []
+    for chain, closed in ((corners, True), *(((eye, corner), False) for corner in corners)):
+        points = _pixels(np.array(chain), lens)
+        if points:
+            lines.append(Line(points, colour, 2.5, closed))
+    return lines
+
+
+_ROUND = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+"""The corners of a picture, in halves of its sides."""
+
+
+def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
+    """The way from an eye to another round a target, with a head."""
+    one, two = start - target, end - target
+    first, last = np.arctan2(one[0], one[2]), np.arctan2(two[0], two[2])
+    turn = (last - first + np.pi) % (2 * np.pi) - np.pi
+    share = np.linspace(0.08, 0.9, _ALONG)
+    angle = first + share * turn
+    reach = np.hypot(one[0], one[2]) * (1 - share) + np.hypot(two[0], two[2]) * share
+    high = one[1] * (1 - share) + two[1] * share
+    way = target + np.stack([reach * np.sin(angle), high, reach * np.cos(angle)], 1)
+    points = _pixels(way, lens)
+    along = way[-1] - way[-3]
+    length = float(np.linalg.norm(along))
+    if not points or length < 1e-6:
+        return []
+    along /= length
+    side = np.cross(along, [0.0, 1.0, 0.0])
+    tip, back = way[-1] + _BARB * along, way[-1] - 0.3 * _BARB * along
+    head = _pixels(np.array([tip, back + 0.6 * _BARB * side, back - 0.6 * _BARB * side]), lens)
+    marks: list[Mark] = [Line(points, ACCENT, 5.0)]
+    return [*marks, Fill(head, ACCENT)] if head else marks
+
+
+def _pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
+    """The pixels of places (N, 3); empty where one of them is behind the eye."""
+    found = lens.pixels_of(points)
+    return tuple(found) if len(found) == len(points) else ()
+
+
+def _looking(eye: Float, target: Float) -> Float:
+    """(3, 3) the axes, right, down and ahead in columns, of an upright camera that looks at a target."""
+    ahead = target - eye
+    ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+    right = np.cross(ahead, [0.0, 1.0, 0.0])
+    right = right / max(float(np.linalg.norm(right)), 1e-9)
+    return np.stack([right, np.cross(ahead, right), ahead], 1)

@@ -1,0 +1,208 @@
+"""A scan in the window: what is asked of the edge, what comes of it, and the character that it becomes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Character
+from enliven.formats.project import project_of_mesh
+from enliven.meshes import Mesh
+from enliven.wire import SCAN, SCAN_PIECE, Answer, Refused, Scan, ScanMessage
+from enliven_viewer.render import Scene
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform import NO_STAGE, PerformSession
+from enliven_viewer.studio.picture import GrowingPicture
+from enliven_viewer.studio.scan.growing import GrowingMesh
+
+Size = Literal["thing", "small", "room"]
+VOXELS: dict[Size, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
+"""Metres of a voxel's side by what is scanned: a cup, a chair, a room."""
+_ABOVE = 0.012
+"""Metres by which it is drawn higher: its floor is seen, and not the stage's."""
+_WORDS = 0.5
+"""Metres of the picture above it for the words."""
+_FRAMED = 8
+"""Images from which on it is brought into the picture: the middle of what is looked at is known."""
+_OFF = ScanMessage()
+
+
+class ScanSession:
+    """The scan of the edge that the window follows.
+
+    Args:
+        editor: what is edited; what was scanned becomes a character of its project.
+        perform: the link to the edge.
+
+    Attributes:
+        shown: whether the panel is open.
+        said: how the scan goes, as the edge tells it.
+        size: what is to be scanned; turned: whether the thing is turned before a camera that stands still.
+        whole: whether all that was scanned is kept.
+        name: the character that it becomes; empty: the edge finds a name.
+    """
+
+    def __init__(self, editor: Editor, perform: PerformSession) -> None:
+        self.editor, self.perform = editor, perform
+        self.shown, self.whole, self.turned = False, False, False
+        self.size: Size = "thing"
+        self.name = ""
+        self.box: list[float] = []
+        self.said = _OFF
+        self._growing = GrowingMesh()
+        self._wanted: tuple[int, str] | None = None
+        self._framed = -1
+
+    @property
+    def active(self) -> bool:
+        """Whether a scan is under way on the edge."""
+        return self.said.phase in ("scanning", "paused", "finishing", "failed")
+
+    @property
+    def surface(self) -> tuple[GrowingPicture, Float] | None:
+        """What grows and (4, 4) where it stands on the stage; None where nothing does."""
+        if not self.active or self._growing.picture is None:
+            return None
+        return self._growing.picture, self.stage_from_scan
+
+    def beside(self, live: Scene | None) -> Scene | None:
+        """What is live without its characters while a scan is under way: only what is scanned is seen."""
+        return replace(live, actors=(), boards={}) if live is not None and self.active else live
+
+    @property
+    def stage_from_scan(self) -> Float:
+        """(4, 4) where the scan's world stands on the stage."""
+        place = np.vstack([np.array(self.said.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+        place[1, 3] += _ABOVE
+        return place
+
+    # Orders -----------------------------------------------------------------------------------------------
+
+    def lacks_stage(self) -> str:
+        """Why nothing can be scanned, and what to do about it; empty where it can."""
+        if self.perform.client is None:
+            return NO_STAGE
+        return self.perform.lacks_edge()
+
+    def lacks_scan(self) -> str:
+        """Why the scan cannot be told anything; empty where it can."""
+        none = "" if self.active else "Nothing is scanned. Start a scan first"
+        making = "It is being made. Wait until it stands there" if self.said.phase == "finishing" else ""
+        return self.lacks_stage() or none or making
+
+    def lacks_undo(self) -> str:
+        """Why nothing can be taken back; empty where it can."""
+        return self.lacks_scan() or (
+            "" if self.said.undoable > 0 else "There is nothing to take back. Scan on"
+        )
+
+    def lacks_again(self) -> str:
+        """Why nothing can be added to a scan; empty where it can."""
+        there = self.said.phase == "done"
+        return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
+
+    def open(self) -> None:
+        """Show the panel, in the workspace where the stage is."""
+        self.perform.room, self.shown = "Perform", True
+
+    def start(self) -> None:
+        """Begin a scan."""
+        self.open()
+        if lacking := self.lacks_stage():
+            self.editor.toasts.say(*lacking.split(". "))
+            return
+        within = 1.5 if self.turned else None
+        self._ask(Scan("start", self.name.strip() or None, VOXELS[self.size], within))
+
+    def pause(self) -> None:
+        """Pause it, or go on."""
+        self._ask(Scan("pause" if self.said.phase == "scanning" else "go on"))
+
+    def again(self) -> None:
+        """Go on with a scan that was done: what is seen now is added to it."""
+        self.open()
+        self._ask(Scan("go on"))
+
+    def undo(self) -> None:
+        """Take the last seconds back."""
+        self._ask(Scan("undo"))
+
+    def done(self) -> None:
+        """Make a character of it."""
+        self._ask(Scan("done", whole=self.whole, box=self.box))
+
+    def cancel(self) -> None:
+        """Forget it."""
+        self._ask(Scan("cancel"))
+
+    def _ask(self, order: Scan) -> None:
+        client = self.perform.client
+        if client is not None:
+            client.ask(order, self._answered)
+
+    def _answered(self, answer: Answer) -> None:
+        if isinstance(answer, Refused):
+            what, _, mend = answer.reason.removeprefix("scan: ").partition(". ")
+            self.editor.toasts.say(what[:1].upper() + what[1:], mend)
+
+    # Once a picture ---------------------------------------------------------------------------------------
+
+    def advance(self) -> None:
+        """Take in what the edge tells."""
+        client = self.perform.client
+        if client is None:
+            self.said = _OFF
+            return
+        client.take(SCAN)
+        client.take(SCAN_PIECE)
+        before = self.said
+        self.said = client.latest(SCAN).get("", _OFF)
+        self._growing.take(client.latest(SCAN_PIECE), self.said.number)
+        if self.active and self.said.number != before.number:
+            self.shown = True
+        bounds = self._growing.bounds if self.active else None
+        if bounds is not None and self._framed != self.said.number and self.said.fused > _FRAMED:
+            self._framed = self.said.number
+            self._frame(bounds)
+        if self.said.phase == "done" and before.phase in ("finishing", "scanning"):
+            self._wanted = self.said.number, self.said.character
+        if self._wanted is not None:
+            self._keep(client.characters.get(self._wanted[1]), self._wanted[1])
+
+    def _frame(self, bounds: Float) -> None:
+        """Bring what grows into the picture."""
+        place = self.stage_from_scan
+        points = np.array([[x, y, z] for x in bounds[:, 0] for y in bounds[:, 1] for z in bounds[:, 2]])
+        points = points @ place[:3, :3].T + place[:3, 3]
+        camera = np.array(self.said.stage_from_camera).reshape(3, 4)[:, 3]
+        # The camera will be all about it, and words stand above it.
+        top = np.array([0.0, points[:, 1].max() + _WORDS, 0.0])
+        points = np.vstack([points, camera, camera * [-1.0, 1.0, -1.0], top])
+        aspect = self.editor.size[0] / max(self.editor.size[1], 1.0)
+        self.editor.camera.frame((points.min(0), points.max(0)), aspect, room=0.85)
+
+    def _keep(self, scanned: Character | None, name: str) -> None:
+        """Make what stands on the stage a character of the project: one edit, chosen and framed."""
+        if scanned is None:
+            return
+        self._wanted = None
+        mesh = Mesh(np.asarray(scanned.vertices, float), scanned.faces, name, scanned.colours)
+        made = project_of_mesh(mesh, name)
+        one = made.characters[name]
+        known = name in self.editor.project.characters
+        word = "add to the scan" if known else "scan"
+        if not self.editor.edit(
+            f"{word} {name}",
+            lambda project: project.with_streams(*made.streams.values()).with_characters(one),
+        ):
+            return
+        self.perform.sender.stands(name, self.editor.project.characters[name])
+        self.editor.choose(name)
+        self.editor.frame_all()
+        self.shown = False
+        self.editor.toasts.say(
+            f"{name} stands on the stage", "Step in: press Possess, or P. Ctrl+Z takes the scan back."
+        )

@@ -1,0 +1,85 @@
+"""What a person who carries the camera is told: one sentence that is read from three metres away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.wire import ScanMessage
+
+_BESIDE = 0.35
+"""Radians round the thing, 20 degrees, within which a camera stands where it is wanted."""
+_BEHIND = 2.2
+"""Radians round the thing from which on the other side is meant, 126 degrees."""
+_HIGHER = 0.25
+"""Metres of height that are worth a word."""
+
+_TRACKED = {
+    "lost": ("Lost: go back to where you were", "bad"),
+    "found": ("Lost: hold still, it looks right", "wait"),
+    "unsure": ("Show it something with corners: this surface is too plain", "wait"),
+    "empty": ("Go nearer: nothing is seen", "wait"),
+}
+"""What is said by what became of the newest image."""
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What is said.
+
+    Attributes:
+        text: in large letters.
+        mood: "good": go on; "wait": something hinders; "bad": nothing is added.
+        arrow: whether the arrow to the next view belongs to it.
+    """
+
+    text: str
+    mood: Literal["good", "wait", "bad"] = "good"
+    arrow: bool = False
+
+
+def advice_of(said: ScanMessage) -> Advice:
+    """Returns what to tell the person with the camera."""
+    if said.phase == "paused":
+        return Advice("Paused", "wait")
+    if said.phase == "finishing":
+        return Advice("It becomes a character: some seconds", "wait")
+    if said.phase == "failed":
+        return Advice(said.note or "It cannot be made", "bad")
+    if said.phase != "scanning":
+        return Advice("")
+    if said.tracking in _TRACKED:
+        text, mood = _TRACKED[said.tracking]
+        return Advice(text, "bad" if mood == "bad" else "wait")
+    if said.full:
+        return Advice("It is full: nothing new is added. Press Done", "wait")
+    if not said.tracking:
+        return Advice("Point the camera at the thing", "wait")
+    if not said.view:
+        return Advice("All round: press Done", "good")
+    return Advice(_way(said), "good", arrow=True)
+
+
+def _way(said: ScanMessage) -> str:
+    """Returns where the camera is wanted, as seen by the person who carries it."""
+    camera = np.array(said.stage_from_camera).reshape(3, 4)[:, 3]
+    eye, target = np.array(said.view[:3]), np.array(said.view[3:])
+    round_it = _about(camera - target, eye - target)
+    up = float(eye[1] - camera[1])
+    higher = "higher" if up > _HIGHER else "lower" if up < -_HIGHER else ""
+    if abs(round_it) > _BEHIND:
+        return "Walk round to the other side"
+    if abs(round_it) > _BESIDE:
+        # Anticlockwise from above is to the right of one who looks at the middle.
+        side = "right" if round_it > 0 else "left"
+        return f"Walk on to the {side}" + (f", and hold it {higher}" if higher else "")
+    return f"Hold it {higher}" if higher else "Good: go on slowly"
+
+
+def _about(one: Float, other: Float) -> float:
+    """Returns the radians about +Y, -pi to pi, from a direction to another."""
+    angle = np.arctan2(other[0], other[2]) - np.arctan2(one[0], one[2])
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
