@@ -17,7 +17,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from strokes import limb
 
-from enliven.modeling.edits import scale_character
+from enliven.document import Shape
+from enliven.modeling.edits import cut_character, scale_character
+from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.actions import KEYS
@@ -121,13 +123,47 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     until(lambda: perform.recorder.seconds > 0.5, "a third recording")
     perform.record()
     said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
-    ctx.item_click("perform/arm  ·  free##stands arm")
+    layered(ctx, window, until)
+    ctx.item_click("perform/arm  ·  held##stands arm")
     said["each"] = each_action(ctx, window)
+    click("remove chair")
+    until(lambda: "chair" not in perform.standing, "the chair's end")
     click("room Play")
     shot("play")
     said["done"] = True
     workspace.store.forget()
     window.close()
+
+
+def layered(ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Callable) -> None:
+    """Step into the chosen arm, record, record over it while it plays, and cut it in between."""
+    editor, perform = window.workspace.editor, window.workspace.perform
+    editor.choose("arm")
+    assert perform.live is not None
+    perform.live.possession.parts = "left leg"
+    counts, seen = [], list[object]()
+    for length in (0.8, 0.6):
+        if counts:
+            plane = PlaneCut(np.array([-0.8, 0.9, 0.0]), np.array([0.0, 1.0, 0.0]))
+            editor.edit("cut", lambda project: cut_character(project, "arm", plane, editor.time)[0])
+            sizes = [
+                len(project_arm(editor).skeleton),
+                lambda: len(perform.live.document.characters["arm"].pivots),
+            ]
+            until(lambda: sizes[1]() == sizes[0], "the cut arm on the stage")
+        ctx.key_press(int(imgui.Key.p))
+        until(lambda: "arm" in {one.character for one in perform.holders}, "who holds the arm")
+        perform.record()
+        until(lambda: perform.recorder.seconds > length, "a recording of the arm")
+        seen.append([sorted(perform.hidden), [one.character.id for one in perform.scene.actors]])
+        perform.record()
+        counts.append(len({layer.take for layer in project_arm(editor).layers}))
+    said["layered"], said["shown once"] = counts, seen
+
+
+def project_arm(editor: Editor) -> Shape:
+    """The arm as it is now."""
+    return editor.project.shapes["arm"]
 
 
 def each_action(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> dict[str, list[str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,6 +19,7 @@ from enliven_viewer.studio.perform.holders import Holder
 from enliven_viewer.studio.perform.nearby import NearbyEdge
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.sender import StageSender
+from enliven_viewer.studio.perform.twins import Telling, Twins
 
 ROOMS = ("Perform", "Animate", "Model", "Play")
 """The workspaces: which panels are in reach; what is loaded never changes with them."""
@@ -38,6 +38,8 @@ class PerformSession:
     Attributes:
         room: the workspace, of :data:`ROOMS`.
         live: what is followed; None without a link.
+        scene: what is live, as it is shown beside the project's characters; None without a link.
+        there: the character that was chosen in the list of those on the stage, if it is not the project's.
         phase: whether a recording is counted in or under way.
         replaces: whether a recording takes the place of what the bones that moved play already.
         count_in: whether three beats come before a recording.
@@ -49,6 +51,9 @@ class PerformSession:
         self.addresses = Addresses(folder)
         self.room = "Animate"
         self.live: LiveStage | None = None
+        self.scene: Scene | None = None
+        self.there = ""
+        self._twins = Twins(editor)
         self.recorder = LiveRecorder()
         self.sender = StageSender(editor.toasts.say)
         self.phase: Phase = "idle"
@@ -108,7 +113,8 @@ class PerformSession:
             self.live.close()
         if self._nearby is not None:
             self._nearby.close()
-        self.live = self._client = self._nearby = self._instance = None
+        self.live = self.scene = self._client = self._nearby = self._instance = None
+        self.there = ""
         self.editor.beside_box = None
         self.sender.forget()
         self.recorder = LiveRecorder()
@@ -145,24 +151,14 @@ class PerformSession:
 
     @property
     def hidden(self) -> frozenset[str]:
-        """Characters of the project that are at rest, and seen as they stand on the edge's stage instead."""
-        if self._client is None or self.editor.playing or not (self.connected and self._performing):
-            return frozenset()
-        return frozenset(self.editor.project.characters.keys() & self._client.characters.keys())
+        """Characters of the project that are seen as they stand on the edge's stage instead."""
+        return self._twins.hidden if self.scene is not None else frozenset()
 
     @property
-    def scene(self) -> Scene | None:
-        """What is live, without the twins of characters that are edited or play; None without a link."""
-        if self.live is None:
-            return None
-        scene, own = self.live.scene, self.editor.project.characters.keys()
-        if self._performing and (self.phase == "recording" or not self.editor.playing):
-            return scene
-        return replace(scene, actors=tuple(one for one in scene.actors if one.character.id not in own))
-
-    @property
-    def _performing(self) -> bool:
-        return self.room in ("Perform", "Play")
+    def meant(self) -> str | None:
+        """The character on the stage that orders are about: the chosen one; None where that is not there."""
+        chosen = self.editor.selection.character or self.there
+        return chosen if chosen in self.standing else None
 
     # Once a picture ---------------------------------------------------------------------------------------
 
@@ -170,15 +166,21 @@ class PerformSession:
         """Take in what has arrived, and go on with what is under way."""
         if self.live is None:
             return
+        self.live.meant, self.live.held = self.meant, {one.character for one in self.holders}
         self.live.advance(seconds)
         self.live.report_view(self.editor.lens.view)
-        self.editor.beside_box = self.live.scene.box
         self._watch_edge()
         if self._client is not None:
             if self.editor.draft is None:
                 self.sender.advance(self._client.stage, self.editor.project)
             self._go_on(seconds)
-        if self._performing and self.live.present != self._framed and self.live.scene.box:
+        if self.live is None:
+            return
+        performs, heard = self.room in ("Perform", "Play"), self.phase != "idle" or not self.editor.playing
+        telling = Telling(performs and self.connected, heard, self.replaces, self.live.held)
+        self.scene = self._twins.shown(self.live.scene, telling)
+        self.editor.beside_box = self.scene.box
+        if performs and self.live.present != self._framed and self.live.scene.box:
             self.editor.frame_all(at_once=not self._framed, reset=not self._framed)
             self._framed = self.live.present
 

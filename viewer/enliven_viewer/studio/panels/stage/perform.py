@@ -156,9 +156,10 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
 def _character(workspace: Workspace, perform: PerformSession, name: str) -> None:
     who = [one for one in perform.holders if one.character == name]
     label = f"{name}  ·  {'held' if who else 'free'}"
-    own = name in workspace.editor.project.characters
-    if imgui.selectable(f"{label}##stands {name}", workspace.editor.selection.character == name)[0] and own:
-        workspace.editor.choose(name)
+    own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
+    if imgui.selectable(f"{label}##stands {name}", perform.meant == name, over)[0]:
+        perform.there = name
+        workspace.editor.choose(name if own else None)
     workspace.remember(f"stands {name}")
     if perform.live is not None and not perform.live.take:
         imgui.same_line(imgui.get_content_region_avail().x - 58)
