@@ -243,6 +243,7 @@ class StudioWindow:
             editor.selection,
             self.workspace.input.tool.overlay(),
             over=self.workspace.input.tool.picture(),
+            ghosts=self.workspace.ghosts.picture(),
             meshes=editor.show_meshes,
             bones=editor.show_bones and perform.room in ("Animate", "Model"),
             live=perform.scene,

@@ -29,8 +29,10 @@ class LiveRecorder:
         self.holders = Holders()
         self.newest_ns: int | None = None
         self.cut = False
+        self._newest_of: dict[str, int] = {}
         self._frames: deque[BodyFrame] = deque(maxlen=_BEFORE)
         self._kept: Performed | None = None
+        self._delay_ns: int | None = None
 
     @property
     def recording(self) -> bool:
@@ -40,27 +42,31 @@ class LiveRecorder:
     @property
     def seconds(self) -> float:
         """Seconds of the sensor's clock that are recorded so far."""
-        if self._kept is None or self.newest_ns is None:
+        if self._kept is None or self.newest_ns is None or self._delay_ns is not None:
             return 0.0
         return max(self.newest_ns - self._kept.since_ns, 0) / NS
 
-    def begin(self, name: str, delay_ns: int = 0) -> int:
-        """Record from now on; returns the sensor's clock when it begins.
+    def begin(self, name: str, delay_ns: int = 0) -> None:
+        """Record from now on, or from the first time that is heard of a clock that is not known yet.
 
         Args:
             delay_ns: how much later than a performer moves it arrives here.
         """
-        since = (self.newest_ns or 0) + delay_ns
-        self._kept, self.cut = Performed(name, since), False
+        self._kept, self.cut, self._delay_ns = Performed(name), False, delay_ns
+        if self.newest_ns is not None:
+            self._count_from(self._kept, self.newest_ns + delay_ns)
+
+    def _count_from(self, kept: Performed, since: int) -> None:
+        """Begin a recording at a time of the sensor's clock, with the holds that lead up to it."""
+        kept.since_ns, self._delay_ns = since, None
         first = min((held[0].time_ns for held in self.holders.since_free.values() if held), default=since)
-        self._kept.frames = [frame for frame in self._frames if frame.time_ns >= first]
-        self._kept.events = [said for held in self.holders.since_free.values() for said in held]
-        return since
+        kept.frames = [frame for frame in self._frames if frame.time_ns >= first]
+        kept.events = [said for held in self.holders.since_free.values() for said in held]
 
     def end(self) -> Performed:
         """What was recorded; nothing more is."""
         assert self._kept is not None
-        kept, self._kept = self._kept, None
+        kept, self._kept, self._delay_ns = self._kept, None, None
         kept.events.sort(key=lambda said: said.time_ns)
         return kept
 
@@ -68,7 +74,7 @@ class LiveRecorder:
         """Take a value of a topic, as the link brings it."""
         if topic is POSE:
             self._pose(value)
-        elif topic is BODIES and self._later(value.time_ns):
+        elif topic is BODIES and self._later(value.time_ns, topic):
             frame = BodyFrame(list(value.bodies), value.time_ns, value.edge)
             self._frames.append(frame)
             if self._kept is not None and not self.cut:
@@ -80,23 +86,30 @@ class LiveRecorder:
 
     def restarted(self) -> None:
         """Another clock begins, and all holds are over."""
-        self.newest_ns, self.cut = None, self.recording
+        self.newest_ns, self.cut = None, self.recording and self._delay_ns is None
+        self._newest_of.clear()
         self._frames.clear()
         self.holders.forget()
 
     def _pose(self, seen: Any) -> None:
         pose, kept = seen.pose, self._kept
-        self._later(pose.time_ns)
+        self._later(pose.time_ns, POSE)
         if kept is None or self.cut or seen.character is None or pose.time_ns < kept.since_ns:
             return
         key = pose.character, seen.revision
         kept.characters.setdefault(key, seen.character)
         kept.poses.setdefault(key, []).append(pose)
 
-    def _later(self, time_ns: int) -> bool:
-        """Note a time of the sensor's clock; returns whether it is later than all before."""
-        if self.newest_ns is not None and time_ns < self.newest_ns - _BACK * NS:
+    def _later(self, time_ns: int, of: Topic) -> bool:
+        """Note a time of the sensor's clock; returns whether it is later than all before.
+
+        Each topic is compared with itself: after a slow picture all bodies come before the first pose.
+        """
+        if time_ns < self._newest_of.get(of.name, time_ns) - _BACK * NS:
             self.restarted()
+        self._newest_of[of.name] = max(self._newest_of.get(of.name, time_ns), time_ns)
         later = self.newest_ns is None or time_ns > self.newest_ns
         self.newest_ns = max(self.newest_ns or time_ns, time_ns)
+        if self._kept is not None and self._delay_ns is not None:
+            self._count_from(self._kept, self.newest_ns + self._delay_ns)
         return later
