@@ -66,6 +66,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
                 toasts = [toast.text for toast in editor.toasts.shown]
                 now = [perform.connected, perform.phase, perform.standing, perform.holders]
                 said["missing"] = [what, perform.sender.states, toasts, now]
+                print(json.dumps(said, default=str), flush=True)
                 raise TimeoutError(what)
             ctx.yield_()
 
@@ -143,6 +144,7 @@ def layered(ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Cal
     """Step into the chosen arm, record, and record over it while it plays; it is cut in between."""
     editor, perform = window.workspace.editor, window.workspace.perform
     editor.choose("arm")
+    until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.meant == "arm", "the arm")
     live, counts, seen = perform.live, [], list[object]()
     assert live is not None
     live.choose_parts(PARTS.index("legs"))

@@ -68,6 +68,16 @@ class Performed:
     characters: dict[Key, Character] = field(default_factory=dict)
     poses: dict[Key, list[Pose]] = field(default_factory=dict)
 
+    def until(self, time_ns: int) -> Performed:
+        """Returns what was performed until a time of the sensor's clock."""
+        poses = {key: [one for one in kept if one.time_ns <= time_ns] for key, kept in self.poses.items()}
+        return replace(
+            self,
+            frames=[frame for frame in self.frames if frame.time_ns <= time_ns],
+            events=[event for event in self.events if event.time_ns <= time_ns],
+            poses={key: kept for key, kept in poses.items() if kept},
+        )
+
     @property
     def moved(self) -> list[Key]:
         """The characters that did more than stand there."""

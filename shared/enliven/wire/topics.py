@@ -16,6 +16,7 @@ from enliven.wire.fields import MAX_PART_BYTES
 from enliven.wire.requests import Reply, Request
 from enliven.wire.streams import (
     BodiesMessage,
+    CallMessage,
     CuesMessage,
     HoldMessage,
     MatchesMessage,
@@ -90,6 +91,7 @@ HOLDS = register(
     Topic("holds", HoldMessage, "stream", 40 * 1024, 0, "every", latched=True, key=_character, recorded=True)
 )
 STAGE = register(Topic("stage", StageMessage, "stream", 128 * 1024, 0, "every", latched=True, recorded=True))
+CALLS = register(Topic("calls", CallMessage, "stream", 1024, 0, "every"))
 STATUS = register(Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge))
 CHARACTER = register(
     Topic("character", CharacterMessage, "state", 128 * 1024 * 1024, 0, "newest", recorded=True)

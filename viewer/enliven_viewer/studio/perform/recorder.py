@@ -10,6 +10,7 @@ from enliven.takes import Performed
 from enliven.wire import BODIES, HOLDS, POSE, Topic
 from enliven_viewer.playback import NS
 from enliven_viewer.studio.perform.holders import Holders
+from enliven_viewer.studio.perform.stillness import Stillness
 
 _BACK = 1.0
 """Seconds by which the sensor's clock goes back where it is another one: the edge or a replay began again."""
@@ -22,13 +23,14 @@ class LiveRecorder:
 
     Attributes:
         holders: who holds what.
+        stillness: since when all performers hold still, in this recording.
         cut: whether the sensor's clock began again while it recorded: what came after is left out.
     """
 
     def __init__(self) -> None:
         self.holders = Holders()
         self.newest_ns: int | None = None
-        self.cut = False
+        self.cut, self.stillness = False, Stillness()
         self._newest_of: dict[str, int] = {}
         self._frames: deque[BodyFrame] = deque(maxlen=_BEFORE)
         self._kept: Performed | None = None
@@ -38,6 +40,16 @@ class LiveRecorder:
     def recording(self) -> bool:
         """Whether something is recorded."""
         return self._kept is not None
+
+    @property
+    def since_ns(self) -> int:
+        """The sensor's clock when the recording began."""
+        return 0 if self._kept is None else self._kept.since_ns
+
+    @property
+    def still(self) -> float:
+        """Seconds for which all performers have held still, after they moved in this recording."""
+        return self.stillness.seconds(self.newest_ns or 0)
 
     @property
     def seconds(self) -> float:
@@ -53,6 +65,7 @@ class LiveRecorder:
             delay_ns: how much later than a performer moves it arrives here.
         """
         self._kept, self.cut, self._delay_ns = Performed(name), False, delay_ns
+        self.stillness = Stillness()
         if self.newest_ns is not None:
             self._count_from(self._kept, self.newest_ns + delay_ns)
 
@@ -77,6 +90,7 @@ class LiveRecorder:
         elif topic is BODIES and self._later(value.time_ns, topic):
             frame = BodyFrame(list(value.bodies), value.time_ns, value.edge)
             self._frames.append(frame)
+            self.stillness.see(frame)
             if self._kept is not None and not self.cut:
                 self._kept.frames.append(frame)
         elif topic is HOLDS:
