@@ -64,9 +64,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
         while not done():
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
-                now = [perform.connected, perform.phase, perform.standing, perform.holders]
+                edge = perform.live and perform.live.document.edge.message
+                now = [perform.connected, perform.phase, perform.standing, perform.holders, edge]
                 said["missing"] = [what, perform.sender.states, toasts, now]
-                print(json.dumps(said, default=str), flush=True)
                 raise TimeoutError(what)
             ctx.yield_()
 
@@ -148,7 +148,7 @@ def layered(ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Cal
     live, counts, seen = perform.live, [], list[object]()
     assert live is not None
     live.choose_parts(PARTS.index("legs"))
-    plane = PlaneCut(np.array([-0.8, 0.9, 0.0]), np.array([0.0, 1.0, 0.0]))
+    plane = PlaneCut(np.array([-0.8, 0.7, 0.0]), np.array([0.0, -1.0, 0.0]))
     for seconds in (0.8, 0.6):
         if counts:
             editor.edit("cut", lambda project: cut_character(project, "arm", plane, editor.time)[0])
@@ -192,7 +192,7 @@ def main() -> None:
     large = len(sys.argv) > 2
     settings = StudioSettings(render=render, width=1280 if large else 900, height=720 if large else 640)
     workspace = Workspace.new(Editor(settings), folder)
-    pill = limb(np.array([[0.0, 0.0], [0.0, 0.6]]), np.array([0.08, 0.05]))
+    pill = limb(np.array([[0.0, 0.6], [-0.05, 0.3], [-0.2, 0.0]]), np.array([0.09, 0.06, 0.045]))
     arm = shape_from_stroke(np.add(pill, [-0.8, 0.5]), id="arm")
     workspace.store.new(workspace.editor.project.with_characters(arm))
     window = StudioWindow(workspace)

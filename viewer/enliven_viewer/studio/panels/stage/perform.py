@@ -74,6 +74,11 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     imgui.text_unformatted(words)
     imgui.pop_text_wrap_pos()
     if perform.live is not None:
+        if perform.connected and (refused := perform.live.document.edge.message):
+            with tinted(WAIT, imgui.Col_.text):
+                imgui.push_text_wrap_pos(0.0)
+                imgui.text_unformatted(refused)
+                imgui.pop_text_wrap_pos()
         for state in perform.live.document.edge.health[:2]:
             with tinted(WAIT, imgui.Col_.text):
                 imgui.push_text_wrap_pos(0.0)
