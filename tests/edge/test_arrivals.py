@@ -16,9 +16,20 @@ from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.project import character_bytes, project_of_mesh
+from enliven.meshes import MeshMaterials, Texture
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.samples import cactus_project
-from enliven.wire import MAX_PART_BYTES, MAX_SENT_BYTES, Awaited, CharacterPart, Done, PutCharacter
+from enliven.wire import (
+    MAX_PART_BYTES,
+    MAX_SENT_BYTES,
+    MAX_TEXTURE_BYTES,
+    Awaited,
+    CharacterPart,
+    Done,
+    PutCharacter,
+    character_to_message,
+    message_to_character,
+)
 from enliven_edge import arrivals as module
 from enliven_edge.arrivals import Arrivals
 from enliven_edge.settings import EdgeSettings
@@ -79,6 +90,31 @@ def test_a_character_of_any_rig_is_put_and_performs_and_equal_data_is_sent_once(
     stage.remove("guest")
     arrivals.poll()
     assert arrivals.revisions == {} and send(arrivals, data, order_of(data, "guest", 3)) > 0
+
+
+def test_a_character_that_is_put_brings_its_textures_as_far_as_the_wire_carries_them_back():
+    """Its pictures reach the stage byte for byte; larger ones than a message holds stay at home."""
+    picture = np.frombuffer(b"\x89PNG\r\n\x1a\n" + bytes(range(200)), np.uint8)
+    uvs = np.random.default_rng(3).random((len(MESH.faces), 3, 1, 2)).astype(np.float32)
+    told = '{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}'
+    own = MeshMaterials((told,), (Texture(picture),), np.zeros(len(MESH.faces), np.int32), uvs)
+    project = project_of_mesh(replace(MESH, materials=own), "chair")
+    for most, kept in (
+        (MAX_TEXTURE_BYTES, True),
+        (len(picture), True),
+        (len(picture) - 1, False),
+        (0, False),
+    ):
+        stage = Stage()
+        data = character_bytes(project, "chair", most)
+        send(Arrivals(stage, SETTINGS), data, order_of(data))
+        there = stage.actors["chair"].character.materials
+        assert (there is not None) == kept
+        if there is not None:
+            assert there.textures[0].image.tobytes() == picture.tobytes() and there.definitions == (told,)
+            np.testing.assert_array_equal(there.uvs, uvs)
+            back = message_to_character(character_to_message(stage.actors["chair"].character, 1)).materials
+            assert back is not None and back.textures[0].image.tobytes() == picture.tobytes()
 
 
 def test_who_holds_a_character_goes_on_in_its_next_revision():

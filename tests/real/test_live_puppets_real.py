@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.document.clip import Clip
+from enliven.document.clip import Clip, joint_places
 from enliven.example_sessions.session import read_session
-from enliven.examples.performer import joint_places
 from enliven.examples.puppet_motion import motion_of
 from enliven.person.body import Body
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor

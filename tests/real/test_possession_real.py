@@ -9,7 +9,6 @@ import pytest
 from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
-from enliven.possession.body_in_mesh import find_body_in_mesh
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
@@ -37,8 +36,8 @@ def person(reach=0.0) -> Body:
 
 @pytest.mark.parametrize("name", BEASTS)
 def test_on_four_feet_arms_are_forelegs(name):
-    graph = cast(str(MESHES / name), 128).graph
-    like = find_body_in_mesh(graph)
+    actor = cast(str(MESHES / name), 128, ActorSettings(how="mapped"))
+    like, graph = actor.likeness, actor.graph
     ahead = np.array([np.sin(like.yaw), 0.0, np.cos(like.yaw)])
     left = np.array([np.cos(like.yaw), 0.0, -np.sin(like.yaw)])
     hands, feet = (like.joints[[j, j + 4]] for j in (Joint.HAND_LEFT, Joint.FOOT_LEFT))
@@ -59,7 +58,7 @@ def test_a_raised_arm_raises_a_foreleg_and_no_other(name):
     for i in range(26):
         pose = house.perform([person(0.8 * i / 25)], (i + 2) * FRAME)[0]
     moved = np.linalg.norm(pose.positions - still.positions, axis=1)
-    joints = find_body_in_mesh(actor.graph).joints
+    joints = actor.likeness.joints
     apart = np.linalg.norm(actor.graph.positions[:, None] - joints, axis=2)
     at = {
         j: moved[apart[:, j].argmin()]

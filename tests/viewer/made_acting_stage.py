@@ -19,6 +19,7 @@ from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.tools import Pointer
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 LIMB = {"character": "limb", "handle": None, "chain": (), "layer": None}
@@ -67,6 +68,7 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     editor = workspace.editor
     workspace.perform.room = "Animate"
     workspace.input.take("choose")
+    workspace.outliner.renaming = ""
     editor.go_to(0)
     for factor in (1.1, 1.2):
         editor.edit("scale limb", lambda project, by=factor: scale_character(project, "limb", by))
@@ -78,9 +80,26 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id == "motion.paste":
         editor.select(**CHAIN)
         workspace.commands.copy_motion()
+    if action.id.startswith("view.take_"):
+        workspace.actions.do(action.id.replace("take", "store"))
+    if action.id == "shape.show_all":
+        workspace.outliner.hide("star", on=True)
+    if action.id == "shape.unlock_all":
+        workspace.outliner.lock("star", on=True)
     if action.id.startswith("clip."):
         editor.scrub(0.5)
     if action.id == "clip.blend":
         workspace.commands.clips.do("split")
         editor.scrub(0.4)
     editor.select(**NEEDS.get(action.id, LIMB))
+
+
+def pixel_on(workspace: Workspace, name: str) -> tuple[float, float]:
+    """A pixel on the surface of a character."""
+    one, tool = workspace.editor.posed(name), workspace.input.tools["choose"]
+    middles = one.vertices[one.character.mesh.faces].mean(1)
+    for x, y in workspace.editor.lens.pixels_of(middles[:: max(len(middles) // 60, 1)]):
+        hit = tool.character_at(Pointer((x, y)))
+        if hit is not None and hit.character == name and hit.handle < 0:
+            return x, y
+    raise AssertionError(f"{name} is not seen")

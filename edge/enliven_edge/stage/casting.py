@@ -70,7 +70,10 @@ def cast_mesh(
     if fit:
         mesh, size = prepared(mesh, settings)
     character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
-    return EmbeddedActor(character, graph_of(character), settings, size)
+    actor = EmbeddedActor(character, graph_of(character), settings, size)
+    for doubt in actor.likeness.doubts if actor.likeness else ():
+        log.warning("%s: %s Look at how it moves, or name its five ends (ends, under [actor]).", name, doubt)
+    return actor
 
 
 def parts_for(spec: str) -> str:

@@ -49,6 +49,10 @@ def retarget(
         bool,
         typer.Option(help="Keep what stands on the floor, by its lowest point."),
     ] = True,
+    steps: Annotated[
+        bool,
+        typer.Option(help="Let legs of another build than the performer's step where their feet do."),
+    ] = True,
     turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
     rate: Annotated[
         float | None,
@@ -83,7 +87,9 @@ def retarget(
     draw = sheet_maker("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
-    plan = _plan(read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin, floor)
+    plan = _plan(
+        read_plan(mapping) if mapping else None, rig, clip, rest, mode, travel, turn, pin, floor, steps
+    )
     for note in (*notes, *rig.notes):
         typer.echo(f"enliven: {note}", err=True)
     made = retarget_shape(rig.shape, clip, plan)
@@ -143,6 +149,7 @@ def _plan(
     turn: bool,
     pin: bool,
     floor: bool,
+    steps: bool,
 ) -> Plan:
     """Returns the mapping from the file, or the one found automatically, with the options of the command
     line."""
@@ -154,7 +161,7 @@ def _plan(
     found = plan is None
     plan = automatic(clip, rig.shape) if plan is None else plan
     changes: dict[str, Any] = {"travel": travel or plan.travel, "turn": turn and plan.turn}
-    changes |= {"pin": pin or plan.pin, "floor": floor and plan.floor}
+    changes |= {"pin": pin or plan.pin, "floor": floor and plan.floor, "steps": steps and plan.steps}
     if rest is not None:
         value = float(rest) if _is_number(rest) else rest
         changes["rest"] = load_settings(Plan, {"rest": value}, where="--rest").rest

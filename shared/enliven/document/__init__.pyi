@@ -5,7 +5,7 @@ from .body_take import (
     Possession as Possession,
 )
 from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
-from .clip import Clip as Clip
+from .clip import Clip as Clip, joint_places as joint_places
 from .constraints import (
     Constraint as Constraint,
     Coupling as Coupling,
@@ -27,7 +27,14 @@ from .possessed import (
     graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_of as graph_shape_of,
 )
-from .project import Marker as Marker, Project as Project, same as same
+from .project import (
+    CameraMark as CameraMark,
+    FREE as FREE,
+    Handling as Handling,
+    Marker as Marker,
+    Project as Project,
+    same as same,
+)
 from .naming import unused as unused
 from .props import BALL as BALL, BOX as BOX, Props as Props
 from .puppet import (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from enliven.arrays import Float, freeze
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
+from enliven.rotation import rotate
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,3 +55,20 @@ class Clip:
     def duration(self) -> float:
         """Seconds from the first frame to the last."""
         return (len(self.turns) - 1) * self.step
+
+
+def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
+    """(F, N, 3) metres, the joints of a clip in the world.
+
+    Args:
+        only: which of them are asked for; the others are anywhere. None for all.
+    """
+    skeleton = clip.skeleton
+    wanted = range(len(skeleton)) if only is None else {j for end in only for j in skeleton.path(0, end)}
+    places = np.zeros((len(clip.turns), len(skeleton), 3))
+    places[:, 0] = clip.root
+    for j in sorted(wanted):
+        if j:
+            turned = rotate(clip.turns[:, j], skeleton.vectors[j])
+            places[:, j] = places[:, skeleton.parents[j]] + turned
+    return places

@@ -2,7 +2,7 @@ from .coverage import coverage_of as coverage_of, unposed as unposed
 from .live import LiveExamples as LiveExamples
 from .mapping import ExampleMap as ExampleMap
 from .pairing import guess_joints as guess_joints
-from .performer import joint_places as joint_places, performed as performed, yaw_of as yaw_of
+from .performer import performed as performed, yaw_of as yaw_of
 from .puppet_examples import (
     examples_of as examples_of,
     frame_at as frame_at,

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip
+from enliven.document import Clip, joint_places
 from enliven.mapping import turned_about_y
-from enliven.rotation import rotate
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,23 +46,6 @@ def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
     world = joint_places(clip, numbers)[:, numbers]
     yaw = np.unwrap(yaw_of(clip.turns[:, 0]))
     return PerformerClip(in_body(world, clip.root, yaw), world, clip.root, yaw, clip.step)
-
-
-def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
-    """(F, N, 3) metres, the joints of a clip in the world.
-
-    Args:
-        only: which of them are asked for; the others are anywhere. None for all.
-    """
-    skeleton = clip.skeleton
-    wanted = range(len(skeleton)) if only is None else {j for end in only for j in skeleton.path(0, end)}
-    places = np.zeros((len(clip.turns), len(skeleton), 3))
-    places[:, 0] = clip.root
-    for j in sorted(wanted):
-        if j:
-            turned = rotate(clip.turns[:, j], skeleton.vectors[j])
-            places[:, j] = places[:, skeleton.parents[j]] + turned
-    return places
 
 
 def yaw_of(turns: Float) -> Float:

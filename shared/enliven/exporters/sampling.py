@@ -13,8 +13,16 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Project, Puppet, RigBase, Shape, Skeleton, SkinWeights
-from enliven.examples import joint_places
+from enliven.document import (
+    Clip,
+    Project,
+    Puppet,
+    RigBase,
+    Shape,
+    Skeleton,
+    SkinWeights,
+    joint_places,
+)
 from enliven.examples.baking import (
     BakeSettings,
     SurfaceFrames,

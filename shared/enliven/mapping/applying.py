@@ -19,7 +19,7 @@ from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.ground import levelled
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import at_moment, first_heading, hanging_pose, mean_pose, posed, rebased
-from enliven.motion.layers import arc_of, bind_chain, branch, set_travel
+from enliven.motion.layers import arc_of, bind_chain, branch, set_travel, travel_scale
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
 
 _OPPOSITE = -0.94
@@ -121,7 +121,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
             project = _bound(project, shape, take, line, basis)
     assert first is not None
     if plan.travel:
-        project = _travelling(project, shape.id, first, turns)
+        project = _travelling(project, shape.id, first, turns, plan.stride)
     return project, first
 
 
@@ -284,12 +284,13 @@ def _level(angle: float) -> Float:
     return from_rotation_vector(np.array([0.0, angle, 0.0]))
 
 
-def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns) -> Project:
+def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns, stride: float) -> Project:
     """The project with the shape's root going where the take's goes."""
     shape, name = project.shape(shape_id), unused(f"{take.id}: way", project.layer_names)
     layers = (*shape.layers, Layer(name, take.id, (0,), turns.plain))
     project = project.with_characters(shape.with_changes(layers=layers, travel=name))
-    return set_travel(project, shape_id, name)
+    scale = stride * travel_scale(shape.with_changes(travel_scale=None), take)
+    return set_travel(project, shape_id, name, scale)
 
 
 def _way(skeleton: Skeleton, names: tuple[str, ...], what: str) -> tuple[int, ...]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Project, Shape, Skeleton
+from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
-from enliven.mapping.anatomy import Anatomy, anatomy_of
+from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assigned, split
 from enliven.mapping.facing import turned_about_y
@@ -17,6 +18,7 @@ from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.quality import stretches
 from enliven.mapping.softening import softened
+from enliven.mapping.steps import leg_of, legs_that_step, stepped
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of
 
@@ -126,13 +128,16 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
-def _pinned(project: Project, shape: Shape) -> Project:
-    """The project with the last joint but one of every leg, where its foot begins, held while it stands."""
-    for pair in anatomy_of(shape.skeleton).legs:
-        for limb in pair:
-            leg = limb.proper[:-1] if len(limb.proper) > 3 else limb.proper
-            if len(leg) > 2:
-                project = pin_feet(project, shape.id, [leg[-1]], start=leg[0])
+def _pinned(project: Project, shape: Shape, stepping: Sequence[SkeletonLimb]) -> Project:
+    """The project with the last joint but one of every leg, where its foot begins, held while it stands.
+
+    Legs that step reach the floor already: the body does not come down for them.
+    """
+    for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair):
+        leg = leg_of(limb)
+        if len(leg) > 2:
+            how = ContactSettings(drop=0.0) if limb in stepping else None
+            project = pin_feet(project, shape.id, [leg[-1]], start=leg[0], settings=how)
     return project
 
 
@@ -162,11 +167,14 @@ def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
 
 
-def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
+def retarget(
+    shape: Shape, clip: Clip, plan: Plan | None = None, project: Project | None = None
+) -> Retargeted:
     """A shape that moves by a take.
 
     Args:
         plan: None finds one, and softens it.
+        project: where the shape is, with what moves it already; None for one of its own.
 
     Raises:
         InputError: as :func:`apply_plan`, or where nothing of the shape can be driven.
@@ -175,15 +183,17 @@ def retarget(shape: Shape, clip: Clip, plan: Plan | None = None) -> Retargeted:
     if not plan.chains:
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
-    project, based = apply_plan(Project(), shape, clip, plan)
+    project, based = apply_plan(project or Project(), shape, clip, plan)
     # What begins again at its end has none of its own: it plays as long as the take.
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
     duration = max(layer.end(based.duration) for layer in layers)
     itself = plan.travel and _twins(clip.skeleton, shape.skeleton)
+    stepping = legs_that_step(shape, clip, plan)
     if plan.floor and stands(shape) and not itself:
-        project = kept_on_floor(project, shape.id, based, duration)
+        project = stepped(project, shape.id, clip, based, plan)
+        project = kept_on_floor(project, shape.id, based, duration, own_stride=not stepping)
     if plan.pin:
-        project = _pinned(project, shape)
+        project = _pinned(project, shape, stepping)
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)
 

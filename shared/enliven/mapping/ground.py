@@ -14,11 +14,11 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float
 from enliven.deformation import skin_vertices
-from enliven.document import Clip, Layer, Project, Shape, Skeleton, character_of, unused
+from enliven.document import Clip, Layer, Project, Shape, Skeleton, character_of, joint_places, unused
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.resting import heading_of
 from enliven.motion.layers import Player, pose_from, set_travel, travel_scale
-from enliven.rotation import IDENTITY, rotate
+from enliven.rotation import IDENTITY
 
 _RATE = 60.0
 """Moments a second at most at which the lowest point is looked for: the rate of common displays."""
@@ -65,17 +65,15 @@ def surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float
 
 def clearance(clip: Clip) -> Float:
     """(F,) metres that a performer is above the floor: 0 while a foot, a hand or anything stands."""
-    parents, vectors = clip.skeleton.parents, clip.skeleton.vectors
-    height = np.empty(clip.turns.shape[:2])
-    height[:, 0] = clip.root[:, 1]
-    for j in range(1, len(parents)):
-        height[:, j] = height[:, parents[j]] + rotate(clip.turns[:, j], vectors[j])[:, 1]
+    height = joint_places(clip)[..., 1]
     low = height.min(1)
     roll = _ROLL * float(np.ptp(height, axis=1).max())
     return np.asarray(np.maximum(low - np.percentile(low, _GROUND) - roll, 0.0))
 
 
-def kept_on_floor(project: Project, shape_id: str, clip: Clip, duration: float) -> Project:
+def kept_on_floor(
+    project: Project, shape_id: str, clip: Clip, duration: float, own_stride: bool = True
+) -> Project:
     """A project in which the lowest point of a shape is on the floor, or above it as the performer leaps.
 
     What the root does becomes a take of its own, of one joint, which the shape's travel plays.
@@ -83,6 +81,7 @@ def kept_on_floor(project: Project, shape_id: str, clip: Clip, duration: float) 
     Args:
         clip: the performer's.
         duration: seconds of the project that are looked at.
+        own_stride: go as far as the shape's legs carry it, and not as far as the performer in its size.
     """
     shape = project.shape(shape_id)
     count = int(np.ceil(duration * min(_RATE, 1.0 / clip.step))) + 1
@@ -94,7 +93,8 @@ def kept_on_floor(project: Project, shape_id: str, clip: Clip, duration: float) 
         leapt = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip))
         root[:, 1] += travel_scale(shape, clip) * leapt
         level = root[:, [0, 2]]
-        root[:, [0, 2]] = level[0] + _stride(np.diff(level, axis=0), steps, leapt > 0.0) * (level - level[0])
+        stride = _stride(np.diff(level, axis=0), steps, leapt > 0.0) if own_stride else 1.0
+        root[:, [0, 2]] = level[0] + stride * (level - level[0])
     still = Skeleton(("root",), np.array([-1], np.int32), shape.skeleton.positions[:1] + shape.place)
     step = duration / (count - 1) if count > 1 else clip.step
     way = Clip(unused(f"{clip.id}: way", project.takes), still, np.tile(IDENTITY, (count, 1, 1)), root, step)

@@ -52,6 +52,12 @@ class Plan:
     travel: bool = setting(False, "Move the whole model as the performer moves.")
     level: bool = setting(False, "Keep the model level: its whole turns as the performer heads, and no more.")
     floor: bool = setting(True, "Keep what stands on the floor, by its lowest point.")
+    steps: bool = setting(
+        True, "Let legs that are not posed as the performer's step as theirs do, by their feet (with floor)."
+    )
+    stride: float = setting(
+        1.0, "How far it steps and travels, in the performer's strides at its own size.", low=0.0, high=10.0
+    )
     pin: bool = setting(False, "Hold feet where they stand while they do not move (with travel).")
     take_facing: float | None = setting(
         None, "Where the performer looks at first, from +Z to the left; found where not given.", unit="deg"

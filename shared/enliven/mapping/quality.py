@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int32
 from enliven.document import Clip, Project, Shape
+from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.ground import clearance, floor_of, stands, surfaces
 from enliven.motion.layers import travel_scale
 
@@ -49,7 +50,8 @@ class MotionQuality:
         joints: where most edges are stretched beyond the bound, by name, the worst first.
         sunk: the lowest point at its lowest below the floor, in heights of the shape; None if it flies.
         afloat: the lowest point at its highest above the floor while the performer stands, in heights.
-        slide: cm/s that what stands on the floor moves over it, in the performer's size; None in place.
+        slide: cm/s that feet slide over the floor while they stand, in the performer's size; None in place
+            or without legs.
         crossing: share of the edges that cut another part of the surface, beyond those that do at rest.
     """
 
@@ -111,13 +113,14 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
         standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
     most = moments[int(stretch.mean(1).argmax())]
+    walks = shape.travel is not None and stands(shape) and bool(anatomy_of(shape.skeleton).legs)
     return MotionQuality(
         float(np.percentile(stretch, 99)),
         float(stretch.max()),
         _torn(shape, edges, stretch),
         sunk,
         afloat,
-        _slide(project, shape, clip, times) if stands(shape) and shape.travel is not None else None,
+        _slide(project, shape, clip, times) if walks else None,
         max(0.0, crossing(shape, most) - crossing(shape, shape.mesh.vertices)) if shape.mesh else 0.0,
     )
 

@@ -15,6 +15,7 @@ from enliven.document import Clip, Project, Shape
 from enliven.mapping.applying import apply_plan
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.quality import BOUND, stretches
+from enliven.mapping.steps import legs_that_step, stepped
 
 _AIM = 0.97
 """Share of the bound that is aimed at: other moments than those looked at stretch a little more."""
@@ -31,13 +32,14 @@ _ROUNDS = 12
 def softened(plan: Plan, clip: Clip, shape: Shape) -> Plan:
     """The mapping with less movement in the limbs that would stretch the surface beyond the bound."""
     bare = replace(plan, travel=False)
-    best, least = plan, np.inf
+    best, least, striding = plan, np.inf, _striding(plan, clip, shape)
     for _ in range(_ROUNDS):
         project, based = apply_plan(Project(), shape, clip, bare)
+        project = stepped(project, shape.id, clip, based, bare)
         edges, stretch = stretches(project, shape.id, based.duration)
         at = float(np.percentile(stretch, 99)) if stretch.size else 1.0
         if at < least:
-            best, least = replace(plan, chains=bare.chains), at
+            best, least = replace(plan, chains=bare.chains, stride=bare.stride), at
         blame = _blame(bare, shape, edges, stretch > _AIM * BOUND)
         blame = {role: much for role, much in blame.items() if _weight(bare, role) * _LESS >= _LEAST}
         if at <= _AIM * BOUND or not blame:
@@ -45,6 +47,8 @@ def softened(plan: Plan, clip: Clip, shape: Shape) -> Plan:
         most = max(blame.values())
         chosen = {role for role, much in blame.items() if much >= _BLAMED * most}
         bare = replace(bare, chains=tuple(_lessened(chain, chosen) for chain in bare.chains))
+        if chosen & striding:
+            bare = replace(bare, stride=bare.stride * _LESS)
     return best
 
 
@@ -52,6 +56,12 @@ def limb_of(chain: ChainPlan) -> str:
     """The role of a chain without its side: what both sides have in common."""
     words = [word for word in chain.role.split() if word not in ("left", "right", "girdle")]
     return " ".join(words)
+
+
+def _striding(plan: Plan, clip: Clip, shape: Shape) -> set[str]:
+    """The roles of the chains of legs that step: how far they do is weighted down as well."""
+    legs = {joint for limb in legs_that_step(shape, clip, plan) for joint in limb.proper[1:]}
+    return {limb_of(c) for c in plan.chains if shape.skeleton.index(c.target[-1]) in legs}
 
 
 def _lessened(chain: ChainPlan, roles: set[str]) -> ChainPlan:

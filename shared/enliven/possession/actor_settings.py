@@ -70,6 +70,11 @@ class ActorSettings:
         "Spots [x, y, z, radius, factor] of the mesh as it is cast, in metres; a factor above 1 bends less, "
         "below 1 gives way.",
     )
+    ends: tuple[tuple[float, float, float], ...] = setting(
+        (),
+        "For 'mapped': the ends of head, left hand, right hand, left foot and right foot, [x, y, z] each in "
+        "metres of the mesh as it is cast; none: they are found.",
+    )
     embedded: EmbeddedSettings = setting(EmbeddedSettings, "The deformation's weights.")
     observed: ObservedSettings = setting(ObservedSettings, "How the surface follows what is seen.")
     limbs: SelfContactSettings = setting(SelfContactSettings, "How the mesh's limbs keep out of each other.")

@@ -8,10 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.person import PARENTS, Body, J, Joint
-from enliven.possession.body_in_mesh import BodyInMesh
-from enliven.possession.bone_cylinders import bone_rotations, filled_joints
-from enliven.possession.placement import Placement, facing, turn_about_y
+from enliven.person import Body, Joint
+from enliven.possession.placement import Placement
 
 _HIP = Joint.HIP_CENTER
 
@@ -26,6 +24,13 @@ class Carrying(Protocol):
     @property
     def fits(self) -> bool:
         """Whether the joints lie in the mesh by themselves, so that every bone should take hold."""
+
+    @property
+    def at_rest(self) -> Float | None:
+        """(20, 3) metres where the bones take hold of the mesh at rest; None: where the joints are now."""
+
+    def at(self, time_ns: int) -> None:
+        """Tells it the time of the joints that it carries next, by the sensor's clock."""
 
     def __call__(self, joints: Float) -> Float:
         """(20, 3) joints in the rest space, from (20, 3) in the world."""
@@ -53,12 +58,16 @@ class CarriedPlacement:
     stays: bool = False
     home: Float | None = None
     fits: bool = field(default=False, init=False)
+    at_rest: Float | None = field(default=None, init=False)
     _hip: Float | None = field(default=None, repr=False)
 
     @property
     def scale(self) -> float:
         """Metres of the performer for a metre of the rest space."""
         return self.placement.scale
+
+    def at(self, time_ns: int) -> None:
+        """It is carried alike at any time."""
 
     def __call__(self, joints: Float) -> Float:
         """(20, 3) joints in the rest space, from (20, 3) in the world."""
@@ -87,57 +96,3 @@ class CarriedPlacement:
                 offset = self.placement.offset + np.array([step[0], 0.0, step[1]])
                 self.placement = Placement(self.placement.scale, self.placement.yaw, offset)
                 self.home = self.home + step
-
-
-class Mapped:
-    """Limb drives limb: each bone of the mesh's own skeleton turns as the performer's bone has turned.
-
-    Joints are chained down the mesh's skeleton: j = parent + Q R Q^T (rest bone), with R the rotation of the
-    performer's bone since they took hold, and Q the rotation from their facing to the mesh's front. The hip
-    moves as theirs does, scaled by the ratio of the leg lengths where the mesh has legs.
-
-    Args:
-        likeness: the mesh's skeleton.
-        body: the performer as they take hold.
-        scale: metres of the performer for one metre of the rest space.
-        travel: share of their travel over the floor that the mesh makes too.
-    """
-
-    fits = True
-
-    def __init__(self, likeness: BodyInMesh, body: Body, scale: float, travel: float = 1.0) -> None:
-        self.likeness, self.travel = likeness, travel
-        self._rest = filled_joints(body.joints, body.joints)
-        self._home = self._rest[_HIP].copy()
-        self._last = self._rest
-        self._turn = turn_about_y(likeness.yaw - facing(body))
-        self.scale, self._measure = scale, scale
-        if np.isfinite(likeness.leg):
-            self._measure = float(
-                np.clip(BodyInMesh(self._rest, 0.0).leg / likeness.leg, scale / 5, 5 * scale)
-            )
-
-    def __call__(self, joints: Float) -> Float:
-        """(20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN where it has none."""
-        now = filled_joints(joints, self._last)
-        self._last = now
-        turns = self._turn @ bone_rotations(self._rest, now)[0] @ self._turn.T
-        own = self.likeness.joints
-        way = (now[_HIP] - self._home) * np.array([self.travel, 1.0, self.travel])
-        out = np.empty((J, 3))
-        out[_HIP] = own[_HIP] + self._turn @ way / self._measure
-        for child in range(1, J):
-            parent = PARENTS[child]
-            out[child] = out[parent] + turns[child - 1] @ (own[child] - own[parent])
-        return out
-
-    def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
-        """Returns two empty arrays (0, 3): a person's surface does not lie on a mesh of another shape."""
-        return np.empty((0, 3)), np.empty((0, 3))
-
-    def handed_over(self, body: Body) -> None:
-        """Continues with another body from where the last one was."""
-        step = body.joints[_HIP] - self._last[_HIP]
-        if np.isfinite(step).all():
-            self._home = self._home + step
-            self._last = self._last + step

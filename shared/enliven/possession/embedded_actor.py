@@ -19,6 +19,7 @@ from enliven.possession.easing import Easing
 from enliven.possession.grip import gripped, out_of_reach
 from enliven.possession.highlights import Cues, cues_of
 from enliven.possession.hold import EmbeddedHold, Grip, depth_of, joined
+from enliven.possession.likeness import BodyInMesh
 from enliven.possession.placement import AS_MODELLED, Placement, resettled
 from enliven.possession.placement_rules import PlacementRules
 from enliven.possession.soft_constraints import SoftConstraints
@@ -53,7 +54,7 @@ class EmbeddedActor(Actor):
         self.holds: list[EmbeddedHold] = []
         self.size = size
         height = height or float(np.ptp(character.vertices[:, 1])) or 1.0
-        self._rules = PlacementRules(self.settings, graph, height, size)
+        self._rules = PlacementRules(self.settings, character, graph, height, size)
         self._placement = AS_MODELLED
         self._placed = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None
@@ -67,6 +68,11 @@ class EmbeddedActor(Actor):
     def uses_surface(self) -> bool:
         """Whether it follows what the sensor sees of its performers' surfaces."""
         return self.settings.follow != "skeleton"
+
+    @property
+    def likeness(self) -> BodyInMesh | None:
+        """A person's skeleton in the mesh, where limb drives limb."""
+        return self._rules.likeness
 
     @property
     def place(self) -> tuple[float, ...]:

@@ -37,6 +37,8 @@ def gripped(
     near = replace(own, radius=metre * own.radius, reach=metre * own.reach)
     grow = Growth(_ALL if carrying.fits else settings.enough, metre * settings.farthest_reach)
     joints = carrying(body.joints)
+    if carrying.at_rest is not None:
+        joints, deformed = carrying.at_rest, None
     return Grip(attach(graph, joints, body.confidence, parts, near, deformed, grow), carrying, parts)
 
 

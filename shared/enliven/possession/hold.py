@@ -86,6 +86,8 @@ class EmbeddedHold:
     def see(self, body: Body, time_ns: int) -> None:
         """Updates the targets and the pulls from a performer in view."""
         before = self._targets
+        for grip in self.grips:
+            grip.carrying.at(time_ns)
         joints = [grip.carrying(body.joints) for grip in self.grips]
         held = [grip.attachment for grip in self.grips]
         self._targets = np.concatenate([a.targets(j) for a, j in zip(held, joints, strict=True)])

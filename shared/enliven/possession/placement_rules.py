@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from enliven.deformation.graph import DeformationGraph
+from enliven.document import Character
+from enliven.meshes import Mesh
 from enliven.person import Body
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.body_in_mesh import find_body_in_mesh
-from enliven.possession.carrying import CarriedPlacement, Carrying, Mapped
+from enliven.possession.carrying import CarriedPlacement, Carrying
+from enliven.possession.likeness import BodyInMesh, find_body_in_mesh
+from enliven.possession.mapped import Mapped
 from enliven.possession.placement import AS_MODELLED, Placement, beside, under
 
 
@@ -18,9 +23,16 @@ class PlacementRules:
         size: metres of the mesh as modelled for one of its rest space.
     """
 
-    def __init__(self, settings: ActorSettings, graph: DeformationGraph, height: float, size: float) -> None:
+    def __init__(
+        self,
+        settings: ActorSettings,
+        character: Character,
+        graph: DeformationGraph,
+        height: float,
+        size: float,
+    ) -> None:
         self.settings, self.height, self.size = settings, height, size
-        self._likeness = find_body_in_mesh(graph) if settings.how == "mapped" else None
+        self.likeness = _likeness(settings, character, graph) if settings.how == "mapped" else None
 
     def waiting_place(self, body: Body, farther: float = 0.0) -> Placement:
         """Returns where the mesh waits once the first performer is in view, so many metres to the left."""
@@ -32,7 +44,7 @@ class PlacementRules:
         """Returns the placement where the performer stands, the mesh's front in their facing."""
         alike = self.settings.scaled == "mesh"
         place = under(body, self._performer_scale(body) if alike else self.size)
-        front = 0.0 if self._likeness is None else self._likeness.yaw
+        front = 0.0 if self.likeness is None else self.likeness.yaw
         return Placement(place.scale, place.yaw - front, place.offset)
 
     def carryings(self, body: Body, placement: Placement, earlier: list[Carrying]) -> list[Carrying]:
@@ -42,9 +54,9 @@ class PlacementRules:
             placement: where the mesh stands.
             earlier: the carryings of present holds, of others or of the body itself.
         """
-        if self._likeness is not None:
-            scale = self._performer_scale(body)
-            return [Mapped(self._likeness, body, scale, self.settings.travel)]
+        if self.likeness is not None:
+            own, scale = self.settings, self._performer_scale(body)
+            return [Mapped(self.likeness, body, scale, own.travel, own.fade, own.fade_pace)]
         inside = self.settings.how == "inside"
         places = [one.placement for one in earlier[:1] if isinstance(one, CarriedPlacement)]
         if inside and self.settings.place == "fixed" and not places:
@@ -59,3 +71,9 @@ class PlacementRules:
         if self.settings.scaled == "nobody":
             return self.size
         return self.settings.height_ratio * body.height / self.height
+
+
+def _likeness(settings: ActorSettings, character: Character, graph: DeformationGraph) -> BodyInMesh:
+    """Returns the skeleton of a person in a character's mesh."""
+    mesh = Mesh(character.vertices.astype(np.float64), character.faces, character.id)
+    return find_body_in_mesh(mesh, graph, np.array(settings.ends, np.float64))

@@ -1,4 +1,4 @@
-from .characters import CharacterMessage as CharacterMessage
+from .characters import MAX_TEXTURE_BYTES as MAX_TEXTURE_BYTES, CharacterMessage as CharacterMessage
 from .convert import (
     as_sent as as_sent,
     bodies_to_message as bodies_to_message,

@@ -16,8 +16,8 @@ from enliven.meshes.mesh import Mesh
 from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.possession.body_in_mesh import find_body_in_mesh
-from enliven.possession.carrying import Mapped
+from enliven.possession.likeness import find_body_in_mesh
+from enliven.possession.mapped import Mapped
 from enliven.possession.placement import turn_about_y
 from enliven_edge.stage.casting import cast
 from enliven_edge.stage.stage import Stage
@@ -90,7 +90,7 @@ def animal():
 
 
 def test_a_beast_is_like_a_person_on_all_fours(animal):
-    like = find_body_in_mesh(animal[1])
+    like = find_body_in_mesh(beast(), animal[1])
     joints = like.joints
     assert like.yaw == pytest.approx(np.pi / 2, abs=0.2), "its front is where the head is"
     fore, hind = (joints[[j, j + 4]] for j in (Joint.HAND_LEFT, Joint.FOOT_LEFT))
@@ -175,7 +175,7 @@ def test_beside_it_a_rigid_motion_is_carried_over(chair, way, yaw, how, travel):
 @settings(max_examples=20, deadline=None)
 def test_mapped_bones_keep_their_lengths_and_begin_at_rest(animal, seed):
     rng = np.random.default_rng(seed)
-    like, body = find_body_in_mesh(animal[1]), person(yaw=rng.uniform(-3, 3))
+    like, body = find_body_in_mesh(beast(), animal[1]), person(yaw=rng.uniform(-3, 3))
     carrying = Mapped(like, body, 1.0)
     np.testing.assert_allclose(carrying(body.joints), like.joints, atol=1e-9)
     anything = rng.normal(size=(20, 3))

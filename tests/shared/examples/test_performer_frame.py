@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.document.clip import Clip
+from enliven.document.clip import Clip, joint_places
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.examples.performer import joint_places, performed
+from enliven.examples.performer import performed
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 NAMES = ("hips", "chest", "hand", "foot")

@@ -125,6 +125,41 @@ def turned_clip(clip: Clip, angle: float) -> Clip:
     return Clip(clip.id, skeleton, multiply(multiply(q, clip.turns), back), clip.root @ matrix.T, clip.step)
 
 
+def walk(stride=0.5, heading=0.0, raised=0.0) -> Clip:
+    """A man who walks: of two feet one stands, exactly, while the other goes two strides ahead.
+
+    His arms hang, or are ``raised`` from that by radians.
+    """
+    skeleton = man()
+    phase = np.arange(61) / 15.0
+    root = np.tile(skeleton.positions[0] - [0, 0.06, 0], (61, 1))
+    root[:, 2] += stride * phase
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (61, len(skeleton), 1))
+    for side, begin, sign in (("Left", 0.0, 1.0), ("Right", 1.0, -1.0)):
+        for name in ("elbow", "wrist", "finger", "thumb"):
+            about = np.array([0.0, 0.0, sign * (raised - np.pi / 2)])
+            turns[:, skeleton.index(f"{side} {name}")] = from_rotation_vector(about)
+        hip, knee, ankle = (skeleton.index(f"{side} {name}") for name in ("hip", "knee", "ankle"))
+        gone, part = np.divmod(phase + begin, 2.0)
+        ahead = 2.0 * stride * (gone + np.clip(part - 1.0, 0.0, 1.0)) - stride * begin + stride / 2.0
+        high = 0.1 * np.sin(np.pi * np.clip(part - 1.0, 0.0, 1.0))
+        start = root + skeleton.positions[hip] - skeleton.positions[0]
+        goal = np.stack([start[:, 0] + 0.01, 0.09 + high, ahead], 1)
+        upper, lower = skeleton.lengths[knee], skeleton.lengths[ankle]
+        way = goal - start
+        far = np.minimum(np.linalg.norm(way, axis=1), 0.999 * (upper + lower))
+        bend = np.arccos((upper**2 + far**2 - lower**2) / (2 * upper * far))
+        slope = np.arctan2(way[:, 2], -way[:, 1])
+        beyond = np.arccos((upper**2 + lower**2 - far**2) / (2 * upper * lower)) - np.pi
+        turns[:, knee] = _about_x(-(slope + bend))
+        turns[:, ankle] = _about_x(-(slope + bend + beyond))
+    return turned_clip(Clip("walk", skeleton, turns, root, 1 / 30), heading)
+
+
+def _about_x(angles):
+    return from_rotation_vector(np.stack([angles, 0 * angles, 0 * angles], 1))
+
+
 def meshed(name: str, skeleton: Skeleton):
     """A still shape: a small triangle at the end of every bone."""
     count = len(skeleton)

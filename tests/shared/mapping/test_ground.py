@@ -102,7 +102,7 @@ def test_a_stride_is_the_models_own():
     root = np.tile(skeleton.positions[0], (41, 1))
     root[:, 2] += np.linspace(0, 1.3, 41)
     clip, shape = Clip("walk", skeleton, turns, root, 1 / 30), meshed("spider", spider())
-    plan = replace(automatic(clip, shape), travel=True)
+    plan = replace(automatic(clip, shape), travel=True, steps=False)
 
     def way(weight):
         chains = tuple(replace(c, weight=weight) if "leg" in c.role else c for c in plan.chains)
@@ -110,4 +110,4 @@ def test_a_stride_is_the_models_own():
         at = Player(made.project, "spider").root(np.array([0.0, made.duration]))
         return float(np.linalg.norm((at[1] - at[0])[[0, 2]]))
 
-    assert 0.3 < way(0.5) / way(1.0) < 0.8
+    assert 1.2 * way(0.2) < way(0.4) < way(0.8) / 1.2

@@ -253,8 +253,15 @@ def test_without_legs_the_whole_extent_is_the_size():
     walker, snake = random_skeleton(rng, 6), random_skeleton(rng, 6)
     flat = type(snake)(snake.names, snake.parents, snake.positions * [1.0, 0.0, 1.0])
     clip = random_clip(rng, walker)
-    extents = [np.linalg.norm(np.ptp(s.positions, axis=0)) for s in (flat, walker)]
-    assert travel_scale(still_shape("snake", flat), clip) == pytest.approx(extents[0] / extents[1])
+    scale = travel_scale(still_shape("snake", flat), clip)
+    for s in (flat, walker):
+        radius = np.linalg.norm((s.positions - s.positions.mean(0))[:, [0, 2]], axis=1).max()
+        scale *= np.hypot(2 * radius, np.ptp(s.positions[:, 1])) ** (-1 if s is flat else 1)
+    assert scale == pytest.approx(1.0)
+    c, s = np.cos(0.7), np.sin(0.7)
+    aside = type(snake)(snake.names, snake.parents, flat.positions @ [[c, 0, -s], [0, 1, 0], [s, 0, c]])
+    both = [travel_scale(still_shape("snake", one), clip) for one in (flat, aside)]
+    assert both[1] == pytest.approx(both[0]), "however it is turned"
 
 
 def test_the_pose_moves_vertices_as_the_bones_go():

@@ -141,3 +141,28 @@ def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, 
         feed.close()
         first.close()
     assert heard.count("restarted") == 1 and heard.index(5) < heard.index("restarted") < heard.index(6)
+
+
+def test_what_came_during_a_slow_picture_is_taken_in_the_order_of_time(publisher, box) -> None:
+    """Ten seconds of poses and of performers: neither may look like a clock that began again."""
+    publisher.set_character(box)
+    feed, document, heard = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), list[int]()
+    feed.heard = lambda topic, value: heard.append(getattr(value, "pose", value).time_ns)
+
+    def turn() -> None:
+        list(publisher.poll())
+        feed.poll(document)
+
+    try:
+        until(lambda: document.edge.connected and "box" in document.characters, turn)
+        generation = document.timeline.generation
+        heard.clear()
+        for second in range(1, 11):
+            publisher.publish(bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], second * NS))
+            publisher.publish_pose(box.rest_pose(second * NS))
+        until(lambda: len(feed.link.edges[0].inbox.get("pose", ())) == 10, lambda: feed.link.poll())
+        feed.poll(document)
+        assert heard == [second * NS for second in range(1, 11) for _ in range(2)]
+        assert document.timeline.generation == generation and len(document.timeline) >= 10
+    finally:
+        feed.close()

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from enliven.document import Pose
 from enliven.person.body import Body
 from enliven.wire import BODIES, HOLDS, POSE, HoldMessage
 from enliven_viewer.link.received import ReceivedBodies, ReceivedPose
@@ -64,13 +61,17 @@ def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> Non
     assert [one.time_ns // STEP for one in kept.frames] == [1, 2, 3, 4]
 
 
-def test_what_came_during_a_slow_picture_is_no_other_clock() -> None:
+def test_a_slow_picture_after_which_topics_come_one_by_one_ends_nothing(box) -> None:
+    """Three seconds of performers, and then of poses, arrive in one picture."""
     recorder = LiveRecorder()
-    recorder.heard(HOLDS, HoldMessage("chair", 0, "alone", body=1, holders=[1]))
-    hear(recorder, *range(70))  # two seconds at once: all bodies, and then all poses
-    still = Pose("chair", 0, np.eye(3, dtype=np.float32)[None], np.zeros((1, 3), np.float32))
-    for step in range(70):
-        recorder.heard(POSE, ReceivedPose(replace(still, time_ns=step * STEP), "edge", step, 0, 0, 0, 0))
-    assert [one.character for one in recorder.holders.now] == ["chair"]
+    recorder.heard(HOLDS, HoldMessage("box", 0, "alone", body=1, holders=[1]))
     hear(recorder, 0)
-    assert recorder.holders.now == (), "now it has gone back"
+    recorder.begin("take 1")
+    hear(recorder, *range(1, 91))
+    for step in range(1, 91):
+        pose = box.rest_pose(step * STEP)
+        recorder.heard(POSE, ReceivedPose(pose, "edge", step, 0, 0, 0, 0, box, 1))
+    hear(recorder, 91)
+    assert not recorder.cut and recorder.holders.now
+    kept = recorder.end()
+    assert len(kept.frames) == 92 and len(kept.poses["box", 1]) == 90

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,11 +28,16 @@ from studio_driver import (
     play,
 )
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
+from made_bodies import horse, meshed, walk
+
 from enliven.document.project import Project
 from enliven.document.rigged import Shape
+from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Limb = Callable[..., Shape]
@@ -329,7 +337,29 @@ def test_the_best_view_shows_more_of_the_bones(workspace: Workspace) -> None:
 
 def test_a_take_of_another_build_says_what_to_do_or_maps_all(workspace: Workspace) -> None:
     do(workspace, Click(JointPlace("limb", 0)), Click(Widget("take walk")), Click(Widget("whole body")))
+    workspace.editor.beside.finish()
     assert workspace.editor.history.names == ("map all of walk",) or "chain by chain" in said(workspace)
+
+
+def test_a_whole_body_is_fitted_beside_the_window_and_measured(workspace: Workspace) -> None:
+    """As the command does it: on the floor, stepping, softened; what is edited meanwhile is kept."""
+    clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
+    tool = workspace.input.tools["map"]
+    assert isinstance(tool, MapTool)
+    workspace.store.new(workspace.editor.project.with_characters(shape).with_takes(clip))
+    editor = workspace.editor
+    editor.choose("horse")
+    tool.source.show(clip.id)
+    tool.whole.travel = True
+    tool.map_whole()
+    workspace.editor.edit("meanwhile", lambda p: p.without("arm"))
+    editor.beside.finish()
+    assert editor.history.names == ("meanwhile", "map all of steps"), said(workspace)
+    assert set(editor.project.shapes) == {"horse", "limb"} and tool.made is not None
+    _, _, plan, quality = tool.made
+    assert plan.travel and plan.steps and quality.slide is not None and quality.slide < 2.5
+    low = [joints[:, 1].min() for joints in Player(editor.project, "horse").sample(np.linspace(0, 2, 9))[1]]
+    np.testing.assert_allclose(low, horse().positions[:, 1].min(), atol=0.06)
 
 
 def test_a_foot_is_pinned_and_let_go(workspace: Workspace) -> None:

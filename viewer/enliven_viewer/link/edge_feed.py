@@ -46,24 +46,24 @@ class EdgeFeed:
     def poll(self, document: Document) -> int:
         """Apply everything that has arrived since the last call, without waiting; how many messages."""
         self.link.poll()
-        self._watch_instance()
+        began_again = self._watch_instance()
         document.characters = dict(self.link.characters)
-        count, poses = 0, []
-        for topic in shown_topics():
-            values = self.link.take(topic)
-            count += len(values)
-            poses = values if topic is POSE else poses
-            for value in values:
-                track_of(topic).put(document, value)
-                self.heard(topic, value)
+        arrived = [(topic, value) for topic in shown_topics() for value in self.link.take(topic)]
+        if not began_again:  # else two clocks may be mixed
+            # After a slow picture seconds of one topic come before those of the next.
+            arrived.sort(key=lambda one: _time_ns(one[1]))
+        for topic, value in arrived:
+            track_of(topic).put(document, value)
+            self.heard(topic, value)
         for call in self.link.take(CALLS):
             self.heard(CALLS, call)
         self._forget_cues(document)
+        poses = [value for topic, value in arrived if topic is POSE]
         if poses:
             self._take_latency(poses[-1])
         self._look_again()
         document.edge = self._state()
-        return count
+        return len(arrived)
 
     def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:
         """Asks the edge to carry out an order; a direction of view is told again to an edge that restarts."""
@@ -75,12 +75,13 @@ class EdgeFeed:
         """Let the sockets go."""
         self.link.close()
 
-    def _watch_instance(self) -> None:
-        """Tell that the edge was started again."""
-        instance = self.link.edges[0].instance
-        if self._instance not in (None, instance):
+    def _watch_instance(self) -> bool:
+        """Tell that the edge was started again; returns whether it was."""
+        before, self._instance = self._instance, self.link.edges[0].instance
+        began_again = before not in (None, self._instance)
+        if began_again:
             self.restarted()
-        self._instance = instance
+        return began_again
 
     def _forget_cues(self, document: Document) -> None:
         """Removes the cues of characters that the edge has no longer."""
@@ -134,3 +135,8 @@ class EdgeFeed:
             health=tuple(messages_to_health(status.health)) if status is not None and connected else (),
             signal=self.link.topics[endpoint][(POSE if self.link.characters else BODIES).name].signal,
         )
+
+
+def _time_ns(value: Any) -> int:
+    """Returns the sensor's clock of what arrived."""
+    return value.pose.time_ns if isinstance(value, ReceivedPose) else value.time_ns

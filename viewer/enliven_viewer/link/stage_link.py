@@ -16,6 +16,7 @@ from enliven.formats.project import character_bytes
 from enliven.wire import (
     MAX_PART_BYTES,
     MAX_SENT_BYTES,
+    MAX_TEXTURE_BYTES,
     Answer,
     Ask,
     Awaited,
@@ -38,6 +39,12 @@ _PAUSE = 0.25
 """Seconds before a sending goes on after a part was refused: an edge counts requests by the second."""
 
 Then = Callable[[Answer], None]
+
+
+def _packed(project: Project, character: str) -> bytes:
+    """The bytes of a character, with its textures where the wire carries them back from the edge."""
+    data = character_bytes(project, character, MAX_TEXTURE_BYTES)
+    return data if len(data) <= MAX_SENT_BYTES else character_bytes(project, character)
 
 
 class StagedEdge(Protocol):
@@ -110,7 +117,7 @@ class StageLink:
             return
         if self._packer is None:
             self._packer = ThreadPoolExecutor(1, "packer")
-        packed = self._packer.submit(character_bytes, project, character)
+        packed = self._packer.submit(_packed, project, character)
         self._sending[name] = _Sending(name, fit, then, packed)
 
     def remove(self, character: str, then: Then | None = None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -134,6 +135,17 @@ class OrbitCamera:
         turns = round((self._goal[3] - azimuth) / (2 * math.pi))
         self._goal[3] = azimuth + 2 * math.pi * turns
         self._goal[4] = min(max(elevation, LOWEST), HIGHEST)
+
+    @property
+    def goal(self) -> tuple[float, float, float, float, float, float]:
+        """Where it is or goes: the target (metres), azimuth, elevation (radians), distance (metres)."""
+        x, y, z, azimuth, elevation, distance = map(float, self._goal)
+        return x, y, z, azimuth, elevation, math.exp(distance)
+
+    def go(self, target: Sequence[float], azimuth: float, elevation: float, distance: float) -> None:
+        """Go to a target (metres), and look at it from a side (radians) and a distance (metres)."""
+        self._goal[:3], self._goal[5] = target, math.log(distance)
+        self.face(azimuth, elevation)
 
     def pan(self, across: float, up: float) -> None:
         """Move the target by fractions of the picture's height to the right and up."""

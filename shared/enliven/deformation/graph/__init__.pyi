@@ -9,6 +9,7 @@ from .graph import (
     character_from as character_from,
     graph_of as graph_of,
 )
+from .surface_ends import LimbEnds as LimbEnds, extremities as extremities, limb_ends as limb_ends
 from .sampling import scatter as scatter
 from .stiffness import stiffness_at as stiffness_at
 from .surface import SurfaceNet as SurfaceNet, net_of as net_of

@@ -1,2 +1,6 @@
 from .file import project_of as project_of, read_project as read_project, write_project as write_project
-from .one_character import character_bytes as character_bytes, project_of_mesh as project_of_mesh
+from .one_character import (
+    character_bytes as character_bytes,
+    project_of_mesh as project_of_mesh,
+    texture_bytes as texture_bytes,
+)

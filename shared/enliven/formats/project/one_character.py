@@ -11,16 +11,26 @@ from enliven.formats.project.file import project_bytes
 from enliven.meshes import Mesh
 
 
-def character_bytes(project: Project, character: str) -> bytes:
-    """Returns a project of one character at rest, without textures: equal bytes for equal characters.
+def character_bytes(project: Project, character: str, textures: int = 0) -> bytes:
+    """Returns a project of one character at rest: equal bytes for equal characters.
 
     A rigged shape comes without layers, a possessed mesh without motion, a puppet with the takes of its key
     poses alone. Coordinates are rounded to float32.
 
+    Args:
+        textures: bytes that its textures may have; with larger ones it comes without materials.
+
     Raises:
         InputError: where there is no such character.
     """
-    return project_bytes(_alone(project.character(character), project))
+    one = project.character(character)
+    return project_bytes(_alone(one, project, painted=0 < texture_bytes(one) <= textures))
+
+
+def texture_bytes(one: RigBase) -> int:
+    """Returns the bytes of the textures of a character; 1 of one with materials alone, 0 without those."""
+    materials = None if one.mesh is None else one.mesh.materials
+    return 0 if materials is None else max(sum(len(each.image) for each in materials.textures), 1)
 
 
 def project_of_mesh(mesh: Mesh, name: str) -> Project:
@@ -32,16 +42,16 @@ def project_of_mesh(mesh: Mesh, name: str) -> Project:
     return Project().with_streams(one[1]).with_characters(one[0])
 
 
-def _alone(one: RigBase, project: Project) -> Project:
+def _alone(one: RigBase, project: Project, *, painted: bool) -> Project:
     """Returns a project of a character at rest, with the takes that it needs then."""
-    still, streams = one.at_rest(None if one.mesh is None else _bare(one.mesh))
+    still, streams = one.at_rest(None if one.mesh is None else _light(one.mesh, painted))
     takes = (project.takes[name] for name in still.needed()["takes"])
     return Project().with_takes(*takes).with_streams(*streams).with_characters(still)
 
 
-def _bare(mesh: Mesh) -> Mesh:
-    """Returns a mesh without materials, its coordinates rounded: half of the bytes."""
-    return replace(mesh, vertices=_rounded(mesh.vertices), materials=None)
+def _light(mesh: Mesh, painted: bool) -> Mesh:
+    """Returns a mesh with its coordinates rounded, half of the bytes, and its materials or none."""
+    return replace(mesh, vertices=_rounded(mesh.vertices), materials=mesh.materials if painted else None)
 
 
 def _rounded(numbers: np.ndarray) -> np.ndarray:

@@ -25,6 +25,23 @@ from .clips import (
     stretch_clip as stretch_clip,
     trim_clip as trim_clip,
 )
+from .groups import (
+    copy_characters as copy_characters,
+    middle_of as middle_of,
+    mirror_characters as mirror_characters,
+    move_characters as move_characters,
+    mute_characters as mute_characters,
+    scale_characters as scale_characters,
+    shift_characters as shift_characters,
+    turn_characters as turn_characters,
+)
+from .handling import (
+    delete_take as delete_take,
+    handle_characters as handle_characters,
+    order_characters as order_characters,
+    refuse_locked as refuse_locked,
+    rename_take as rename_take,
+)
 from .markers import (
     add_marker as add_marker,
     move_marker as move_marker,

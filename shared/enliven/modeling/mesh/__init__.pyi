@@ -3,7 +3,6 @@ from .cut_loops import area as area
 from .cut_pieces import Piece as Piece
 from .cut_surfaces import CutSurface as CutSurface, PlaneCut as PlaneCut, StrokeCut as StrokeCut
 from .joining import SkinnedSurface as SkinnedSurface, joined as joined
-from .limb_ends import extremities as extremities
 from .mesh_cut import Cut as Cut, cut_across_bone as cut_across_bone, cut_by_stroke as cut_by_stroke
 from .mesh_union import united as united
 from .meshes import (

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.deformation.graph import extremities
 from enliven.document import Clip, Plane, Project, Skeleton, unused
 from enliven.errors import InputError
 from enliven.examples import guess_joints, partners_of, performed, reflected, suggest_poses
 from enliven.mapping import SkeletonLimb, anatomy_of
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import extremities, plane_of_symmetry
+from enliven.modeling.mesh import plane_of_symmetry
 from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry

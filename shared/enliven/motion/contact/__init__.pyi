@@ -4,6 +4,7 @@ from .pin import (
     held_pins as held_pins,
     local_turns as local_turns,
     pin_feet as pin_feet,
+    pin_limb as pin_limb,
     rebuild as rebuild,
     unpin as unpin,
 )

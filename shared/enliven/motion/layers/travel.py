@@ -22,9 +22,10 @@ _LOW = 0.15
 
 
 def height_of(skeleton: Skeleton) -> tuple[float, float]:
-    """Metres at rest: of the root over the lowest joint (the legs), and the diagonal of the joints' box."""
-    low, high = skeleton.positions.min(0), skeleton.positions.max(0)
-    return float(skeleton.positions[0, 1] - low[1]), float(np.linalg.norm(high - low))
+    """Metres at rest: of the root over the lowest joint (the legs), and of the whole, however turned."""
+    at, height = skeleton.positions, skeleton.positions[:, 1]
+    wide = 2.0 * float(np.linalg.norm((at - at.mean(0))[:, [0, 2]], axis=1).max())
+    return float(height[0] - height.min()), float(np.hypot(np.ptp(height), wide))
 
 
 def travel_scale(shape: Shape, clip: Clip) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from enliven.mapping import BOUND, MotionQuality, Plan, limb_of
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
@@ -15,6 +16,12 @@ from enliven_viewer.theme import ACCENT, CHAIN, DARK, INK, QUIET
 
 _SHARE = 0.56
 """Share of the side panel that the view of sources takes: the list of shapes still fits above."""
+_ROWS = 34.0
+"""Pixels under the picture of the take: a row of buttons."""
+_SAID = 3 * 20.0
+"""Pixels of the lines that say how good a motion is."""
+_CUTS = 0.005
+"""Share of the edges that cut another part from which it is said: fewer are not seen."""
 _THUMB = ImVec2(92, 92)
 
 
@@ -31,7 +38,7 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         heading("Source")
         _takes(workspace, tool)
         size = imgui.get_content_region_avail()
-        tool.source.size = (max(size.x, 1.0), max(size.y - 34, 1.0))
+        tool.source.size = (max(size.x, 1.0), max(size.y - _ROWS - (_SAID if tool.made else 0.0), 1.0))
         _picture(workspace, tool, texture)
         _, tool.loop = imgui.checkbox("loop", tool.loop)
         workspace.remember("loop")
@@ -41,12 +48,61 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         workspace.remember("find matches")
         told("Rank the parts of the chosen shape that look like the take as it stands now")
         imgui.same_line()
-        if imgui.button("Whole body", ImVec2(-1, 0)):
+        if imgui.button("Whole body", ImVec2(-34, 0)):
             tool.map_whole()
         workspace.remember("whole body")
         told("Map every limb of the take onto a limb of the chosen shape at once")
+        _how(workspace, tool)
+        if tool.made is not None:
+            with small():
+                for line in _said(*tool.made[2:]):
+                    quiet(line)
     if tool.offered:
         _offers(workspace, tool, viewport)
+
+
+_WHOLE = (
+    ("floor", "On the floor", "Keep what stands on the floor, by its lowest point"),
+    ("steps", "Steps", "Let legs of another build than the performer's step where the performer's feet do"),
+    ("travel", "Travels", "Let it go where the performer goes"),
+    ("pin", "Feet hold", "Hold feet in their place while they stand"),
+)
+"""How a whole body is mapped: the setting, its label, and what it does."""
+
+
+def _how(workspace: Workspace, tool: MapTool) -> None:
+    """A button that opens the ways in which a whole body is mapped."""
+    imgui.same_line()
+    if imgui.button("\uf013##how", ImVec2(-1, 0)):
+        imgui.open_popup("whole body how")
+    workspace.remember("whole how")
+    told("How a whole body is mapped: floor, steps, travel")
+    if not imgui.begin_popup("whole body how"):
+        return
+    for name, label, about in _WHOLE:
+        on = imgui.checkbox(label, getattr(tool.whole, name))[1]
+        setattr(tool.whole, name, on)
+        workspace.remember(f"whole {name}")
+        told(about)
+    _, tool.gentle = imgui.checkbox("Move limbs less where the surface would stretch", tool.gentle)
+    workspace.remember("whole gentle")
+    told("Movements are weighted down, both sides alike, until the surface stretches by little")
+    imgui.end_popup()
+
+
+def _said(plan: Plan, quality: MotionQuality) -> list[str]:
+    """How good a mapped motion is, line by line."""
+    good = quality.stretch <= BOUND
+    where = "good" if good else f"too much, at {', '.join(quality.joints[:2])}"
+    said = [f"The surface stretches by {quality.stretch - 1.0:.0%}: {where}"]
+    floor = [] if quality.sunk is None else [f"off the floor {max(quality.sunk, quality.afloat or 0.0):.1%}"]
+    if quality.slide is not None:
+        floor.append(f"feet slide {quality.slide:.0f} cm/s")
+    if quality.crossing > _CUTS:
+        floor.append(f"{quality.crossing:.1%} cuts itself")
+    less = {limb_of(c): c.weight for c in plan.chains if c.weight < 1.0 and "whole" not in c.role}
+    told_less = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
+    return [*said, *([", ".join(floor)] if floor else []), *([f"Moved less: {told_less}"] if less else [])]
 
 
 def _takes(workspace: Workspace, tool: MapTool) -> None:

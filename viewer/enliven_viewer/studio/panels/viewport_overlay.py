@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.actions import spoken
@@ -13,6 +14,10 @@ from enliven_viewer.studio.viewport import Disc, Fill, Line, axes_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET
 
+_AIR = 8.0
+"""Pixels between a chosen character and the corners around it."""
+_CORNER = 10.0
+"""Pixels of each arm of a corner."""
 _WIDE = 380.0
 """Pixels of a line of a message at most: about sixty letters, easy to read."""
 
@@ -34,12 +39,31 @@ def draw_overlay(workspace: Workspace, area: Area, *, tool: bool = True) -> None
 
 def _tool(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """Draw the marks of the tool, the axes of a puppet, and the hint."""
+    _brackets(workspace, draw, area)
     for mark in workspace.input.tool.overlay().marks:
         draw_mark(draw, area, mark)
     if workspace.puppets.puppet is not None:
         for mark in axes_marks(workspace.editor.lens, (area.width - 46, area.height - 42)):
             draw_mark(draw, area, mark)
     _hint(workspace, draw, area)
+
+
+def _brackets(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """Draw corners around each of several chosen characters; the one that leads has brighter ones."""
+    editor = workspace.editor
+    if not editor.selection.several:
+        return
+    for one in editor.seen:
+        pixels = editor.lens.pixels_of(np.asarray(one.extent, float)[:: max(len(one.extent) // 300, 1)])
+        if one.id not in editor.selection.characters or not pixels:
+            continue
+        colour = packed(ACCENT if one.id == editor.selection.character else INK, 0.9)
+        (left, top), (right, bottom) = np.min(pixels, axis=0) - _AIR, np.max(pixels, axis=0) + _AIR
+        for x, inward in ((left, _CORNER), (right, -_CORNER)):
+            for y, down in ((top, _CORNER), (bottom, -_CORNER)):
+                at = ImVec2(area.x + x, area.y + y)
+                ends = [ImVec2(at.x + inward, at.y), at, ImVec2(at.x, at.y + down)]
+                draw.add_polyline(ends, colour, 2.0, 0)
 
 
 def draw_mark(draw, area: Area, mark) -> None:  # type: ignore[no-untyped-def]

@@ -12,8 +12,6 @@ from enliven_viewer.playback import NS
 from enliven_viewer.studio.perform.holders import Holders
 from enliven_viewer.studio.perform.stillness import Stillness
 
-_BACK = 1.0
-"""Seconds by which the sensor's clock goes back where it is another one: the edge or a replay began again."""
 _BEFORE = 18_000
 """Frames of performers that are kept from before a recording: ten minutes, since a hold may be as old."""
 
@@ -31,7 +29,6 @@ class LiveRecorder:
         self.holders = Holders()
         self.newest_ns: int | None = None
         self.cut, self.stillness = False, Stillness()
-        self._newest_of: dict[str, int] = {}
         self._frames: deque[BodyFrame] = deque(maxlen=_BEFORE)
         self._kept: Performed | None = None
         self._delay_ns: int | None = None
@@ -87,7 +84,8 @@ class LiveRecorder:
         """Take a value of a topic, as the link brings it."""
         if topic is POSE:
             self._pose(value)
-        elif topic is BODIES and self._later(value.time_ns, topic):
+        elif topic is BODIES and not (self._frames and value.time_ns <= self._frames[-1].time_ns):
+            self._note(value.time_ns)
             frame = BodyFrame(list(value.bodies), value.time_ns, value.edge)
             self._frames.append(frame)
             self.stillness.see(frame)
@@ -101,29 +99,23 @@ class LiveRecorder:
     def restarted(self) -> None:
         """Another clock begins, and all holds are over."""
         self.newest_ns, self.cut = None, self.recording and self._delay_ns is None
-        self._newest_of.clear()
         self._frames.clear()
         self.holders.forget()
 
     def _pose(self, seen: Any) -> None:
         pose, kept = seen.pose, self._kept
-        self._later(pose.time_ns, POSE)
+        self._note(pose.time_ns)
         if kept is None or self.cut or seen.character is None or pose.time_ns < kept.since_ns:
             return
         key = pose.character, seen.revision
         kept.characters.setdefault(key, seen.character)
         kept.poses.setdefault(key, []).append(pose)
 
-    def _later(self, time_ns: int, of: Topic) -> bool:
-        """Note a time of the sensor's clock; returns whether it is later than all before.
+    def _note(self, time_ns: int) -> None:
+        """Follow the sensor's clock; a recording that awaits it begins.
 
-        Each topic is compared with itself: after a slow picture all bodies come before the first pose.
+        After a slow picture many messages come at once, topic by topic: their times are no order of arrival.
         """
-        if time_ns < self._newest_of.get(of.name, time_ns) - _BACK * NS:
-            self.restarted()
-        self._newest_of[of.name] = max(self._newest_of.get(of.name, time_ns), time_ns)
-        later = self.newest_ns is None or time_ns > self.newest_ns
         self.newest_ns = max(self.newest_ns or time_ns, time_ns)
         if self._kept is not None and self._delay_ns is not None:
-            self._count_from(self._kept, self.newest_ns + self._delay_ns)
-        return later
+            self._count_from(self._kept, time_ns + self._delay_ns)

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from functools import partial
 
 from enliven.document import Project, Puppet, RigBase
-from enliven.formats.project import project_of_mesh
-from enliven.wire import Answer, Done, Refused
+from enliven.formats.project import project_of_mesh, texture_bytes
+from enliven.wire import MAX_TEXTURE_BYTES, Answer, Done, Refused
 from enliven_viewer.link import StageLink
 
 _REST = 0.25
@@ -77,10 +77,17 @@ class StageSender:
         if isinstance(answer, Done):
             self.states[name] = "on the stage"
             if not again:
-                self._tell(f"{name} stands on the stage", "It follows every edit.")
+                self._tell(f"{name} stands on the stage", self._said(name))
         elif isinstance(answer, Refused):
             self.states[name] = f"refused: {answer.reason}"
             self._tell(f"{name} cannot stand on the stage", answer.reason)
+
+    def _said(self, name: str) -> str:
+        """What an artist should know of what was put there."""
+        if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
+            most = MAX_TEXTURE_BYTES >> 20
+            return f"Its textures stay here: they have more than {most} MB. Make their pictures smaller."
+        return "It follows every edit."
 
     def _removed(self, name: str, answer: Answer) -> None:
         if isinstance(answer, Refused):

@@ -155,6 +155,14 @@ class PerformSession:
         return () if self.live is None else tuple(sorted(body.id for body in self.live.scene.bodies))
 
     @property
+    def present(self) -> tuple[str, ...]:
+        """What is on the live stage, a line each: performers, characters, loose things; empty without one."""
+        if self.live is None:
+            return ()
+        people = (f"Performer {body}" for body in self.performers)
+        return (*people, *self.standing) or ("No one is there yet",)
+
+    @property
     def standing(self) -> tuple[str, ...]:
         """The ids of the characters on the edge's stage."""
         return () if self._client is None else tuple(self._client.characters)
@@ -329,7 +337,7 @@ class PerformSession:
             made.extend(names)
             return after
 
-        if editor.edit(f"{_RECORD}{performed.name}", change):
+        if editor.edit(f"{_RECORD}{performed.name}", change, over_locks=True):
             told = [name for name in made if name in editor.project.characters] or made
             editor.toasts.say(
                 f"Recorded {', '.join(told)}", "Ctrl+Z takes it back; record again to add to it."

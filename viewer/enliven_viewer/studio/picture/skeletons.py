@@ -23,13 +23,13 @@ _ROOT = 5.4
 def skeleton_rows(posed: StandingCharacter, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
     """(N - 1 + N, 12) of ``Tubes``: a character's bones, then its handles."""
     pixel = lens.spans(posed.handles)
-    mine = selection.character == posed.id
+    mine = posed.id in selection.characters
     bones = np.tile(np.array(BONE if mine else FADED, float), (len(posed.handles), 1))
     joints = bones.copy()
     joints[0] = ROOT
     if overlay.chain is not None and overlay.chain[0] == posed.id:
         _tint_chain(posed, overlay.chain[1], bones, joints)
-    if mine and selection.handle is not None:
+    if selection.character == posed.id and selection.handle is not None:
         bones[selection.handle] = joints[selection.handle] = CHOSEN
     if overlay.hovered is not None and overlay.hovered[0] == posed.id:
         bones[overlay.hovered[1]] = joints[overlay.hovered[1]] = HOVERED

@@ -7,10 +7,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 from scipy.spatial import cKDTree
 
-from enliven.deformation.graph import scatter
+from enliven.deformation.graph import extremities, scatter
 from enliven.document import Puppet
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import extremities
 from enliven_viewer.studio.puppets.mesh_cache import size_of
 
 _MOST = 14

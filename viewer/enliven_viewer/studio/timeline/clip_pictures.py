@@ -10,8 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int32, UInt8
-from enliven.document import Clip, GraphShape, PoseStream, Project
-from enliven.examples import joint_places
+from enliven.document import Clip, GraphShape, PoseStream, Project, joint_places
 
 POSES = 64
 """Poses of a take that have a picture: of a long one every few seconds, of a short one every frame."""

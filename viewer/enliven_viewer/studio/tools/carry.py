@@ -48,7 +48,7 @@ class CarryTool(Tool):
             return
         editor.sketch(lambda project: held.moved(project, pointer))
         pixels = editor.lens.pixels_of(editor.posed(held.character).handles[:1]) if held.rooted else []
-        if pixels:
+        if pixels and not held.several:
             others = [one for one in editor.handled if one.id != held.character]
             lens, at, snap = editor.lens, pixels[0], editor.settings.snap
             self._host = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
@@ -60,10 +60,10 @@ class CarryTool(Tool):
         if held is None or editor.draft is None:
             return
         name, notes = held.character, list[str]()
-        if host is None and pointer.shift:
+        if host is None and pointer.shift and not held.several:
             host = self.character_at(pointer, without=name)
         if host is None:
-            editor.edit(f"move {name}", lambda project: held.moved(project, pointer))
+            editor.edit(f"move {held.told}", lambda project: held.moved(project, pointer))
             return
         other = host
 

@@ -1,38 +1,95 @@
-"""Choosing a character, a joint of it, or a chain from one joint to another."""
+"""Choosing characters, a joint of one, or a chain from one joint to another."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from enliven.document import Shape
 from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.viewport import Fill, Line, Overlay, Point
+from enliven_viewer.theme import ACCENT
+
+_SAMPLE = 500
+"""Vertices of a surface that a box is compared with: enough to find every limb."""
 
 
 class ChooseTool(Tool):
-    """Click chooses; with Shift, the chain from the chosen joint to the clicked one."""
+    """Click chooses; with Ctrl beside the others; with Shift also, or the chain to the clicked joint.
+
+    A drag with Ctrl draws a box, which chooses all that it touches; with Shift beside what is chosen.
+    """
 
     name, label, key, icon = "choose", "Choose", "q", "\uf245"
+
+    def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
+        super().__init__(editor)
+        self._box: tuple[Point, Point] | None = None
 
     @property
     def hint(self) -> str:
         chosen = self.editor.selection
+        if chosen.several:
+            return f"{len(chosen.characters)} shapes are chosen. Drag one with G, and all of them move."
         if chosen.chain:
             return "A chain is chosen. Ctrl+Shift+C copies its motion, Ctrl+Shift+V pastes motion onto it."
         if self.editor.puppets.puppet is not None:
             return "A puppet is chosen. K puts control points on it and poses it."
         if chosen.handle is not None:
             return "Shift-click another joint to choose the chain between them. Delete removes the node."
-        return "Click a joint or a shape to choose it. Drag empty space to turn the view."
+        return "Click a joint or a shape to choose it; Ctrl adds more. Drag empty space to turn the view."
 
     def press(self, pointer: Pointer) -> bool:
         hit, editor = self.character_at(pointer), self.editor
         if hit is None:
-            editor.select(character=None)
-            return False
-        if hit.handle < 0:
-            editor.select(character=hit.character, handle=None, chain=())
+            if pointer.ctrl:
+                self._box = (pointer.at, pointer.at)
+                return True
+            editor.choose(None)
             return False
         shape, start = editor.chosen(Shape), editor.selection.handle
-        if pointer.shift and shape is not None and shape.id == hit.character and start is not None:
+        mine, joint = editor.selection.character == hit.character, hit.handle >= 0
+        if pointer.ctrl:
+            editor.toggle(hit.character)
+        elif pointer.shift and not mine:
+            editor.choose_all(*editor.selection.characters, hit.character)
+        elif pointer.shift and joint and shape is not None and start is not None:
             editor.select(chain=shape.skeleton.path(start, hit.handle))
         else:
-            editor.select(character=hit.character, handle=hit.handle, chain=())
-        return True
+            editor.choose(hit.character, hit.handle if joint else None)
+        return joint  # from a surface a drag turns the view
+
+    def drag(self, pointer: Pointer) -> None:
+        if self._box is not None:
+            self._box = (self._box[0], pointer.at)
+
+    def release(self, pointer: Pointer) -> None:
+        box, self._box = self._box, None
+        if box is None:
+            return
+        touched = self._touched(box)
+        before = self.editor.selection.characters if pointer.shift else ()
+        self.editor.choose_all(*before, *touched)
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._box = None
+
+    def overlay(self) -> Overlay:
+        plain = super().overlay()
+        if self._box is None:
+            return plain
+        (left, top), (right, bottom) = self._box
+        corners = ((left, top), (right, top), (right, bottom), (left, bottom))
+        marks = (Fill(corners, (*ACCENT[:3], 0.10)), Line(corners, ACCENT, 1.5, True))
+        return Overlay(marks, plain.chain, plain.hovered)
+
+    def _touched(self, box: tuple[Point, Point]) -> list[str]:
+        """The characters with a handle or a place of their surface in a box of the picture."""
+        low, high = np.min(box, axis=0), np.max(box, axis=0)
+        found = []
+        for one in self.editor.reachable:
+            surface = one.vertices[:: max(len(one.vertices) // _SAMPLE, 1)]
+            pixels = self.editor.lens.project(np.concatenate([one.handles, surface]))[0]
+            if ((pixels >= low) & (pixels <= high)).all(axis=1).any():
+                found.append(one.id)
+        return found

@@ -8,8 +8,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project
-from enliven.modeling.edits import merge_characters, move_character, rig_of
+from enliven.modeling.edits import merge_characters, move_characters, rig_of
 from enliven.rotation import from_rotation_vector
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.render import EMPTY_BOX
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.viewport import Hit
@@ -26,6 +28,7 @@ class CharacterDrag:
 
     Attributes:
         character: its id.
+        characters: the ids of all that go with it: what is chosen, where it is one of them.
         rooted: whether its first handle is shown, and goes with the pointer.
         handles: (H, 3) metres in the world, where its handles were at the start.
     """
@@ -40,14 +43,29 @@ class CharacterDrag:
             posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
         )
         self._about = self._at if self.rooted else rig_of(posed.character).centre(posed.character)
-        editor.select(character=hit.character, handle=max(hit.handle, 0) if self.rooted else None, chain=())
+        editor.selection = editor.selection.led_by(hit.character)
+        editor.select(handle=max(hit.handle, 0) if self.rooted else None, chain=())
+        self.characters = editor.selection.characters
+        self._stands = _standing(editor, self.characters)
         editor.playing = False
+
+    @property
+    def several(self) -> bool:
+        """Whether more than one character is dragged."""
+        return len(self.characters) > 1
+
+    @property
+    def told(self) -> str:
+        """What is dragged, for the name of an edit."""
+        return f"{len(self.characters)} shapes" if self.several else self.character
 
     def moved(self, project: Project, pointer: Pointer) -> Project:
         """The project with the character as far as the pointer went."""
         lens = self.editor.lens
         way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
-        return move_character(project, self.character, way)
+        if self.editor.snapping.acts(pointer.ctrl):
+            way = self.editor.snapping.way(self._stands, way)
+        return move_characters(project, self.characters, way)
 
     def turned(self, project: Project, pointer: Pointer) -> Project:
         """The project with it turned by as much as the pointer went around its root, in the picture's plane.
@@ -55,7 +73,7 @@ class CharacterDrag:
         With Shift, or without a root that is shown, about the upright by as much as the pointer went across.
         """
         turn = from_rotation_vector(self._turn(pointer))
-        return move_character(project, self.character, np.zeros(3), turn, self._about)
+        return move_characters(project, self.characters, np.zeros(3), turn, self._about)
 
     def merged(self, project: Project, host: Hit, notes: list[str]) -> Project:
         """The project with it put onto another; a handle of that, or a place on a bone, carries it."""
@@ -66,12 +84,24 @@ class CharacterDrag:
         )
 
     def _turn(self, pointer: Pointer) -> Float:
+        axis, radians = self._turned(pointer)
+        snapping = self.editor.snapping
+        return axis * (snapping.turn(radians) if snapping.acts(pointer.ctrl) else radians)
+
+    def _turned(self, pointer: Pointer) -> tuple[Float, float]:
+        """The (3,) unit axis, and the radians that the pointer went."""
         lens, start = self.editor.lens, self._start
         across = _TURN * (pointer.at[0] - start.at[0])
         if pointer.shift or not self.rooted:
-            return _UPRIGHT * across
+            return _UPRIGHT, across
         centre = lens.project(self._about[None])[0][0]
         before, after = (np.array(p.at) - centre for p in (start, pointer))
         if np.linalg.norm(before) < _NEAR:
-            return lens.forward * across
-        return lens.forward * (math.atan2(after[1], after[0]) - math.atan2(before[1], before[0]))
+            return lens.forward, across
+        return lens.forward, math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
+
+
+def _standing(editor: Editor, characters: tuple[str, ...]) -> Float:
+    """(3,) metres: the middle of characters, at the height of their lowest point."""
+    low, high = bounds_of([one.extent for one in editor.standing if one.id in characters]) or EMPTY_BOX
+    return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from enliven.document import Project, Shape
 from enliven.errors import EnlivenError, InputError
-from enliven.mapping import apply_plan, automatic
+from enliven.mapping import MotionQuality, Plan, Retargeted, automatic, quality_of, retarget, softened
 from enliven.motion.layers import bind_chain, goes_down
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import Chain, Offer, SourceView, accepted, offers
@@ -25,12 +25,25 @@ class MappedChain:
     flip: bool
 
 
+@dataclass
+class WholeBody:
+    """How a whole body is mapped: settings of a :class:`Plan`."""
+
+    floor: bool = True
+    steps: bool = True
+    travel: bool = False
+    pin: bool = False
+
+
 class MapTool(Tool):
     """Gives a chain of a shape the motion of a chain of a take.
 
     Attributes:
         source: the view of the take.
         loop: whether what is mapped next begins again at its end.
+        whole: how a whole body is mapped.
+        gentle: whether limbs that would stretch the surface are then moved by less.
+        made: the shape and the take that were mapped whole last, how, and how good it is.
         offered: matches that can be accepted with one click; the first is lit where nothing else is.
     """
 
@@ -42,6 +55,8 @@ class MapTool(Tool):
         self.loop = True
         self.offered: list[Offer] = []
         self.lit: Offer | None = None
+        self.whole, self.gentle = WholeBody(), True
+        self.made: tuple[str, str, Plan, MotionQuality] | None = None
         self._start: tuple[str, int] | None = None
         self._last: MappedChain | None = None
 
@@ -116,16 +131,32 @@ class MapTool(Tool):
             editor.toasts.say("Nothing to map", "Choose a take, and click the shape that is to move.")
             return
 
-        def change(project: Project) -> Project:
-            plan = automatic(clip, shape)
-            if not plan.chains:
-                mend = "Map it chain by chain, or pose the take and find matches."
-                raise InputError("no limb of the take suits one of the shape", where=clip.id, mend=mend)
-            return apply_plan(project, shape, clip, plan)[0]
+        plan, before = replace(automatic(clip, shape), **vars(self.whole)), editor.project
+        if not plan.chains:
+            mend = "Map it chain by chain, or pose the take and find matches."
+            error = InputError("no limb of the take suits one of the shape", where=clip.id, mend=mend)
+            editor.toasts.complain(error)
+            return
 
-        if editor.edit(f"map all of {clip.id}", change):
-            self._last = None
-            editor.toasts.say(f"{clip.id} moves all of {shape.id}", "Space plays it, Ctrl+Z takes it back.")
+        def work() -> tuple[Retargeted, MotionQuality]:
+            made = retarget(shape, clip, softened(plan, clip, shape) if self.gentle else plan, before)
+            return made, quality_of(made.project, made.shape_id, clip, made.duration)
+
+        def then(found: tuple[Retargeted, MotionQuality]) -> None:
+            made, quality = found
+
+            def change(project: Project) -> Project:
+                known = project.shape(shape.id)
+                same = project is before
+                return made.project if same else retarget(known, clip, made.plan, project).project
+
+            if editor.edit(f"map all of {clip.id}", change):
+                self._last, self.made = None, (shape.id, clip.id, made.plan, quality)
+                editor.toasts.say(
+                    f"{clip.id} moves all of {shape.id}", "Space plays it, Ctrl+Z takes it back."
+                )
+
+        editor.beside.begin(f"Fitting {clip.id} to {shape.id}", work, then)
 
     def accept(self, offer: Offer) -> None:
         """Map every chain of an offer."""

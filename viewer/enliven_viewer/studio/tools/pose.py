@@ -36,8 +36,9 @@ class PoseTool(Tool):
 
     def release(self, pointer: Pointer) -> None:
         if self._held is not None and self.editor.draft is not None:
-            word = "pose" if self._held[1] else "turn"
-            self.editor.edit(f"{word} {self._held[0].character}", lambda p: self._posed(p, pointer))
+            whole, handle = self._held
+            name = f"pose {whole.character}" if handle else f"turn {whole.told}"
+            self.editor.edit(name, lambda p: self._posed(p, pointer))
         self._held = None
 
     def cancel(self) -> None:

@@ -18,5 +18,6 @@ from .picking import (
 )
 from .playback import length_of as length_of
 from .ray import moved as moved, vertex_hit as vertex_hit
+from .snapping import Snapping as Snapping
 from .selection import Selection as Selection
 from .standing import StandingCharacter as StandingCharacter, joints_of as joints_of

@@ -8,7 +8,10 @@ import numpy as np
 
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.ghosts import Ghosts
+from enliven_viewer.studio.numbers import view_actions
+from enliven_viewer.studio.outliner import alone, choosing_actions
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace.clip_actions import clip_actions
@@ -16,6 +19,15 @@ from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, add_sample, exportable
 from enliven_viewer.studio.workspace.input import ViewportInput
 
+_ALONE = (
+    "file.session",
+    *(f"motion.{deed}" for deed in ("copy", "paste", "spread", "clear", "pin")),
+    *(f"shape.{deed}" for deed in ("solve", "puppet", "bake")),
+    "view.best",
+)
+"""Actions on one shape; where several are chosen they say so."""
+_SHIFT = 0.1
+"""Seconds by which a key shifts motion in time: seen at once, and fine enough for a chain of copies."""
 Ask = Callable[[str], None]
 """Opens a dialogue of the window by its name, or does at once what needs none."""
 
@@ -24,15 +36,26 @@ def studio_actions(
     commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
 ) -> Iterator[Action]:
     """Every action of the studio's own menus, in their order."""
+    editor = commands.editor
+    for action in _every(commands, user_input, ask, preferences):
+        yield alone(action, editor) if action.id in _ALONE else action
+
+
+def _every(
+    commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
+) -> Iterator[Action]:
     yield from _file(ask, preferences)
     yield from _out(commands, ask)
     yield from _edit(commands, user_input, ask)
+    yield from choosing_actions(commands.editor)
+    yield _snap(commands.editor)
     yield from _motion(commands)
     yield from _shape(commands)
     yield from _tools(user_input)
     yield from clip_actions(commands.clips)
     yield from _view(commands)
     yield from _cameras(commands)
+    yield from view_actions(commands.editor)
     yield from _reading(preferences)
     yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
     yield Action(
@@ -141,6 +164,15 @@ def _edit(commands: Commands, user_input: ViewportInput, ask: Ask) -> Iterator[A
     yield Action("edit.drop", "Edit", "Drop what was begun", ("escape",), user_input.drop, apart=True)
 
 
+def _snap(editor: Editor) -> Action:
+    def toggle() -> None:
+        editor.snapping.on = not editor.snapping.on
+
+    about = "Moves go to a grid of 10 cm and the floor, turns by 15 degrees. Ctrl held does the opposite."
+    on = lambda: editor.snapping.on  # noqa: E731
+    return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, on=on, about=about, apart=True)
+
+
 def _motion(c: Commands) -> Iterator[Action]:
     yield Action("motion.copy", "Motion", "Copy motion", ("ctrl+shift+c",), c.copy_motion, c.lacks_chain)
     yield Action("motion.paste", "Motion", "Paste motion", ("ctrl+shift+v",), c.paste_motion, c.lacks_motion)
@@ -162,6 +194,18 @@ def _motion(c: Commands) -> Iterator[Action]:
         c.lacks_shape,
         about="Takes all motion off the chosen chain, or off the whole shape.",
     )
+    for name, label, seconds in (("later", "Later", _SHIFT), ("earlier", "Earlier", -_SHIFT)):
+        yield Action(
+            f"motion.{name}",
+            "Motion",
+            label,
+            (f"ctrl+alt+{'right' if seconds > 0 else 'left'}",),
+            lambda seconds=seconds: c.shift(seconds),
+            c.lacks_playing,
+            about="All motion of what is chosen, by a tenth of a second.",
+            apart=seconds > 0,
+        )
+    yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.mute, c.lacks_playing, c.muted)
     yield Action(
         "motion.pin",
         "Motion",

@@ -10,12 +10,13 @@ from enliven.arrays import Float
 from enliven.document import GraphShape, Project, Shape
 from enliven.matching import EqualLimbs, best_view, equal_limbs
 from enliven.modeling.edits import (
-    copy_character,
+    copy_characters,
     delete_character,
-    mirror_character,
-    paste_character,
-    scale_character,
-    turn_character,
+    mirror_characters,
+    mute_characters,
+    scale_characters,
+    shift_characters,
+    turn_characters,
 )
 from enliven.modeling.possessed import solve_again
 from enliven.modeling.rigged import spread_motion
@@ -34,7 +35,7 @@ class Commands:
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
-        self._copied: tuple[Project, str] | None = None
+        self._copied: tuple[Project, tuple[str, ...]] | None = None
         self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None
         self.puppets, self.clips = PuppetCommands(editor, self.add), ClipCommands(editor)
@@ -52,61 +53,69 @@ class Commands:
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
-        """Remove the chosen joint, or else the chosen character."""
-        name, joint = self._chosen(), self.editor.selection.handle
-        if name is not None and joint and self.editor.chosen(Shape) is not None:
-            remove_joint(self.editor, name, joint)
-        elif name is not None:
-            self.editor.edit(f"delete {name}", lambda project: delete_character(project, name))
+        """Remove the chosen joint, or else what is chosen."""
+        names, joint = self._names, self.editor.selection.handle
+        if len(names) == 1 and joint and self.editor.chosen(Shape) is not None:
+            remove_joint(self.editor, names[0], joint)
+        else:
+            self._take_away("delete")
 
     def copy(self) -> None:
-        """Remember the chosen character with its motion."""
-        name = self._chosen()
-        if name is not None:
-            self._copied, self._pasted = (self.editor.project, name), 0
-            self.editor.toasts.say(f"Copied {name} with its motion", "Ctrl+V puts a copy beside it.")
+        """Remember what is chosen, with its motion."""
+        if self._names:
+            self._copied, self._pasted = (self.editor.project, self._names), 0
+            self.editor.toasts.say(f"Copied {self._told()} with its motion", "Ctrl+V puts a copy beside it.")
 
     def cut_out(self) -> None:
-        """Remember the chosen character and take it away."""
-        name = self._chosen()
-        if name is not None:
-            self._copied, self._pasted = (self.editor.project, name), -1
-            self.editor.edit(f"cut out {name}", lambda project: delete_character(project, name))
+        """Remember what is chosen and take it away."""
+        if self._names:
+            self._copied, self._pasted = (self.editor.project, self._names), -1
+            self._take_away("cut out")
 
     def paste(self) -> None:
-        """Paste a copy of the remembered character beside the others."""
-        if self._copied is None:
-            return
-        source, name = self._copied
-        self._pasted += 1
-        offset = self._aside(source, name) * self._pasted
-        self.add(f"paste {name}", lambda project: paste_character(project, source, name, offset=offset))
+        """Paste a copy of what is remembered beside the others."""
+        if self._copied is not None:
+            self._pasted += 1
+            self._copy("paste", *self._copied, self._pasted)
 
     def duplicate(self) -> None:
-        """Put a copy of the chosen character beside it; the clipboard stays."""
-        name = self._chosen()
-        if name is not None:
-            offset = self._aside(self.editor.project, name)
-            self.add(f"duplicate {name}", lambda project: copy_character(project, name, offset=offset))
+        """Put a copy of what is chosen beside it; the clipboard stays."""
+        if self._names:
+            self._copy("duplicate", self.editor.project, self._names, 1)
 
     def mirror(self) -> None:
-        """Mirror the chosen character left to right, as it is seen."""
+        """Mirror what is chosen left to right, as it is seen."""
         right = self.editor.lens.view.camera_from_world[0, :3]
         normal = np.eye(3)[int(np.abs(right).argmax())]
-        self._change("mirror", lambda project, name: mirror_character(project, name, normal))
+        self._change("mirror", lambda project, names: mirror_characters(project, names, normal))
 
     def scale(self, factor: float) -> None:
-        """Make the chosen character larger or smaller where it stands."""
-        self._change("scale", lambda project, name: scale_character(project, name, factor))
+        """Make what is chosen larger or smaller where it stands."""
+        self._change("scale", lambda project, names: scale_characters(project, names, factor))
 
     def turn(self, degrees: float) -> None:
-        """Turn the chosen character where it stands, in the picture's plane; above 0 counter-clockwise."""
+        """Turn what is chosen where it stands, in the picture's plane; above 0 counter-clockwise."""
         turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
-        self._change("turn", lambda project, name: turn_character(project, name, turn))
+        self._change("turn", lambda project, names: turn_characters(project, names, turn))
+
+    def shift(self, seconds: float) -> None:
+        """Let what is chosen do everything later, or earlier below 0."""
+        self._change("shift", lambda project, names: shift_characters(project, names, seconds))
+
+    def mute(self) -> None:
+        """Let no motion of what is chosen play, or all of it where none does."""
+        on = not self.muted()
+        word = "mute" if on else "unmute"
+        self._change(word, lambda project, names: mute_characters(project, names, on))
+
+    def muted(self) -> bool:
+        """Whether what is chosen has motion, and none of it plays."""
+        layers = [layer for one in self.editor.chosen_all for layer in one.playing]
+        return bool(layers) and all(layer.muted for layer in layers)
 
     def solve_again(self) -> None:
         """Let the performers take hold of the chosen mesh as it is now, as after a cut."""
-        self._change("solve again", solve_again)
+        self._change("solve again", lambda project, names: solve_again(project, names[0]))
 
     def add(self, name: str, change: Callable[[Project], tuple[Project, str]]) -> bool:
         """Do an edit that adds a character, and choose that."""
@@ -193,14 +202,41 @@ class Commands:
 
         self.editor.edit("clear motion", change)
 
-    def _change(self, word: str, change: Callable[[Project, str], Project]) -> None:
-        name = self._chosen()
-        if name is not None:
-            self.editor.edit(f"{word} {name}", lambda project: change(project, name))
+    def _change(self, word: str, change: Callable[[Project, tuple[str, ...]], Project]) -> None:
+        """One edit of all that is chosen."""
+        names = self._names
+        if names:
+            self.editor.edit(f"{word} {self._told()}", lambda project: change(project, names))
+
+    def _take_away(self, word: str) -> None:
+        def change(project: Project, names: tuple[str, ...]) -> Project:
+            for name in names:
+                project = delete_character(project, name)
+            return project
+
+        self._change(word, change)
+
+    def _copy(self, word: str, source: Project, names: tuple[str, ...], times: int) -> None:
+        """One edit that puts copies beside what they are copies of, and chooses them."""
+        offset, made = self._aside(source, names) * times, list[str]()
+        told = self._told(names)
+
+        def change(project: Project) -> Project:
+            project, copies = copy_characters(project, source, names, offset)
+            made.extend(copies)
+            return project
+
+        if self.editor.edit(f"{word} {told}", change):
+            self.editor.choose_all(*made)
 
     def lacks_character(self) -> str:
         """What a command on a character lacks."""
-        return "" if self._chosen() else "Nothing is chosen. Click a shape first."
+        return "" if self._names else "Nothing is chosen. Click a shape first."
+
+    def lacks_playing(self) -> str:
+        """What a command on the motion of what is chosen lacks."""
+        moves = any(one.playing for one in self.editor.chosen_all)
+        return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")
 
     def lacks_shape(self) -> str:
         """What a command on a shape with bones lacks."""
@@ -242,9 +278,14 @@ class Commands:
         """What redo lacks."""
         return "" if self.editor.history.redo_name else "Nothing is left to be done again."
 
-    def _chosen(self) -> str | None:
-        chosen = self.editor.chosen()
-        return chosen.id if chosen is not None else None
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(one.id for one in self.editor.chosen_all)
+
+    def _told(self, names: tuple[str, ...] | None = None) -> str:
+        """The name of what is chosen, or how many shapes it is."""
+        names = self._names if names is None else names
+        return names[0] if len(names) == 1 else f"{len(names)} shapes"
 
     def _limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
         """The chosen shape, a joint of its chosen limb, and the limbs that are equal to it."""
@@ -260,9 +301,9 @@ class Commands:
         shape, chain = self.editor.chosen(Shape), self.editor.selection.chain
         return (shape.id, _outwards(shape, chain)) if shape is not None and len(chain) > 1 else None
 
-    def _aside(self, source: Project, name: str) -> Float:
-        """(3,) metres, an offset to the right of the view by about the character's width."""
-        return aside(self.editor, source.characters[name])
+    def _aside(self, source: Project, names: tuple[str, ...]) -> Float:
+        """(3,) metres, an offset to the right of the view by about the width of some characters."""
+        return aside(self.editor, [source.characters[name] for name in names])
 
 
 def _outwards(shape: Shape, chain: tuple[int, ...]) -> tuple[int, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +38,7 @@ class PuppetCommands:
             return False
         name, mesh = found
         upright, place = standing_mesh(mesh)
-        beside = place + aside(self.editor, self.editor.project.characters[name])
+        beside = place + aside(self.editor, [self.editor.project.characters[name]])
 
         def change(project: Project) -> tuple[Project, str]:
             made = unused(f"{name} puppet", project.characters)
@@ -125,10 +125,12 @@ class PuppetCommands:
         return chosen.id, replace(chosen.mesh, vertices=seen)
 
 
-def aside(editor: Editor, character: RigBase) -> Float:
-    """(3,) metres, an offset to the right of the view by about the character's width."""
+def aside(editor: Editor, characters: Sequence[RigBase]) -> Float:
+    """(3,) metres, an offset to the right of the view by about the width of some characters."""
     right = editor.lens.view.camera_from_world[0, :3]
-    way = np.asarray(right * (float(np.ptp(rig_of(character).rest(character) @ right)) + _ASIDE))
+    wide = max(float(np.ptp(rig_of(one).rest(one) @ right)) for one in characters)
+    apart = float(np.ptp([rig_of(one).centre(one) @ right for one in characters]))
+    way = np.asarray(right * (wide + apart + _ASIDE))
     way[1] = 0.0
     return way
 

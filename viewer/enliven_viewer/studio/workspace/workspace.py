@@ -12,6 +12,8 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.numbers import Figures
+from enliven_viewer.studio.outliner import Outliner, outliner_actions
 from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
@@ -50,6 +52,8 @@ class Workspace:
         preferences: what the artist chose once and for all.
         actions: everything that can be done, for menus, keys, buttons and the palette.
         commands: what the studio's own actions do.
+        outliner: the tree of all things.
+        figures: where what is chosen stands and how large it is; typing: what is typed into its fields.
         ghosts: where characters were and will be.
         depth: the tracker of depth that was opened.
         widgets: where each widget was drawn last, by name, so that a session can click on it.
@@ -75,6 +79,9 @@ class Workspace:
         self.actions.add(ghost_action(self.ghosts))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
+        self.figures, self.typing = Figures(editor), dict[str, str]()
+        self.outliner = Outliner(editor, lambda: self.perform.present)
+        self.actions.add(*outliner_actions(self.outliner))
         self.timeline = TimelineInput(editor)
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: pressed(self.perform, key) or self.timeline.rows.type(key)

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven.deformation.graph import extremities
 from enliven.document import ControlPoint, Project, Puppet
 from enliven.examples import guess_joints
-from enliven.modeling.mesh import extremities
 from enliven.modeling.puppet import change_point, set_symmetry
 from enliven_viewer.studio.examples import turned_a_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding

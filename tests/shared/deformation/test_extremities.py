@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from enliven.deformation.graph.surface_ends import _peaks, extremities
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh, refine
-from enliven.modeling.mesh.limb_ends import _peaks, extremities
 
 
 def star(lengths, cells=4, gap=0.0):

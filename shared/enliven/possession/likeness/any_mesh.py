@@ -7,15 +7,14 @@ hind legs become legs, its forelegs arms, its neck the head; a chair's likewise;
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.graph import DeformationGraph
-from enliven.person import PARENTS, J, Joint
+from enliven.person import J, Joint
+from enliven.possession.likeness.skeleton import BodyInMesh
 
 _MOST = 8
 """Tips, at most."""
@@ -40,29 +39,7 @@ _TO_RIGHT = 4
 """From a left joint's number to the right one's."""
 
 
-@dataclass(frozen=True)
-class BodyInMesh:
-    """A person's skeleton within a mesh.
-
-    Attributes:
-        joints: (20, 3) metres, rest space; NaN where the mesh has nothing like it.
-        yaw: radians about +Y from +Z to the mesh's front.
-    """
-
-    joints: Float
-    yaw: float
-
-    @property
-    def leg(self) -> float:
-        """Metres from hip to ankle, the mean of both legs; NaN without legs."""
-        ways = [
-            np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])
-            for j in (Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT)
-        ]
-        return float(np.sum(ways) / 2)
-
-
-def find_body_in_mesh(graph: DeformationGraph) -> BodyInMesh:
+def body_by_extremities(graph: DeformationGraph) -> BodyInMesh:
     """The skeleton of a person in the mesh of a graph, by its extremities."""
     limbs = _Limbs(graph.positions, *extremities(graph))
     floor, height = limbs.positions[:, 1].min(), np.ptp(limbs.positions[:, 1]) or 1.0

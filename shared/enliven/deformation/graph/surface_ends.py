@@ -1,4 +1,4 @@
-"""The ends of a mesh's limbs, where control points are suggested.
+"""The ends of a mesh's limbs: heads, hands, feet, tails, wherever a surface stands out.
 
 How far a point of the surface is from all others, along the surface, in the mean (M. Hilaga et al., "Topology
 matching", 2001) is largest at the ends of limbs. An end counts by how far one must come back from it to get
@@ -7,13 +7,15 @@ to one that is farther out (its persistence): a hand first by its longest finger
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph import SurfaceNet, net_of
+from enliven.deformation.graph.surface import SurfaceNet, net_of
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import Mesh
@@ -28,25 +30,61 @@ _LEAST = 0.02
 """Part of the longest way along the mesh; ends that stand out less are none."""
 
 
-def extremities(mesh: Mesh, most: int = 12) -> Int:
-    """(K,) vertices at the ends of limbs, K at most ``most``, those that stand out most first.
+@dataclass(frozen=True)
+class LimbEnds:
+    """The ends of a mesh's limbs on the net that paths along its surface run over.
+
+    Attributes:
+        points: (C, 3) metres, the net's points.
+        ends: (K,) the points at the ends, those that stand out most first.
+        prominence: (K,) metres along the surface by which each stands out; infinite for the first.
+        longest: metres, the longest way along the surface.
+        ways: (C, C) the net's links, in metres.
+    """
+
+    points: Float
+    ends: Int
+    prominence: Float
+    longest: float
+    ways: csr_matrix
+
+    def ways_from(self, points: Int) -> Float:
+        """(P, C) metres along the surface from some points to all."""
+        return np.atleast_2d(dijkstra(self.ways, indices=points))
+
+
+def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NODES) -> LimbEnds:
+    """Returns the ends of limbs of a mesh, at most so many.
+
+    Args:
+        nodes: how many the net is made for: parts nearer than half their spacing are taken for one.
 
     Raises:
         InputError: for a mesh without area.
     """
     if not mesh.area > 0:
         raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
-    net = net_of(mesh, float(np.sqrt(mesh.area / _NODES)))
+    net = net_of(mesh, float(np.sqrt(mesh.area / nodes)))
     ways = _ways(net)
     from_sources = _spread_out(ways, _SOURCES)
     far = from_sources.mean(0)
     tips, persistence = _peaks(ways.indptr, ways.indices, far, np.argsort(-far, kind="stable"))
     persistence[np.argmax(persistence)] = np.inf
-    order = np.argsort(-persistence, kind="stable")
+    order = np.argsort(-persistence, kind="stable")[:most]
     longest = float(from_sources.max())
-    chosen = [int(tips[k]) for k in order[:most] if persistence[k] > _LEAST * longest]
+    order = order[persistence[order] > _LEAST * longest]
+    return LimbEnds(net.points, tips[order], persistence[order], longest, ways)
+
+
+def extremities(mesh: Mesh, most: int = 12) -> Int:
+    """(K,) vertices at the ends of limbs, K at most ``most``, those that stand out most first.
+
+    Raises:
+        InputError: for a mesh without area.
+    """
+    found = limb_ends(mesh, most)
     used = np.unique(mesh.faces)
-    return np.asarray(used[cKDTree(mesh.vertices[used]).query(net.points[chosen])[1]], np.int64)
+    return np.asarray(used[cKDTree(mesh.vertices[used]).query(found.points[found.ends])[1]], np.int64)
 
 
 def _spread_out(ways: csr_matrix, count: int) -> Float:

@@ -1,0 +1,2 @@
+from .finding import find_body_in_mesh as find_body_in_mesh
+from .skeleton import BodyInMesh as BodyInMesh

@@ -1,0 +1,50 @@
+"""Finds a person's skeleton in a mesh: as in a person, or by what it is most like."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.graph import DeformationGraph, limb_ends
+from enliven.errors import InputError
+from enliven.meshes import Mesh
+from enliven.possession.likeness.any_mesh import body_by_extremities
+from enliven.possession.likeness.five_ends import five_ends, given_ends
+from enliven.possession.likeness.human import human_in_mesh
+from enliven.possession.likeness.skeleton import BodyInMesh
+
+_NODES = 500
+"""Nodes that the net is made for: on a person their spacing is 6 cm, and parts within half of it are one."""
+_STRANGE = 70.0
+"""The cost of five ends from which on a mesh is no person: twice that of a man with a large belly."""
+_ON_FLOOR = 0.15
+"""Share of the height below which a hand is on the floor: a beast on four feet is no person."""
+
+
+def find_body_in_mesh(mesh: Mesh, graph: DeformationGraph, ends: Float | None = None) -> BodyInMesh:
+    """Returns the skeleton of a person in a mesh.
+
+    Args:
+        mesh: upright.
+        graph: of the mesh.
+        ends: (5, 3) metres, the ends of head, left and right hand, left and right foot where they are known;
+            None or none of them looks for them.
+
+    Raises:
+        InputError: for other than five ends, or a mesh without area.
+    """
+    found = limb_ends(mesh, nodes=_NODES)
+    if ends is not None and len(ends):
+        if np.shape(ends) != (5, 3):
+            mend = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
+            raise InputError(
+                f"there are {len(ends)} ends, expected 5", where=f"the mesh {mesh.name!r}", mend=mend
+            )
+        return human_in_mesh(found, given_ends(found, np.asarray(ends, np.float64)))
+    best = five_ends(found)
+    if best is None or best.cost > _STRANGE:
+        return body_by_extremities(graph)
+    low, high = mesh.bounds
+    if best.points[1:3, 1].max() < low[1] + _ON_FLOOR * (high[1] - low[1]):
+        return body_by_extremities(graph)
+    return human_in_mesh(found, best)

@@ -1,0 +1,200 @@
+"""The five ends of a human-like mesh: which of its limb ends are the head, the hands and the feet.
+
+Ways along the surface hardly change with the pose. In a body they are those of a tree: arms and head part at
+the chest, legs at the pelvis, and limbs of a pair are of one length. Every choice of a head and two pairs is
+tried (as Pinocchio tries embeddings, I. Baran and J. Popović, 2007); it costs by how far its ways are from
+those of the nearest such tree, how unusual the proportions are, how much is left out, and how it stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.deformation.graph import LimbEnds
+from enliven.possession.likeness.tree_of_limbs import HEAD, LimbTree, ways_misfit, weighted_place
+
+_NEAR = 0.12
+"""Share of the longest way within which ends are one limb's: fingers, toes, horns."""
+_EARS = 0.8
+"""Share of the longest way up to which two ends may be ears or horns, the head between them."""
+_LEFT_OUT = 60.0
+"""Cost of a limb that belongs to no chosen end, for its length over the longest way."""
+_LIMB = 0.15
+"""Share of the longest way around a chosen end within which other ends belong to it."""
+_MORE_LEGS = 25.0
+"""Cost of a limb that is left out though it stands on the floor: a chair's or a horse's other legs."""
+_LEG = 0.08
+"""Share of the longest way from which on such a limb is a leg."""
+_LONG = 0.3
+"""Share of the longest way beyond which a limb that is left out costs no more."""
+_HIGH = 0.4
+"""Share of the height by which head and hands are above the feet, at least, where a body stands or sits."""
+_LOW = 60.0
+"""Cost of less than that, for each height."""
+_RAISED = 8.0
+"""Cost of both hands above the head: ears and horns are there more often."""
+_FEET = 0.15
+"""Share of the height below which feet are expected."""
+_KICK = 60.0
+"""Cost of a foot above that, for each height."""
+_HEAD_ALONG = 4.0
+"""Cost of a head at a right angle to the trunk."""
+_UPRIGHT = 6.0
+"""Cost of a trunk at a right angle to the vertical."""
+_LOOKED_AT = 60
+"""Choices, the cheapest by ways alone, of which trunk and head are looked at too."""
+_OTHER = 0.2
+"""Share of the longest way by which an end of another choice is elsewhere."""
+
+
+@dataclass(frozen=True)
+class FiveEnds:
+    """A choice of the five ends.
+
+    Attributes:
+        points: (5, 3) metres: head, two hands, two feet; in which order a pair comes means nothing.
+        ways: (5, C) metres along the surface from each to all points of the net; the head's are those from
+            where its ends part.
+        tree: the lengths of the limbs.
+        chest, pelvis: (3,) metres, where limbs part.
+        cost: 0 for a person of usual proportions who stands upright.
+        margin: by how much less it costs than the next choice that takes other limbs.
+    """
+
+    points: Float
+    ways: Float
+    tree: LimbTree
+    chest: Float
+    pelvis: Float
+    cost: float
+    margin: float
+
+
+def five_ends(found: LimbEnds) -> FiveEnds | None:
+    """Returns the choice that costs least; None where the mesh has fewer than five ends."""
+    ways = found.ways_from(found.ends)
+    between = ways[:, found.ends]
+    heads, chosen = _choices(between, found.longest)
+    if not len(chosen):
+        return None
+    first, second = heads[chosen[:, 0]].T
+    of_head = (between[first] + between[second] - between[first, second][:, None]) / 2
+    rows = np.arange(len(chosen))
+    apart = [of_head[rows, chosen[:, k]] for k in range(1, 5)]
+    apart += [between[chosen[:, a], chosen[:, b]] for a in range(1, 5) for b in range(a + 1, 5)]
+    cost, trees = ways_misfit(np.stack(apart, 1))
+    cost += _left_out(found, between, np.column_stack([first, second, chosen[:, 1:]]))
+    cost += _unlikely_heights(found, heads, chosen)
+    cheapest = np.argsort(cost, kind="stable")[:_LOOKED_AT]
+    looked = []
+    for k in cheapest:
+        head, *others = chosen[k]
+        looked.append(_looked_at(found, ways, heads[head], np.array(others), LimbTree(*trees[k])))
+    total = np.array([cost[k] + more for k, (_, more) in zip(cheapest, looked, strict=True)])
+    best, _ = looked[int(total.argmin())]
+    return _with_margin(best, [one for one, _ in looked], total, _OTHER * found.longest)
+
+
+def given_ends(found: LimbEnds, points: Float) -> FiveEnds:
+    """Returns the choice of these (5, 3) metres: head, two hands, two feet."""
+    nearest = np.array([np.linalg.norm(found.points - point, axis=1).argmin() for point in points])
+    ways = found.ways_from(nearest)
+    between = ways[:, nearest]
+    apart = [between[a, b] for a in range(5) for b in range(a + 1, 5)]
+    cost, trees = ways_misfit(np.array([apart]))
+    tree = LimbTree(*trees[0])
+    chest, pelvis = (weighted_place(found.points, ways, want) for want in (tree.from_chest, tree.from_pelvis))
+    return FiveEnds(np.asarray(points, np.float64), ways, tree, chest, pelvis, float(cost[0]), np.inf)
+
+
+def _choices(between: Float, longest: float) -> tuple[Int, Int]:
+    """(H, 2) heads, an end twice or two ends with the head between; (K, 5) choices: a head and four ends."""
+    count, limbs = len(between), list[int]()
+    for end in range(count):
+        if all(between[end, other] > _NEAR * longest for other in limbs):
+            limbs.append(end)
+    both = [(a, b) for a in range(count) for b in range(a) if between[a, b] < _EARS * longest]
+    heads = np.array([(end, end) for end in range(count)] + both).reshape(-1, 2)
+    pairs = np.array([(a, b) for n, a in enumerate(limbs) for b in limbs[:n]]).reshape(-1, 2)
+    numbers = np.arange(len(pairs))
+    head, arms, legs = (
+        g.ravel() for g in np.meshgrid(np.arange(len(heads)), numbers, numbers, indexing="ij")
+    )
+    ends = np.column_stack([heads[head], pairs[arms], pairs[legs]])
+    clash = np.zeros(len(ends), bool)
+    for a, b in (
+        (0, 2),
+        (0, 3),
+        (0, 4),
+        (0, 5),
+        (1, 2),
+        (1, 3),
+        (1, 4),
+        (1, 5),
+        (2, 4),
+        (2, 5),
+        (3, 4),
+        (3, 5),
+    ):
+        clash |= ends[:, a] == ends[:, b]
+    return heads, np.column_stack([head, ends[:, 2:]])[~clash]
+
+
+def _left_out(found: LimbEnds, between: Float, chosen: Int) -> Float:
+    """(K,) what it costs that limbs belong to none of the chosen ends, (K, 6)."""
+    near = between < _LIMB * found.longest
+    taken = near[chosen].any(1)
+    length = np.minimum(found.prominence / found.longest, _LONG)
+    level = found.points[:, 1] - found.points[:, 1].min()
+    leg = (level[found.ends] < _FEET * level.max()) & (length > _LEG)
+    return np.asarray(~taken @ (_LEFT_OUT * length + _MORE_LEGS * leg), np.float64)
+
+
+def _unlikely_heights(found: LimbEnds, heads: Int, chosen: Int) -> Float:
+    """(K,) what it costs that a choice stands on its head, or has feet in the air and both hands above it."""
+    level = found.points[:, 1] - found.points[:, 1].min()
+    at = level[found.ends] / max(float(level.max()), 1e-12)
+    head = at[heads].mean(1)[chosen[:, 0]]
+    hands, feet = at[chosen[:, 1:3]], at[chosen[:, 3:]]
+    rise = (head + hands.mean(1)) / 2 - feet.mean(1)
+    cost = _LOW * np.maximum(_HIGH - rise, 0.0) + _RAISED * (hands.min(1) > head)
+    return np.asarray(cost + _KICK * np.maximum(feet.max(1) - _FEET, 0.0))
+
+
+def _looked_at(
+    found: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
+) -> tuple[FiveEnds, float]:
+    """Returns a choice with its chest and pelvis, and what its trunk and head cost."""
+    first, second = head
+    of_head = (ways[first] + ways[second] - ways[first, found.ends[second]]) / 2
+    rows = np.vstack([of_head, ways[others]])
+    at = found.points[found.ends[others]]
+    crown = found.points[int(np.argmin(ways[first] + ways[second] + abs(ways[first] - ways[second])))]
+    chest, pelvis = (weighted_place(found.points, rows, want) for want in (tree.from_chest, tree.from_pelvis))
+    up, along = _unit(chest - pelvis), _unit(crown - chest)
+    more = _HEAD_ALONG * (1.0 - float(along @ up)) + _UPRIGHT * (1.0 - float(up[1]))
+    return FiveEnds(np.vstack([crown, at]), rows, tree, chest, pelvis, 0.0, 0.0), more
+
+
+def _with_margin(best: FiveEnds, others: list[FiveEnds], total: Float, far: float) -> FiveEnds:
+    """Returns the best choice with its cost and its margin over the next one with an end ``far`` off."""
+    least, margin = float(total.min()), np.inf
+    for other, cost in zip(others, total, strict=True):
+        apart = np.linalg.norm(other.points[:, None] - best.points, axis=2)
+        pairs = (apart[HEAD, HEAD], *_pair(apart[1:3, 1:3]), *_pair(apart[3:, 3:]))
+        if max(pairs) > far:
+            margin = min(margin, float(cost) - least)
+    return FiveEnds(best.points, best.ways, best.tree, best.chest, best.pelvis, least, margin)
+
+
+def _pair(apart: Float) -> tuple[float, float]:
+    """Returns how far the ends of a pair are from those of another, whichever is which."""
+    straight, crossed = (apart[0, 0], apart[1, 1]), (apart[0, 1], apart[1, 0])
+    return straight if sum(straight) < sum(crossed) else crossed
+
+
+def _unit(way: Float) -> Float:
+    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))

@@ -1,0 +1,135 @@
+"""A person's joints in a human-like mesh, from its five ends.
+
+A limb's joints lie in the middle of its rings of equal way from its end, at a person's shares of its length.
+What is left and right follows from the front, which feet, bent knees and bent elbows tell.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.graph import LimbEnds
+from enliven.person import J, Joint
+from enliven.possession.likeness.five_ends import FiveEnds
+from enliven.possession.likeness.skeleton import BodyInMesh
+
+_ARM = (0.86, 0.52, 0.2, 0.06)
+"""Shoulder, elbow, wrist and hand: shares of an arm's length from its end, of bodies made at random."""
+_LEG = (1.03, 0.6, 0.21, 0.04)
+"""Hip, knee, ankle and foot: the same of a leg."""
+_SKULL = 0.85
+"""Share of the head's length from its end that is averaged to its joint: the skull."""
+_RING = 0.07
+"""Half the width of a ring, for the limb's length."""
+_WAIST = 0.44
+"""Share of the trunk, from the hips, at which it bends."""
+_ABOVE_HIPS = 0.12
+"""Share of the trunk by which the middle of the hips is above the hip joints."""
+_SIDES_ALIKE = 0.015
+"""Share of the height below which what tells the front tells nothing."""
+_ELBOWS = 0.5
+"""Metres that a metre counts by which elbows are behind; toes and knees ahead count in full."""
+_HANDS = 0.1
+"""Metres that a metre counts by which the hands are ahead: they may be anywhere."""
+_MODELLED = 0.03
+"""Share of the height that +Z counts as the front: most meshes are modelled so."""
+_UNDECIDED = 2.0
+"""A choice of ends that costs less than this less than another is not certain."""
+
+
+def human_in_mesh(found: LimbEnds, ends: FiveEnds) -> BodyInMesh:
+    """Returns the skeleton of a person in a mesh with these five ends."""
+    limbs = _Limbs(found, ends)
+    arms = np.array([[limbs.ring(k, share, ends.tree.arm) for share in _ARM] for k in (1, 2)])
+    legs = np.array([[limbs.ring(k, share, ends.tree.leg) for share in _LEG] for k in (3, 4)])
+    if (arms[0, 0] - arms[1, 0]) @ (legs[0, 0] - legs[1, 0]) < 0.0:
+        legs = legs[::-1]
+    height = float(np.ptp(found.points[:, 1])) or 1.0
+    up = arms[:, 0].mean(0) - legs[:, 0].mean(0)
+    left = _level(arms[0, 0] - arms[1, 0] + legs[0, 0] - legs[1, 0], up)
+    ahead = np.cross(left, up / max(float(np.linalg.norm(up)), 1e-12))
+    sure = _front(arms, legs, ahead) / height + _MODELLED * ahead[2]
+    if sure < 0.0:
+        arms, legs, ahead = arms[::-1], legs[::-1], -ahead
+    joints = _joined(arms, legs, limbs.skull(_SKULL * ends.tree.head))
+    order = _order(ends.points, joints)
+    return BodyInMesh(
+        joints,
+        float(np.arctan2(ahead[0], ahead[2])),
+        human=True,
+        ends=ends.points[order],
+        doubts=_doubts(ends, abs(sure)),
+    )
+
+
+class _Limbs:
+    """The limbs of five ends: each point of the net belongs to the limb that it is deepest in."""
+
+    def __init__(self, found: LimbEnds, ends: FiveEnds) -> None:
+        tree = ends.tree
+        length = np.array([tree.head, tree.arm, tree.arm, tree.leg, tree.leg])
+        self._points, self._ways = found.points, ends.ways
+        self._owner = (ends.ways - length[:, None]).argmin(0)
+
+    def ring(self, limb: int, share: float, length: float) -> Float:
+        """(3,) metres: the middle of a limb at a share of its length from its end."""
+        way = self._ways[limb] - share * length
+        own = self._owner == limb
+        weights = np.exp(-0.5 * (way[own] / (_RING * length)) ** 2) + 1e-12
+        weights /= weights.sum()
+        mean, middle = float(weights @ way[own]), weights @ self._points[own]
+        spread = float(weights @ (way[own] - mean) ** 2)
+        slope = (weights * (way[own] - mean)) @ (self._points[own] - middle) / max(spread, 1e-12)
+        return np.asarray(middle + slope * np.clip(-mean, -_RING * length, _RING * length))
+
+    def skull(self, deep: float) -> Float:
+        """(3,) metres: the middle of what lies within ``deep`` metres of the head's end."""
+        near = self._ways[0] < deep
+        return np.asarray(self._points[near].mean(0) if near.any() else self._points[self._ways[0].argmin()])
+
+
+def _level(way: Float, up: Float) -> Float:
+    """(3,) the unit vector of ``way`` at a right angle to ``up``."""
+    across = way - up * float(way @ up) / max(float(up @ up), 1e-12)
+    return np.asarray(across / max(float(np.linalg.norm(across)), 1e-12))
+
+
+def _front(arms: Float, legs: Float, ahead: Float) -> float:
+    """Returns metres by which toes, knees, elbows and hands say that ``ahead`` is the front."""
+    toes = (legs[:, 3] - legs[:, 2]).mean(0)
+    knees = (legs[:, 1] - (legs[:, 0] + legs[:, 2]) / 2).mean(0)
+    elbows = ((arms[:, 0] + arms[:, 2]) / 2 - arms[:, 1]).mean(0)
+    hands = (arms[:, 3] - arms[:, 0]).mean(0)
+    return float((toes + knees + _ELBOWS * elbows + _HANDS * hands) @ ahead)
+
+
+def _joined(arms: Float, legs: Float, skull: Float) -> Float:
+    """(20, 3) metres: all joints, from (2, 4, 3) arms and legs, left first, and the middle of the skull."""
+    joints = np.empty((J, 3))
+    joints[Joint.SHOULDER_LEFT : Joint.SHOULDER_RIGHT], joints[Joint.SHOULDER_RIGHT : Joint.HIP_LEFT] = arms
+    joints[Joint.HIP_LEFT : Joint.HIP_RIGHT], joints[Joint.HIP_RIGHT :] = legs
+    neck, hips = arms[:, 0].mean(0), legs[:, 0].mean(0)
+    joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD] = neck, skull
+    joints[Joint.HIP_CENTER] = hips + _ABOVE_HIPS * (neck - hips)
+    joints[Joint.SPINE] = hips + _WAIST * (neck - hips)
+    return joints
+
+
+def _order(points: Float, joints: Float) -> list[int]:
+    """Returns the numbers of the five ends as head, left hand, right hand, left foot, right foot."""
+    order = [0]
+    for first, left in ((1, Joint.HAND_LEFT), (3, Joint.FOOT_LEFT)):
+        own = [float(np.linalg.norm(points[first + k] - joints[left])) for k in (0, 1)]
+        order += [first, first + 1] if own[0] <= own[1] else [first + 1, first]
+    return order
+
+
+def _doubts(ends: FiveEnds, sure: float) -> tuple[str, ...]:
+    """Returns a sentence about each thing that is as good as undecided."""
+    doubts = []
+    if ends.margin < _UNDECIDED:
+        doubts.append("It is not certain which ends are head, hands and feet.")
+    if sure < _SIDES_ALIKE:
+        doubts.append("It is not certain which side is its front.")
+    return tuple(doubts)

@@ -1,0 +1,38 @@
+"""A person's skeleton within a mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person import PARENTS, Joint
+
+
+@dataclass(frozen=True)
+class BodyInMesh:
+    """A person's skeleton within a mesh.
+
+    Attributes:
+        joints: (20, 3) metres, rest space; NaN where the mesh has nothing like it.
+        yaw: radians about +Y from +Z to the mesh's front.
+        human: whether the mesh is built as a person is: a head, two arms, two legs and an upright trunk.
+        ends: (5, 3) metres, ends of head, left and right hand, left and right foot; empty if not human.
+        doubts: a sentence about each thing that is as good as undecided.
+    """
+
+    joints: Float
+    yaw: float
+    human: bool = False
+    ends: Float = field(default_factory=lambda: np.empty((0, 3)))
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def leg(self) -> float:
+        """Metres from hip to ankle, the mean of both legs; NaN without legs."""
+        ways = [
+            np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])
+            for j in (Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT)
+        ]
+        return float(np.sum(ways) / 2)

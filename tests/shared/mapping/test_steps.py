@@ -1,0 +1,105 @@
+"""Laws of steps: a foot stands while the performer's stands; legs keep their lengths."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from made_bodies import horse, man, meshed, random_motion, snake, spider, walk
+
+from enliven.document.clip import joint_places
+from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.quality import quality_of
+from enliven.mapping.softening import softened
+from enliven.mapping.steps import legs_that_step
+from enliven.motion.layers.evaluate import Player
+
+MODELS = {"horse": horse, "spider": spider}
+FRAMES = 61
+STEP = 1 / 30
+
+
+def made_of(shape, clip, **how):
+    return retarget(shape, clip, replace(automatic(clip, shape), travel=True, **how))
+
+
+def feet(made):
+    """(T, L, 3) where the legs of a shape end."""
+    shape = made.project.shape(made.shape_id)
+    _, joints = Player(made.project, made.shape_id).sample(np.arange(FRAMES) * STEP)
+    ends = [limb.proper[-1] for pair in anatomy_of(shape.skeleton).legs for limb in pair]
+    return joints, joints[:, ends]
+
+
+def test_the_made_walker_walks():
+    clip = walk()
+    ankles = joint_places(clip)[:, [clip.skeleton.index(f"{s} ankle") for s in ("Left", "Right")]]
+    still = np.linalg.norm(np.diff(ankles, axis=0), axis=2) < 5e-3
+    assert (still.sum(0) > 25).all() and still.any(1).mean() > 0.9
+
+
+@pytest.mark.parametrize("model", MODELS)
+@settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
+@given(stride=st.floats(0.2, 0.45), heading=st.floats(-3, 3))
+def test_a_foot_stands_while_the_performers_stands(model, stride, heading):
+    shape, clip = meshed(model, MODELS[model]()), walk(stride, heading)
+    made = made_of(shape, clip)
+    joints, at = feet(made)
+    assert len(legs_that_step(shape, clip, made.plan)) == at.shape[1] >= 4
+    step = np.linalg.norm(np.diff(at, axis=0), axis=2)
+    gone = np.linalg.norm(joints[-1, 0] - joints[0, 0])
+    stands = step < 0.002 * gone
+    assert (stands.mean(0) > 0.3).all(), "every foot stands a third of the time"
+    assert stands.any(1).mean() > 0.9, "and one stands at any moment"
+    np.testing.assert_allclose(np.linalg.norm(at[-1] - at[0], axis=1), gone, rtol=0.01)
+    assert quality_of(made.project, model, clip, made.duration).slide < 2.5
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.integers(0, 10_000))
+def test_legs_keep_their_lengths_and_the_trunk_its_motion(seed):
+    clip = random_motion(np.random.default_rng(seed), man(), frames=6, size=0.4)
+    shape = meshed("horse", horse())
+    plan = replace(automatic(clip, shape), floor=True, travel=False)
+    swung, steps = (retarget(shape, clip, replace(plan, steps=on)) for on in (False, True))
+    times = np.linspace(0.0, clip.duration, 7)
+    own = [Player(made.project, "horse").sample(times) for made in (swung, steps)]
+    skeleton = shape.skeleton
+    lengths = np.linalg.norm(own[1][1][:, 1:] - own[1][1][:, skeleton.parents[1:]], axis=2)
+    np.testing.assert_allclose(lengths, np.tile(skeleton.lengths[1:], (7, 1)), rtol=1e-9)
+    legs = {j for limb in legs_that_step(shape, clip, plan) for j in limb.proper[1:]}
+    others = [j for j in range(len(skeleton)) if j not in legs]
+    np.testing.assert_allclose(np.abs(np.sum(own[0][0] * own[1][0], 2))[:, others], 1.0, atol=1e-9)
+
+
+def test_an_arm_that_is_raised_lifts_the_foreleg():
+    shape, hoof = meshed("horse", horse()), horse().index("Left fore hoof")
+    for raised, obeys in ((1.9, True), (0.0, False)):
+        clip = walk(0.3, raised=raised)
+        plan = replace(automatic(clip, shape), rest="zero")
+        both = (
+            Player(retarget(shape, clip, one).project, "horse") for one in (plan, replace(plan, steps=False))
+        )
+        stepping, free = (player.sample(np.array([1.0]))[0][0, hoof] for player in both)
+        assert (abs(stepping @ free) > 0.9999) == obeys
+
+
+def test_what_is_posed_alike_or_has_no_legs_does_not_step():
+    clip = walk()
+    for skeleton in (man(), snake()):
+        shape = meshed("other", skeleton)
+        assert legs_that_step(shape, clip, automatic(clip, shape)) == ()
+    horse_shape = meshed("horse", horse())
+    plan = automatic(clip, horse_shape)
+    still = replace(plan, chains=tuple(replace(c, weight=0.0) for c in plan.chains))
+    assert legs_that_step(horse_shape, clip, still) == ()
+    assert legs_that_step(horse_shape, clip, replace(plan, floor=False)) == ()
+
+
+def test_shorter_strides_go_less_far():
+    clip, shape = walk(0.4), meshed("spider", spider())
+    far = [np.ptp(feet(made_of(shape, clip, stride=s))[0][:, 0, 2]) for s in (1.0, 0.5)]
+    assert far[1] == pytest.approx(far[0] / 2, rel=1e-6)
+    assert softened(automatic(clip, shape), clip, shape).stride <= 1.0

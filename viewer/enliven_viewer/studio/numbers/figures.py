@@ -1,0 +1,113 @@
+"""Where what is chosen stands, how large it is, and edits that give it other numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Project
+from enliven.errors import InputError
+from enliven.modeling.edits import middle_of, move_characters, scale_characters
+from enliven.rotation import from_rotation_vector
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.viewport import Selection
+
+AXES = ("x", "y", "z")
+_SMALLEST = 1e-3
+"""Metres: what is flatter has no height that could be given."""
+_LARGEST = 1000.0
+"""Metres: a taller thing is a slip of the finger."""
+
+
+class Figures:
+    """The numbers of what is chosen, as it is seen now."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+        self._known: tuple[Project, Selection, float, tuple[Float, Float] | None] | None = None
+
+    @property
+    def box(self) -> tuple[Float, Float] | None:
+        """The lowest and the highest (3,) metres of what is chosen; None where nothing is."""
+        editor, known = self.editor, self._known
+        same = known is not None and known[0] is editor.project and known[1] == editor.selection
+        if known is None or not same or not (editor.playing or known[2] == editor.time):
+            # While it plays the numbers rest: they could not be read, and skinning would cost pictures.
+            known = self._known = (editor.project, editor.selection, editor.time, self._seen())
+        return known[3]
+
+    def _seen(self) -> tuple[Float, Float] | None:
+        names = self.editor.selection.characters
+        found = [one for one in self.editor.standing if one.id in names]
+        points = [one.vertices if len(one.vertices) else one.handles for one in found]
+        if not points or not all(len(one) for one in points):
+            return None
+        return np.min([one.min(0) for one in points], axis=0), np.max([one.max(0) for one in points], axis=0)
+
+    @property
+    def place(self) -> Float | None:
+        """(3,) metres: the middle of what is chosen, on the height of its lowest point."""
+        box = self.box
+        if box is None:
+            return None
+        middle = (box[0] + box[1]) / 2.0
+        return np.array([middle[0], box[0][1], middle[2]])
+
+    @property
+    def height(self) -> float | None:
+        """Metres from its lowest to its highest point; None where nothing is chosen."""
+        box = self.box
+        return None if box is None else float(box[1][1] - box[0][1])
+
+    def move_to(self, axis: int, metres: float) -> None:
+        """Move what is chosen along one axis of the world, to a place."""
+        place, names = self.place, self.editor.selection.characters
+        if place is not None:
+            way = np.eye(3)[axis] * (metres - place[axis])
+            self.editor.edit(f"place {self._told}", lambda p: move_characters(p, names, way))
+
+    def make_tall(self, metres: float) -> None:
+        """Make what is chosen so tall; it goes on standing where it stands.
+
+        Raises:
+            InputError: where it is flat, or the height is none.
+        """
+        tall = self.height
+        if tall is None:
+            return
+        if not (tall > _SMALLEST and _SMALLEST <= metres <= _LARGEST):
+            what = "it is flat" if tall <= _SMALLEST else f"nothing is {metres:g} m tall"
+            raise InputError(what, mend="Give a height such as 1.7 m or 150 %.")
+        self.scale(metres / tall)
+
+    def scale(self, factor: float) -> None:
+        """Make what is chosen larger; it goes on standing where it stands."""
+        place, names = self.place, self.editor.selection.characters
+        if place is None:
+            return
+
+        def change(project: Project) -> Project:
+            about = _fixed(project, names)
+            project = scale_characters(project, names, factor)
+            return move_characters(project, names, (factor - 1.0) * (about - place))
+
+        self.editor.edit(f"size of {self._told}", change)
+
+    def turn(self, axis: int, degrees: float) -> None:
+        """Turn what is chosen about an axis of the world through where it stands."""
+        place, names = self.place, self.editor.selection.characters
+        if place is not None:
+            turn = from_rotation_vector(np.eye(3)[axis] * np.radians(degrees))
+            still = np.zeros(3)
+            self.editor.edit(f"turn {self._told}", lambda p: move_characters(p, names, still, turn, place))
+
+    @property
+    def _told(self) -> str:
+        names = self.editor.selection.characters
+        return names[0] if len(names) == 1 else f"{len(names)} shapes"
+
+
+def _fixed(project: Project, names: tuple[str, ...]) -> Float:
+    """(3,) metres: the place that scaling leaves; of several, on the floor."""
+    middle = middle_of(project, names)
+    return middle if len(names) == 1 else middle * [1.0, 0.0, 1.0]

@@ -1,0 +1,115 @@
+"""Quantities as an artist types them: "50 cm", "1.2 + 0.3", "(2 m - 4 cm) / 2"."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from enliven.errors import InputError
+
+_TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([^\W\d_]+|[%°])|([-+*/()]))")
+"""A number, a unit, or a sign."""
+_MOST_LETTERS = 200
+"""Letters that are read: a sum of a dozen lengths."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a field holds.
+
+    Attributes:
+        unit: in which a number without a unit is, and in which numbers are shown.
+        units: what one of each unit is in it.
+        digits: after the point, as it is shown.
+    """
+
+    unit: str
+    units: Mapping[str, float]
+    digits: int
+
+    def write(self, value: float) -> str:
+        """A value as it is shown: "1.25 m"."""
+        shown = f"{value:.{self.digits}f}".rstrip("0").rstrip(".")
+        return f"{'0' if shown in ('-0', '') else shown} {self.unit}"
+
+    def read(self, typed: str, **more: float) -> float:
+        """The value of what was typed, in :attr:`unit`.
+
+        Args:
+            typed: numbers with or without units, + - * / and brackets; a comma is a point.
+            more: what one of a further unit is; "percent" is the sign %.
+
+        Raises:
+            InputError: where it is no number, or divides by zero.
+        """
+        units = {**self.units, **{{"percent": "%"}.get(name, name): one for name, one in more.items()}}
+        reader = _Reader(_tokens(typed), {name.lower(): one for name, one in units.items()})
+        value = reader.sum()
+        if reader.left or not math.isfinite(value):
+            raise reader.refused()
+        return value
+
+
+LENGTH = Quantity("m", {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}, 3)
+ANGLE = Quantity("°", {"°": 1.0, "deg": 1.0, "rad": math.degrees(1.0), "turn": 360.0}, 2)
+TIME = Quantity("s", {"s": 1.0, "ms": 0.001, "min": 60.0}, 3)
+SHARE = Quantity("%", {"%": 1.0, "x": 100.0}, 1)
+
+
+def _tokens(typed: str) -> list[str]:
+    """The numbers, units and signs of a text, in their order."""
+    text, at, found = typed[:_MOST_LETTERS].replace(",", ".").strip(), 0, list[str]()
+    while at < len(text):
+        match = _TOKEN.match(text, at)
+        if match is None:
+            return []
+        found.append(match.group().strip())
+        at = match.end()
+    return found
+
+
+class _Reader:
+    """Reads tokens as a sum of products of numbers with units."""
+
+    def __init__(self, tokens: list[str], units: Mapping[str, float]) -> None:
+        self.left, self._units = tokens[::-1], units
+
+    def sum(self) -> float:
+        value = self._product()
+        while self.left and self.left[-1] in "+-":
+            value += self._product() if self.left.pop() == "+" else -self._product()
+        return value
+
+    def _product(self) -> float:
+        value = self._one()
+        while self.left and self.left[-1] in "*/":
+            times, by = self.left.pop() == "*", self._one()
+            if not times and by == 0.0:
+                raise self.refused("it divides by zero")
+            value = value * by if times else value / by
+        return value
+
+    def _one(self) -> float:
+        token = self.left.pop() if self.left else ""
+        if token in ("-", "+"):
+            return self._one() if token == "+" else -self._one()
+        if token == "(":
+            value = self.sum()
+            if not self.left or self.left.pop() != ")":
+                raise self.refused("a bracket is not closed")
+        elif token[:1].isdigit() or token[:1] == ".":
+            value = float(token)
+        else:
+            raise self.refused()
+        if self.left and (self.left[-1].isalpha() or self.left[-1] in "%°"):
+            unit = self.left.pop()
+            if unit.lower() not in self._units:
+                raise self.refused(f"{unit} is no unit here")
+            value *= self._units[unit.lower()]
+        return value
+
+    def refused(self, what: str = "that is no number") -> InputError:
+        known = ", ".join(self._units)
+        return InputError(what, mend=f"Write one such as 1.2 + 0.3; units: {known}.")

@@ -1,0 +1,62 @@
+"""Camera bookmarks: views that are stored in the project and taken again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from enliven.document import CameraMark
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.editor import Editor
+
+_VIEWS = (1, 2, 3, 4)
+"""The bookmarks that have keys."""
+_FIRST = 4
+"""F5 is the key of the first: F1 is help, F2 renames."""
+
+
+def view_actions(editor: Editor) -> Iterator[Action]:
+    """Store the view of now, and take one again."""
+    for number in _VIEWS:
+        name, key = f"view {number}", f"f{number + _FIRST}"
+        yield Action(
+            f"view.take_{number}",
+            "View",
+            f"Bookmark {number}",
+            (key,),
+            lambda name=name: take_view(editor, name),
+            lambda name=name, key=key: _lacks(editor, name, key),
+            about="The view that was stored.",
+            apart=number == 1,
+        )
+    for number in _VIEWS:
+        name = f"view {number}"
+        yield Action(
+            f"view.store_{number}",
+            "View",
+            f"Store as bookmark {number}",
+            (f"ctrl+f{number + _FIRST}",),
+            lambda name=name: store_view(editor, name),
+            about="It is saved with the project.",
+            apart=number == 1,
+        )
+
+
+def store_view(editor: Editor, name: str) -> None:
+    """Store the view of now in the project; one edit."""
+    *target, azimuth, elevation, distance = editor.camera.goal
+    mark = CameraMark(name, (target[0], target[1], target[2]), azimuth, elevation, distance)
+    if editor.edit(f"store {name}", lambda p: replace(p, views={**p.views, name: mark})):
+        editor.toasts.say(f"Stored as bookmark {name.rpartition(' ')[2]}", "It is saved with the project.")
+
+
+def take_view(editor: Editor, name: str) -> None:
+    """Look again as it was stored."""
+    mark = editor.project.views[name]
+    editor.moves.follow = editor.moves.turntable = False
+    editor.camera.go(mark.target, mark.azimuth, mark.elevation, mark.distance)
+
+
+def _lacks(editor: Editor, name: str, key: str) -> str:
+    said = f"Nothing is stored there. Ctrl+{key.upper()} stores the view of now."
+    return "" if name in editor.project.views else said

@@ -1,0 +1,5 @@
+"""The outliner and the numbers of what is chosen: rows with eyes and locks, fields with units."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

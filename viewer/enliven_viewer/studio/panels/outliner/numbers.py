@@ -1,0 +1,93 @@
+"""Draws the numbers of what is chosen: its place, its size, turns, and when its motion begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from imgui_bundle import imgui
+
+from enliven.modeling.edits import change_layers
+from enliven_viewer.studio.numbers import ANGLE, LENGTH, TIME, Quantity
+from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.style import small, tinted
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import QUIET
+
+_AXES = ("x", "y", "z")
+_LABEL = 46.0
+"""Pixels of the words at the left of the fields."""
+_FIELD = 67.0
+"""Pixels of a field: "-12.345 m", three of them side by side."""
+
+
+def draw_numbers(workspace: Workspace) -> None:
+    """Draw the fields of what is chosen."""
+    figures = workspace.figures
+    place, height = figures.place, figures.height
+    if place is None or height is None:
+        return
+    _word("Place", "Of the middle of what is chosen, and of its lowest point above the floor")
+    for axis, name in enumerate(_AXES):
+        imgui.same_line(_LABEL + 12 + axis * (_FIELD + 4))
+        at = float(place[axis])
+        number_field(workspace, f"place {name}", at, LENGTH, lambda to, axis=axis: figures.move_to(axis, to))
+    _word("Turn", "Turn it further about an axis of the stage: y is the upright")
+    for axis, name in enumerate(_AXES):
+        imgui.same_line(_LABEL + 12 + axis * (_FIELD + 4))
+        number_field(workspace, f"turn {name}", 0.0, ANGLE, lambda by, axis=axis: figures.turn(axis, by))
+    _word("Tall", "How tall it stands now; also in percent of that: 150 %")
+    imgui.same_line(_LABEL + 12)
+    more = {"percent": height / 100.0}
+    number_field(workspace, "tall", height, LENGTH, figures.make_tall, **more)
+    _begins(workspace)
+
+
+def _begins(workspace: Workspace) -> None:
+    """When the chosen layer begins."""
+    editor = workspace.editor
+    character, number = editor.chosen(), editor.selection.layer
+    if character is None or number is None or editor.selection.several:
+        return
+    name, numbers = character.id, [number]
+
+    def change(seconds: float) -> None:
+        editor.edit("change offset", lambda project: change_layers(project, name, numbers, offset=seconds))
+
+    imgui.same_line()
+    _word("Begins", "When the chosen motion begins on the timeline")
+    imgui.same_line()
+    number_field(workspace, "begins", character.playing[number].offset, TIME, change)
+
+
+def _word(text: str, tip: str) -> None:
+    imgui.align_text_to_frame_padding()
+    with small(), tinted(QUIET, imgui.Col_.text):
+        imgui.text_unformatted(text)
+    told(tip)
+
+
+def number_field(
+    workspace: Workspace,
+    key: str,
+    value: float,
+    quantity: Quantity,
+    change: Callable[[float], object],
+    **more: float,
+) -> None:
+    """A number that is typed, with units and sums; ``change`` gets it on Enter, Tab, or a click elsewhere.
+
+    Args:
+        more: further units that it may be typed in.
+    """
+    shown, typing = quantity.write(value), workspace.typing
+    imgui.set_next_item_width(_FIELD)
+    flags = imgui.InputTextFlags_.auto_select_all
+    with small():
+        typed = imgui.input_text(f"##{key}", typing.get(key, shown), flags)[1]
+    workspace.remember(key)
+    if imgui.is_item_active():
+        typing[key] = typed
+    elif key in typing:
+        wanted = typing.pop(key)
+        if wanted.strip() not in ("", shown):
+            workspace.attempt(lambda: change(quantity.read(wanted, **more)))
