@@ -23,7 +23,7 @@ def test_a_performance_is_recorded_onto_the_timeline_and_survives_its_edge(tmp_p
     done = subprocess.run(command, capture_output=True, text=True, timeout=400)
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout.splitlines()[-1])
-    assert said["done"], said
+    assert said["done"], json.dumps(said)
     assert said["words"] == ["Performer 1 is in the chair: the whole body"]
     assert said["growing"][0] == 0.0 and said["growing"][1] > 0.8
     assert said["recorded"] == [["arm", "chair"], ["take 1"], True], "it plays at once"
