@@ -12,9 +12,9 @@ from enliven.commands import parent_is_gone
 from enliven.errors import InputError, ResourceError
 from enliven.frames import Frame
 from enliven.health import HealthState, Severity, worst_first
-from enliven.wire import Order, as_sent
+from enliven.wire import CallMessage, Order, as_sent
 from enliven_edge.arrivals import Arrivals
-from enliven_edge.controls import Controls, Lamps, lamps_of
+from enliven_edge.controls import Call, Controls, Lamps, lamps_of
 from enliven_edge.network import FrameRate, Handler, Outlet
 from enliven_edge.orders import handlers_of
 from enliven_edge.scans import Scans
@@ -198,7 +198,7 @@ class Edge:
 
     def _listen(self) -> None:
         """Carries out the requests of viewers and controls; one that fails is refused with its reason."""
-        self.controls.apply_commands(self.stage, self.carry_out)
+        self.controls.apply_commands(self.stage, self.carry_out, self._call)
         self.controls.show(self._lamps())
         self.outlet.poll_requests(self.handlers)
 
@@ -209,6 +209,10 @@ class Edge:
             EnlivenError: where it is refused.
         """
         self.handlers[type(order)].do(order)
+
+    def _call(self, word: Call, control: str) -> None:
+        """Asks the windows for what a control says."""
+        self.outlet.send(CallMessage(word, control[:64]), 0)
 
     def _lamps(self) -> Lamps:
         """Returns the patterns of the controls' lamps: the stage and the health, as viewers get them."""

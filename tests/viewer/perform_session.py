@@ -17,8 +17,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from strokes import limb
 
-from enliven.modeling.edits import scale_character
+from enliven.modeling.edits import cut_character, scale_character
+from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.sketching.sketch import shape_from_stroke
+from enliven_viewer.live import PARTS
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.actions import KEYS
 from enliven_viewer.studio.editor.editor import Editor
@@ -62,7 +64,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
         while not done():
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
-                now = [perform.connected, perform.phase, perform.standing, perform.holders]
+                edge = perform.live and perform.live.document.edge.message
+                now = [perform.connected, perform.phase, perform.standing, perform.holders, edge]
                 said["missing"] = [what, perform.sender.states, toasts, now]
                 raise TimeoutError(what)
             ctx.yield_()
@@ -125,13 +128,38 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     until(lambda: recording(0.8), "a third recording")
     perform.record()
     said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
-    ctx.item_click("perform/arm  ·  free##stands arm")
+    layered(ctx, window, until)
+    ctx.item_click("perform/arm  ·  held##stands arm")
     said["each"] = each_action(ctx, window)
     click("room Play")
     shot("play")
     said["done"] = True
     workspace.store.forget()
     window.close()
+
+
+def layered(ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Callable) -> None:
+    """Step into the chosen arm, record, and record over it while it plays; it is cut in between."""
+    editor, perform = window.workspace.editor, window.workspace.perform
+    editor.choose("arm")
+    until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.meant == "arm", "the arm")
+    live, counts, seen = perform.live, [], list[object]()
+    assert live is not None
+    live.choose_parts(PARTS.index("legs"))
+    plane = PlaneCut(np.array([-0.8, 0.7, 0.0]), np.array([0.0, -1.0, 0.0]))
+    for seconds in (0.8, 0.6):
+        if counts:
+            editor.edit("cut", lambda project: cut_character(project, "arm", plane, editor.time)[0])
+            bones = len(editor.project.shapes["arm"].skeleton)
+            until(lambda: len(live.document.characters["arm"].pivots) == bones, "the cut arm there")  # noqa: B023
+        ctx.key_press(int(imgui.Key.p))
+        until(lambda: "arm" in {one.character for one in perform.holders}, "who holds the arm")
+        perform.record()
+        until(lambda: perform.recorder.seconds > seconds, "a recording of the arm")  # noqa: B023
+        seen.append([sorted(perform.hidden), [one.character.id for one in perform.scene.actors]])
+        perform.record()
+        counts.append(len({layer.take for layer in editor.project.shapes["arm"].layers}))
+    said["layered"], said["shown once"] = counts, seen
 
 
 def each_action(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> dict[str, list[str]]:
@@ -162,7 +190,7 @@ def main() -> None:
     large = len(sys.argv) > 2
     settings = StudioSettings(render=render, width=1280 if large else 900, height=720 if large else 640)
     workspace = Workspace.new(Editor(settings), folder)
-    pill = limb(np.array([[0.0, 0.0], [0.0, 0.6]]), np.array([0.08, 0.05]))
+    pill = limb(np.array([[0.0, 0.6], [-0.05, 0.3], [-0.2, 0.0]]), np.array([0.09, 0.06, 0.045]))
     arm = shape_from_stroke(np.add(pill, [-0.8, 0.5]), id="arm")
     workspace.store.new(workspace.editor.project.with_characters(arm))
     window = StudioWindow(workspace)

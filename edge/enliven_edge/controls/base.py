@@ -16,9 +16,15 @@ from enliven.wire import Browse, Lock, Order, Possess, Release
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.stage import Stage
 
-Word = Literal["possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock"]
+Call = Literal["record", "stop", "again"]
+Word = Literal[
+    "possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock",
+    "record", "stop", "again",
+]  # fmt: skip
 
 WORDS: tuple[Word, ...] = get_args(Word)
+CALLS: tuple[Call, ...] = get_args(Call)
+"""The commands that windows carry out, and not the edge."""
 
 _STEPS = {"next": 1, "previous": -1, "follow": 0}
 """Places that each command moves on in the ranking of matches; 0 follows the pose again."""
@@ -44,7 +50,9 @@ def checked_map(given: Mapping[str, str], where: str) -> dict[str, Word]:
 
 
 def orders(word: Word, stage: Stage) -> list[Order]:
-    """Returns the orders that a command means: those of a viewer that names no character."""
+    """Returns the orders that a command means: those of a viewer that names no character; none for a call."""
+    if word in CALLS:
+        return []
     if word in ("lock", "unlock"):
         return [Lock(word == "lock")]
     if not stage.actors:

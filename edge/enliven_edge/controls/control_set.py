@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import cast
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import Order
 from enliven_edge.closing import Closing
-from enliven_edge.controls.base import WORDS, ControlReader, Device, Word, checked_map, orders
+from enliven_edge.controls.base import CALLS, WORDS, Call, ControlReader, Device, Word, checked_map, orders
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
 from enliven_edge.stage import Stage
@@ -23,11 +24,19 @@ class Controls(Closing):
     def __init__(self, controls: Sequence[ControlReader]) -> None:
         self._controls = list(controls)
 
-    def apply_commands(self, stage: Stage, carry_out: Callable[[Order], None]) -> None:
-        """Carries out the commands since the last call; a command that fails is logged."""
+    def apply_commands(
+        self, stage: Stage, carry_out: Callable[[Order], None], call: Callable[[Call, str], None]
+    ) -> None:
+        """Carries out the commands since the last time; a command that fails is logged.
+
+        Args:
+            call: tells windows what they are to do, and which control says so.
+        """
         for control in self._controls:
             for word in control.poll():
                 log.info("%s: %s", control.name, word)
+                if word in CALLS:
+                    call(cast(Call, word), control.name)
                 for order in orders(word, stage):
                     try:
                         carry_out(order)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from enliven.arrays import Float
 from enliven.document import (
     Character,
     Clip,
@@ -30,8 +29,9 @@ from enliven.formats.rig import playing
 from enliven.frames import BodyFrame
 from enliven.modeling.possessed import between, even_times
 from enliven.motion.layers import bind_chain, clear_chain, set_travel
-from enliven.rotation import IDENTITY, conjugate, continuous, from_matrix, multiply
+from enliven.rotation import IDENTITY, continuous, from_matrix
 from enliven.takes.body_takes import holds_among
+from enliven.takes.live_layer import composed, own_chain, own_turns
 from enliven.takes.possessed import with_performance
 from enliven.takes.recorded import TakeSettings, clips_of_frames
 from enliven.takes.rigged import rigged_of
@@ -67,6 +67,16 @@ class Performed:
     events: list[HoldMessage] = field(default_factory=list)
     characters: dict[Key, Character] = field(default_factory=dict)
     poses: dict[Key, list[Pose]] = field(default_factory=dict)
+
+    def until(self, time_ns: int) -> Performed:
+        """Returns what was performed until a time of the sensor's clock."""
+        poses = {key: [one for one in kept if one.time_ns <= time_ns] for key, kept in self.poses.items()}
+        return replace(
+            self,
+            frames=[frame for frame in self.frames if frame.time_ns <= time_ns],
+            events=[event for event in self.events if event.time_ns <= time_ns],
+            poses={key: kept for key, kept in poses.items() if kept},
+        )
 
     @property
     def moved(self) -> list[Key]:
@@ -121,15 +131,15 @@ def _layered(
     kept, seconds, grid = even_times(performed.characters[key], performed.poses[key], begin)
     linear = between(np.array([pose.linear for pose in kept], np.float64), seconds, grid)
     root = between(np.array([pose.positions[0] for pose in kept], np.float64), seconds, grid)
-    own = _own_turns(shape, from_matrix(linear))
+    own = own_turns(shape, from_matrix(linear))
     angles = 2 * np.arccos(np.minimum(np.abs(own[:, :, 0]).min(0), 1.0))
     moved = np.flatnonzero(angles > _TURNED).tolist()
     travels = bool(np.ptp(root, axis=0).max() > _STILL)
-    chains = [(int(shape.skeleton.parents[j]), j) if j else (0,) for j in moved]
+    chains = _limbs(shape, moved)
     take = Clip(
         unused(f"{performed.name} on {shape.id}", project.takes),
         shape.skeleton,
-        continuous(_composed(shape.skeleton.parents, own)),
+        continuous(composed(shape.skeleton.parents, own)),
         root - root[0] + shape.skeleton.positions[0],
         float(grid[1] - grid[0]),
     )
@@ -146,22 +156,18 @@ def _layered(
     return project
 
 
-def _own_turns(shape: Shape, turns: Float) -> Float:
-    """Returns (G, N, 4) what layers turned each bone, for turns (G, N, 4) in the world."""
-    own = np.empty_like(turns)
-    for j, parent in enumerate(shape.skeleton.parents):
-        within = turns[:, j] if parent < 0 else multiply(conjugate(turns[:, parent]), turns[:, j])
-        own[:, j] = multiply(conjugate(shape.modeling[j]), within)
-    return own
-
-
-def _composed(parents: np.ndarray, own: Float) -> Float:
-    """Returns (G, N, 4) turns in the world of turns (G, N, 4) against the parent."""
-    turns = own.copy()
-    for j, parent in enumerate(parents):
-        if parent >= 0:
-            turns[:, j] = multiply(turns[:, parent], own[:, j])
-    return turns
+def _limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
+    """Returns the chains of the bones that moved: each goes on while one more bone of the limb does."""
+    chains, below = list[tuple[int, ...]](), shape.skeleton.children
+    for joint in moved:
+        ended = [
+            n for n, chain in enumerate(chains) if chain[-1] == own_chain(shape, joint)[0] and chain != (0,)
+        ]
+        if joint and ended and len(set(below[chains[ended[0]][-1]]) & set(moved)) == 1:
+            chains[ended[0]] = (*chains[ended[0]], joint)
+        else:
+            chains.append(own_chain(shape, joint))
+    return chains
 
 
 def _played_by(

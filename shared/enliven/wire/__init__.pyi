@@ -78,6 +78,7 @@ from .sockets import (
     parse_endpoint as parse_endpoint,
 )
 from .streams import (
+    CallMessage as CallMessage,
     BodiesMessage as BodiesMessage,
     CuesMessage as CuesMessage,
     HoldMessage as HoldMessage,
@@ -89,6 +90,7 @@ from .streams import (
     StatusMessage as StatusMessage,
 )
 from .topics import (
+    CALLS as CALLS,
     BODIES as BODIES,
     BY_TYPE as BY_TYPE,
     CHARACTER as CHARACTER,

@@ -262,6 +262,18 @@ class StageMessage(Struct, array_like=True, frozen=True):
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
 
 
+class CallMessage(Struct, array_like=True, frozen=True):
+    """A pedal, button or voice at the edge asks the windows to record (topic "calls").
+
+    Attributes:
+        word: "record" begins, or ends what is recorded; "stop" ends it; "again" begins the last one anew.
+        control: the name of what asks.
+    """
+
+    word: Literal["record", "stop", "again"]
+    control: Name
+
+
 class StatusMessage(Struct, array_like=True, frozen=True):
     """The edge's heartbeat, twice a second (topic "status").
 

@@ -17,6 +17,7 @@ from enliven.wire.requests import Reply, Request
 from enliven.wire.scans import ScanMessage, ScanPieceMessage
 from enliven.wire.streams import (
     BodiesMessage,
+    CallMessage,
     CuesMessage,
     HoldMessage,
     MatchesMessage,
@@ -99,6 +100,7 @@ SCAN_PIECE = register(
         key=lambda message: " ".join(map(str, message.place)),
     )
 )
+CALLS = register(Topic("calls", CallMessage, "stream", 1024, 0, "every"))
 STATUS = register(Topic("status", StatusMessage, "stream", 4 * 1024, 2, "newest", False, lambda m: m.edge))
 CHARACTER = register(
     Topic("character", CharacterMessage, "state", 128 * 1024 * 1024, 0, "newest", recorded=True)

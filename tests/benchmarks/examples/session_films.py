@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "helpers"))
 
 from strokes import limb
 from studio_driver import (
+    STEP,
     Action,
     Click,
     Do,
@@ -280,8 +281,19 @@ def cactus(workspace: Workspace, folder: Path) -> Actions:
 
 
 SESSIONS: dict[str, Callable[[], Actions]] = {"figure6": figure_6, "squid": squid, "mantis": mantis}
-FILMED: dict[str, Callable[[Workspace, Path], Actions]] = {"cactus": cactus}
+
+
+def interleaved(workspace: Workspace, folder: Path) -> Actions:
+    """A creature is sketched, performed, performed over, cut and merged while it plays, performed again."""
+    from session_interleaved import interleaved as sitting
+
+    yield from sitting(workspace, folder)
+
+
+FILMED: dict[str, Callable[[Workspace, Path], Actions]] = {"cactus": cactus, "interleaved": interleaved}
 """Sessions that need the window: they look at what is on the screen."""
+PACES = {"interleaved": STEP / 0.25}
+"""Seconds that a picture takes at least, of sessions with an edge, which plays by the clock on the wall."""
 
 
 def main(arguments: list[str]) -> int:
@@ -306,7 +318,8 @@ def main(arguments: list[str]) -> int:
             else:
                 from studio_driver.filming import film
 
-                said = f"{film(actions, workspace, OUT / f'{name}.mp4', title=name)} pictures"
+                pace = PACES.get(name, 0.0)
+                said = f"{film(actions, workspace, OUT / f'{name}.mp4', title=name, pace=pace)} pictures"
             project = workspace.editor.project
             print(f"{name}: {said}, {len(project.shapes) + len(project.puppets)} shapes", flush=True)
     return 0

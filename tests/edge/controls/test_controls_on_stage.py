@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import sys
 import time
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from enliven.frames import BodyFrame
+from enliven.wire import CALLS
 from enliven_edge.controls.base import WORDS
 from enliven_edge.controls.control_set import Controls, open_controls
 from enliven_edge.controls.panel_protocol import Lamps
@@ -23,6 +25,7 @@ from enliven_edge.stage.rig.rig_actor import RigActor
 from enliven_edge.stage.rig.settings import MatchingSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.link import EdgeClient
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "matching"))
@@ -216,4 +219,20 @@ def test_lamps_show_the_stage_and_its_health(outlet):
 
 
 def test_all_words_are_known_to_somebody():
-    assert len(set(WORDS)) == 9
+    assert len(set(WORDS)) == 12
+
+
+def test_what_is_for_windows_is_told_to_them(outlet):
+    say, heard = Say(), []
+    house = House(outlet, Controls([say]))
+    with contextlib.closing(EdgeClient([outlet.publisher.endpoint])) as client:
+
+        def came(count: int) -> bool:
+            client.poll()
+            heard.extend(client.take(CALLS))
+            return client.status is not None and client.edges[0].complete and len(heard) >= count
+
+        house.until(lambda: came(0))
+        say.words = ["record", "again", "stop"]
+        house.until(lambda: came(3))
+    assert [(one.word, one.control) for one in heard] == [(w, "test") for w in ("record", "again", "stop")]

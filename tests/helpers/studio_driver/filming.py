@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -92,12 +93,14 @@ def film(
     title: str = "",
     every: int = 1,
     tiles: int = 12,
+    pace: float = 0.0,
 ) -> int:
     """Play a session in the window and write a film of it, with a contact sheet beside it.
 
     Args:
         every: only each so-many-th picture goes into the film (at 30 pictures a second).
         tiles: pictures of the contact sheet.
+        pace: seconds on the wall that a picture takes at least.
 
     Returns:
         How many pictures the film has.
@@ -110,6 +113,8 @@ def film(
     with FilmWriter(path, size, 1 / STEP / every, _BIT_RATE) as writer:
 
         def before(window: StudioWindow) -> None:
+            time.sleep(max(last[0] + pace - time.monotonic(), 0.0))
+            last[0] = max(last[0] + pace, time.monotonic() - pace)
             if window.pictures < 3:  # the panels must have been drawn before a widget can be found
                 return
             if not playing:
@@ -128,6 +133,7 @@ def film(
                 chosen.add(writer.count * STEP * every, picture)
 
         stages: list[WindowStage] = []
+        last = [time.monotonic()]
         window.run(before=before, after=after)
     write_sheet(path.with_suffix(".png"), chosen.chosen(), 3, title or path.stem, "enliven studio")
     return writer.count

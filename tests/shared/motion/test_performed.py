@@ -17,6 +17,7 @@ from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.evaluate import ShapePose, pose_from, pose_of
 from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector, multiply, rotate
+from enliven.takes.live_layer import LiveLayer
 from enliven.takes.performed import Performed, with_performed
 from enliven.wire import HoldMessage
 
@@ -75,7 +76,10 @@ def test_a_shape_plays_as_it_was_seen_from_the_second_of_the_recording_on(bends,
     made, names = with_performed(Project().with_characters(ARM), performed(own), BEGIN - round(start * 1e9))
     shape = made.shape("arm")
     assert names == ("arm",) and {layer.take for layer in shape.layers} == {"take 1 on arm"}
-    assert len(shape.layers) == len(bends), "bones that did not move have no layer"
+    played = {bone for bone, spans in enumerate(shape.spans) if any(span.refs for span in spans)}
+    assert played == set(bends), "bones that did not move have no layer"
+    limbs = [bone for bone in bends if bone - 1 not in bends]
+    assert len(shape.layers) == len(limbs), "the bones of a limb have one together"
     alone = performed(own).poses["arm", 3]
     for frame in (0, 4, FRAMES - 1):
         seen = pose_from(shape, pose_of(made, "arm", start + frame * STEP * 1e-9), 0.0)
@@ -94,6 +98,26 @@ def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_tak
     alone, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.2})), BEGIN)
     np.testing.assert_allclose(pose_of(again, "arm", 0.2).turns, pose_of(alone, "arm", 0.2).turns, atol=1e-6)
     assert same(again.takes["take 1 on arm"], one.takes["take 1 on arm"]), "nothing recorded is lost"
+
+
+@given(BENDS, BENDS, st.booleans())
+@settings(max_examples=15)
+def test_what_is_shown_while_it_is_recorded_is_what_plays_afterwards(first, second, replaces: bool) -> None:
+    before, _ = with_performed(Project().with_characters(ARM), performed(waving(first)), BEGIN)
+    live = performed(waving(second), "take 2", root=0.0)
+    after, _ = with_performed(before, live, BEGIN, replaces=replaces)
+    shown = LiveLayer(before, "arm", frozenset(second) if replaces else frozenset())
+    for frame in (1, FRAMES // 2, FRAMES - 1):
+        seconds, seen = frame * STEP * 1e-9, live.poses["arm", 3][frame]
+        plays = pose_of(after, "arm", seconds)
+        pose, joints = shown.pose(seen, seconds)
+        np.testing.assert_allclose(pose.linear, pose_from(ARM, plays, 0.0).linear, atol=4e-3)
+        np.testing.assert_allclose(joints - joints[0], plays.joints - plays.joints[0], atol=4e-3)
+        np.testing.assert_allclose(joints[0], seen.positions[0], atol=1e-5, err_msg="where the stage has it")
+        alone, _ = shown.pose(seen, seconds, heard=False)
+        if not replaces:
+            played = pose_from(ARM, pose_of(before, "arm", seconds), 0.0)
+            np.testing.assert_allclose(alone.linear, played.linear, atol=1e-6)
 
 
 def test_a_root_that_goes_takes_the_shape_along_from_where_it_stands() -> None:

@@ -46,6 +46,7 @@ EXAMPLES = [
     streams.MatchesMessage(
         "spider", "choosing", 3, 7, 0, [streams.PackedMatch("2-1", 4, 1.5, b"\2\1", bytes(18))], 45, 0.5
     ),
+    streams.CallMessage("again", "left pedal"),
     streams.StageMessage(5, [streams.Revision("chair", 2), streams.Revision("lamp", 1)]),
     streams.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),
     streams.HoldMessage(

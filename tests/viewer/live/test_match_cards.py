@@ -119,6 +119,9 @@ def test_cards_are_drawn_above_the_timeline_and_only_where_there_is_room(gl) -> 
     assert abs((columns.min() + columns.max()) / 2 - 320) < 4
     assert 0 < one.sum() < 0.7 * both.sum()
     assert not ink((100, 360)).any()
+    bare = replace(BOARD, rows=tuple(replace(row, lines=(row.lines[0], RIGHT[:0])) for row in ROWS))
+    cards = cards_of(scene(bare), front().view(1.5))
+    assert 0 < ink((640, 360)).sum() < both.sum(), "a limb that would drive nothing has no line"
 
 
 def test_a_line_of_the_canvas_covers_its_pixels_and_no_others(gl) -> None:

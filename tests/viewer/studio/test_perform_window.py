@@ -23,7 +23,7 @@ def test_a_performance_is_recorded_onto_the_timeline_and_survives_its_edge(tmp_p
     done = subprocess.run(command, capture_output=True, text=True, timeout=400)
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout.splitlines()[-1])
-    assert said["done"], said
+    assert said["done"], json.dumps(said)
     assert said["words"] == ["Performer 1 is in the chair: the whole body"]
     assert said["growing"][0] == 0.0 and said["growing"][1] > 0.8
     assert said["recorded"] == [["arm", "chair"], ["take 1"], True], "it plays at once"
@@ -33,4 +33,7 @@ def test_a_performance_is_recorded_onto_the_timeline_and_survives_its_edge(tmp_p
     assert kept == 1 and any("edge is gone" in text for text in told)
     assert said["undone both"] == ["record take 1", "record take 2"]
     assert said["takes"][:3] == ["take 1", "take 2", "take 3"]
+    assert said["layered"] == [1, 2], "the second layer lies over the first, and over a cut"
+    for hidden, live in said["shown once"]:
+        assert hidden == ["arm", "chair"] and live == ["chair", "arm"], "each is shown once"
     assert said["each"] == {}, "every action on a stage was done"

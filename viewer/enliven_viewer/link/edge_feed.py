@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from enliven.wire import BODIES, CUES, POSE, Done, Look, Order, Topic, messages_to_health
+from enliven.wire import BODIES, CALLS, CUES, POSE, Done, Look, Order, Topic, messages_to_health
 from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.link.received import ReceivedPose
 from enliven_viewer.link.tracks import shown_topics, track_of
@@ -55,6 +55,8 @@ class EdgeFeed:
         for topic, value in arrived:
             track_of(topic).put(document, value)
             self.heard(topic, value)
+        for call in self.link.take(CALLS):
+            self.heard(CALLS, call)
         self._forget_cues(document)
         poses = [value for topic, value in arrived if topic is POSE]
         if poses:

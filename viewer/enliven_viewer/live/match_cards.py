@@ -115,7 +115,8 @@ def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: Card)
     corner = np.array([x + (width - WIDE * side) / 2, y + text + 8 * s])
     for bone in corner + side * card.bones:
         canvas.line(bone, 1.2 * s, FAINT)
-    for line, tint in zip(card.lines, itertools.cycle(TINTS), strict=False):
+    limbs = zip(card.lines, itertools.cycle(TINTS), strict=False)
+    for line, tint in ((line, tint) for line, tint in limbs if len(line)):  # a limb may drive nothing
         canvas.line(corner + side * line, 3.0 * s, (*tint, 1.0))
     if card.held > 0.0:
         canvas.rectangle(x + 8 * s, y + height - 5 * s, (width - 16 * s) * card.held, 3 * s, ACCENT, 1.5 * s)

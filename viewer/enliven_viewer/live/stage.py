@@ -30,6 +30,8 @@ class LiveStage:
         possession: what the next possession takes.
         scene: what was shown last.
         scrubbing: whether the pointer drags the playhead.
+        meant: the character that orders are about; None leaves it to the edge.
+        held: the characters that are held.
     """
 
     def __init__(
@@ -45,6 +47,8 @@ class LiveStage:
         self._view_reporter = ViewReporter()
         self._surfaces = SolvedSurfaces()
         self._since, self.scrubbing = 0.0, False
+        self.meant: str | None = None
+        self.held: set[str] = set()
 
     def advance(self, seconds: float) -> None:
         """Take in what has arrived, and let ``seconds`` of the viewer's clock pass."""
@@ -69,12 +73,12 @@ class LiveStage:
 
     def possess(self, mode: Mode = "alone") -> None:
         """Ask the feed to let the chosen performer, or each that is free, possess a character."""
-        for name in self._named():
+        for name in self._named(self.meant):
             self.feed.ask(Possess(name, self.possession.body, self.possession.parts, mode))
 
     def release(self) -> None:
-        """Ask the feed to release what the chosen performer holds, or all characters."""
-        for name in self._named():
+        """Ask the feed to release the chosen character, or what the chosen performer holds, or all."""
+        for name in [self.meant] if self.meant in self.held else self._named(None):
             self.feed.ask(Release(name, self.possession.body))
 
     def choose_parts(self, number: int) -> None:
@@ -142,6 +146,8 @@ class LiveStage:
         """Let the feed go."""
         self.feed.close()
 
-    def _named(self) -> list[str | None]:
+    def _named(self, meant: str | None) -> list[str | None]:
         """The character that an order names; among several the edge finds the one that is meant."""
+        if meant in self.document.characters:
+            return [meant]
         return [None] if len(self.document.characters) > 1 else list(self.document.characters)

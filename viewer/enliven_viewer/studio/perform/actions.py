@@ -102,6 +102,11 @@ PERFORM_ACTIONS = (
     PerformAction(
         "Record, or end the recording", "ctrl+r", PerformSession.record, why_not=PerformSession.lacks_edge
     ),
+    PerformAction(
+        "Record again from where it began", "", PerformSession.again, why_not=PerformSession.lacks_edge
+    ),
+    PerformAction("Recordings begin here", "i", lambda session: session.mark(0), ("Perform",), live=False),
+    PerformAction("Recordings end here", "o", lambda session: session.mark(1), ("Perform",), live=False),
     PerformAction("Possess alone", "p", _live(LiveStage.possess), _HERE),
     PerformAction("Possess beside others", "j", _live(lambda live: live.possess("join")), _HERE),
     PerformAction("Hold with these parts as well", "e", _live(lambda live: live.possess("extend")), _HERE),

@@ -10,6 +10,7 @@ from enliven.takes import Performed
 from enliven.wire import BODIES, HOLDS, POSE, Topic
 from enliven_viewer.playback import NS
 from enliven_viewer.studio.perform.holders import Holders
+from enliven_viewer.studio.perform.stillness import Stillness
 
 _BEFORE = 18_000
 """Frames of performers that are kept from before a recording: ten minutes, since a hold may be as old."""
@@ -20,13 +21,14 @@ class LiveRecorder:
 
     Attributes:
         holders: who holds what.
+        stillness: since when all performers hold still, in this recording.
         cut: whether the sensor's clock began again while it recorded: what came after is left out.
     """
 
     def __init__(self) -> None:
         self.holders = Holders()
         self.newest_ns: int | None = None
-        self.cut = False
+        self.cut, self.stillness = False, Stillness()
         self._frames: deque[BodyFrame] = deque(maxlen=_BEFORE)
         self._kept: Performed | None = None
         self._delay_ns: int | None = None
@@ -35,6 +37,16 @@ class LiveRecorder:
     def recording(self) -> bool:
         """Whether something is recorded."""
         return self._kept is not None
+
+    @property
+    def since_ns(self) -> int:
+        """The sensor's clock when the recording began."""
+        return 0 if self._kept is None else self._kept.since_ns
+
+    @property
+    def still(self) -> float:
+        """Seconds for which all performers have held still, after they moved in this recording."""
+        return self.stillness.seconds(self.newest_ns or 0)
 
     @property
     def seconds(self) -> float:
@@ -50,6 +62,7 @@ class LiveRecorder:
             delay_ns: how much later than a performer moves it arrives here.
         """
         self._kept, self.cut, self._delay_ns = Performed(name), False, delay_ns
+        self.stillness = Stillness()
         if self.newest_ns is not None:
             self._count_from(self._kept, self.newest_ns + delay_ns)
 
@@ -75,6 +88,7 @@ class LiveRecorder:
             self._note(value.time_ns)
             frame = BodyFrame(list(value.bodies), value.time_ns, value.edge)
             self._frames.append(frame)
+            self.stillness.see(frame)
             if self._kept is not None and not self.cut:
                 self._kept.frames.append(frame)
         elif topic is HOLDS:

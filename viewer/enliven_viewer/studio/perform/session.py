@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from enliven.document import Project
 from enliven.errors import EnlivenError, InputError
 from enliven.takes import with_performed
+from enliven.wire import CALLS, Topic
 from enliven_viewer.link import EdgeClient, EdgeFeed, StageLink, TakeFeed
 from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import Document, Timeline
@@ -20,6 +20,7 @@ from enliven_viewer.studio.perform.holders import Holder
 from enliven_viewer.studio.perform.nearby import NearbyEdge
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.sender import StageSender
+from enliven_viewer.studio.perform.twins import Telling, Twins
 
 ROOMS = ("Perform", "Animate", "Model", "Play")
 """The workspaces: which panels are in reach; what is loaded never changes with them."""
@@ -27,6 +28,10 @@ _COUNT = 3.0
 """Seconds of the count-in: one beat each."""
 _GONE = 4.0
 """Seconds for which an edge has been called silent that end a recording: a weak link comes back sooner."""
+_SHORTEST = 0.05
+"""Seconds of the shortest span: less is a slip of the hand."""
+_RECORD = "record "
+"""What the name of an edit begins with that is a recording."""
 Phase = Literal["idle", "counting", "recording"]
 
 
@@ -40,9 +45,14 @@ class PerformSession:
     Attributes:
         room: the workspace, of :data:`ROOMS`.
         live: what is followed; None without a link.
+        scene: what is live, as it is shown beside the project's characters; None without a link.
+        there: the character that was chosen in the list of those on the stage, if it is not the project's.
         phase: whether a recording is counted in or under way.
         replaces: whether a recording takes the place of what the bones that moved play already.
         count_in: whether three beats come before a recording.
+        hold_still: seconds for which all performers hold still that end a recording; 0: that ends none.
+        span: the first and the last second of the project that are recorded; None: from the playhead on.
+        loops: whether the span is recorded again and again, each time as a recording of its own.
         address: what is typed into the field.
     """
 
@@ -51,11 +61,16 @@ class PerformSession:
         self.addresses = Addresses(folder)
         self.room = "Animate"
         self.live: LiveStage | None = None
+        self.scene: Scene | None = None
+        self.there = ""
+        self._twins = Twins(editor)
         self.recorder = LiveRecorder()
         self.sender = StageSender(editor.toasts.say)
         self.phase: Phase = "idle"
         self.replaces = False
-        self.count_in = True
+        self.count_in, self.hold_still = True, 0.0
+        self.span: tuple[float, float] | None = None
+        self.loops = False
         self.address = ""
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
@@ -74,7 +89,7 @@ class PerformSession:
         client = EdgeClient([address.strip()], "enliven window")
         self.disconnect()
         self._client, feed = client, EdgeFeed(client)
-        feed.heard, feed.restarted = self.recorder.heard, self._began_again
+        feed.heard, feed.restarted = self._heard, self._began_again
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
         self.addresses.remember(address.strip())
 
@@ -108,7 +123,8 @@ class PerformSession:
             self.live.close()
         if self._nearby is not None:
             self._nearby.close()
-        self.live = self._client = self._nearby = None
+        self.live = self.scene = self._client = self._nearby = None
+        self.there = ""
         self.editor.beside_box = None
         self.sender.forget()
         self.recorder = LiveRecorder()
@@ -158,24 +174,14 @@ class PerformSession:
 
     @property
     def hidden(self) -> frozenset[str]:
-        """Characters of the project that are at rest, and seen as they stand on the edge's stage instead."""
-        if self._client is None or self.editor.playing or not (self.connected and self._performing):
-            return frozenset()
-        return frozenset(self.editor.project.characters.keys() & self._client.characters.keys())
+        """Characters of the project that are seen as they stand on the edge's stage instead."""
+        return self._twins.hidden if self.scene is not None else frozenset()
 
     @property
-    def scene(self) -> Scene | None:
-        """What is live, without the twins of characters that are edited or play; None without a link."""
-        if self.live is None:
-            return None
-        scene, own = self.live.scene, self.editor.project.characters.keys()
-        if self._performing and (self.phase == "recording" or not self.editor.playing):
-            return scene
-        return replace(scene, actors=tuple(one for one in scene.actors if one.character.id not in own))
-
-    @property
-    def _performing(self) -> bool:
-        return self.room in ("Perform", "Play")
+    def meant(self) -> str | None:
+        """The character on the stage that orders are about: the chosen one; None where that is not there."""
+        chosen = self.editor.selection.character or self.there
+        return chosen if chosen in self.standing else None
 
     # Once a picture ---------------------------------------------------------------------------------------
 
@@ -183,15 +189,21 @@ class PerformSession:
         """Take in what has arrived, and go on with what is under way."""
         if self.live is None:
             return
+        self.live.meant, self.live.held = self.meant, {one.character for one in self.holders}
         self.live.advance(seconds)
         self.live.report_view(self.editor.lens.view)
-        self.editor.beside_box = self.live.scene.box
         self._watch_edge()
         if self._client is not None:
             if self.editor.draft is None:
                 self.sender.advance(self._client.stage, self.editor.project)
             self._go_on(seconds)
-        if self._performing and self.live.present != self._framed and self.live.scene.box:
+        if self.live is None:
+            return
+        performs, heard = self.room in ("Perform", "Play"), self.phase != "idle" or not self.editor.playing
+        telling = Telling(performs and self.connected, heard, self.replaces, self.live.held)
+        self.scene = self._twins.shown(self.live.scene, telling)
+        self.editor.beside_box = self.scene.box
+        if performs and self.live.present != self._framed and self.live.scene.box:
             self.editor.frame_all(at_once=not self._framed, reset=not self._framed)
             self._framed = self.live.present
 
@@ -207,6 +219,15 @@ class PerformSession:
         if self._client is not None:
             self.sender.again(self._client.stage, self.editor.project)
 
+    def _heard(self, topic: Topic, value: Any) -> None:
+        """Do what a pedal or a voice asks for, and let the recorder hear everything else."""
+        if topic is not CALLS:
+            self.recorder.heard(topic, value)
+        elif value.word == "again":
+            self.again()
+        elif value.word == "record" or self.phase != "idle":
+            self.record()
+
     def _go_on(self, seconds: float) -> None:
         """Go on with the count-in or the recording."""
         if self.phase == "counting":
@@ -217,7 +238,11 @@ class PerformSession:
             # What plays keeps step with the sensor's clock, however many pictures a second there are.
             self.editor.growing = self.editor.time = self._start + self.recorder.seconds
             self._silent = 0.0 if self.connected else self._silent + seconds
-            if self.recorder.cut or self._silent > _GONE:
+            if self.hold_still and self.recorder.still > self.hold_still:
+                self.stop(self.recorder.stillness.since_ns)
+            elif self.span is not None and self.recorder.seconds >= self.span[1] - self._start:
+                self._span_ended(self.span)
+            elif self.recorder.cut or self._silent > _GONE:
                 self.stop()
                 self.editor.toasts.say(
                     "The edge is gone, so the recording ended", "What was done until then is kept."
@@ -273,13 +298,38 @@ class PerformSession:
         elif self._may(self.lacks_edge()):
             self.phase, self._left = "counting", _COUNT if self.count_in else 0.0
 
-    def stop(self) -> None:
-        """End the count-in, or the recording: it becomes takes and layers of the project, as one edit."""
+    def again(self) -> None:
+        """Begin anew where the recording began: what is being recorded is dropped, the last one undone."""
+        if self.phase == "idle":
+            if not (self.editor.history.undo_name or "").startswith(_RECORD):
+                self.editor.toasts.say("There is no recording to take again", "Record first.")
+                return
+            self.editor.undo()
+        elif self.phase == "recording":
+            self.recorder.end()
+            self.editor.growing = 0.0
+        self.phase = "idle"
+        self.editor.scrub(self._start)
+        self.record()
+
+    def mark(self, end: int) -> None:
+        """Make the playhead the begin (0) or the end (1) of what is recorded; no span where none is left."""
+        first, last = self.span or (0.0, self.editor.length)
+        span = (self.editor.time, last) if end == 0 else (first, self.editor.time)
+        self.span = span if span[1] - span[0] > _SHORTEST else None
+
+    def stop(self, until_ns: int | None = None) -> None:
+        """End the count-in, or the recording: it becomes takes and layers of the project, as one edit.
+
+        Args:
+            until_ns: the sensor's clock up to which it is kept; None: all of it.
+        """
         phase, self.phase = self.phase, "idle"
         if phase != "recording":
             return
         editor = self.editor
         performed, start = self.recorder.end(), self._start
+        performed = performed if until_ns is None else performed.until(until_ns)
         begin, replaces = performed.since_ns - round(start * 1e9), self.replaces
         editor.growing, editor.playing = 0.0, False
         made: list[str] = []
@@ -292,7 +342,7 @@ class PerformSession:
             made.extend(names)
             return after
 
-        if editor.edit(f"record {performed.name}", change, over_locks=True):
+        if editor.edit(f"{_RECORD}{performed.name}", change, over_locks=True):
             told = [name for name in made if name in editor.project.characters] or made
             editor.toasts.say(
                 f"Recorded {', '.join(told)}", "Ctrl+Z takes it back; record again to add to it."
@@ -300,12 +350,20 @@ class PerformSession:
             editor.scrub(start)
             editor.playing = True
 
+    def _span_ended(self, span: tuple[float, float]) -> None:
+        """Keep what was recorded of the span; where it loops, the next one begins at once."""
+        begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
+        self.stop(begun)
+        if self.loops:
+            self._begin()
+
     def _begin(self) -> None:
         """Begin to record, while the project plays from where the playhead is."""
         editor, live = self.editor, self.live
         assert live is not None
         self.phase, self._silent = "recording", 0.0
-        self._start = editor.growing = editor.time if editor.time < editor.length - 0.05 else 0.0
+        usual = editor.time if editor.time < editor.length - _SHORTEST else 0.0
+        self._start = editor.growing = usual if self.span is None else self.span[0]
         self.recorder.begin(self._name(), self._delay_ns())
         editor.time, editor.playing = self._start, True
         live.playhead.go_live()

@@ -17,6 +17,8 @@ from enliven_viewer.theme import BAD, GOOD, QUIET, WAIT, Colour
 _WHOLE = ImVec2(-1, 0)
 _HALF = ImVec2(126, 0)
 _RECORD = ImVec2(-1, 38)
+_STILL = 2.0
+"""Seconds of holding still that end a recording, if nothing else is set: longer than a pause for effect."""
 _LOCAL = "127.0.0.1"
 
 
@@ -76,6 +78,11 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     imgui.text_unformatted(words)
     imgui.pop_text_wrap_pos()
     if perform.live is not None:
+        if perform.connected and (refused := perform.live.document.edge.message):
+            with tinted(WAIT, imgui.Col_.text):
+                imgui.push_text_wrap_pos(0.0)
+                imgui.text_unformatted(refused)
+                imgui.pop_text_wrap_pos()
         for state in perform.live.document.edge.health[:2]:
             with tinted(WAIT, imgui.Col_.text):
                 imgui.push_text_wrap_pos(0.0)
@@ -131,6 +138,33 @@ def _recording(workspace: Workspace, perform: PerformSession) -> None:
     perform.replaces = imgui.checkbox("In place of what moves there", perform.replaces)[1]
     told("On: the parts that you move lose the motion they had. Off: yours is added to it")
     workspace.remember("replaces")
+    _ends(workspace, perform)
+
+
+def _ends(workspace: Workspace, perform: PerformSession) -> None:
+    """What ends a recording by itself: stillness, or the end of the marked span."""
+    held, still = perform.hold_still, bool(perform.hold_still)
+    changed, still = imgui.checkbox("Stop when all hold still", still)
+    workspace.remember("hold still")
+    told("The still end is left out")
+    if changed:
+        perform.hold_still = _STILL if still else 0.0
+    if still:
+        imgui.set_next_item_width(-1)
+        perform.hold_still = imgui.slider_float("##still", held or _STILL, 0.5, 5.0, "for %.1f s")[1]
+        workspace.remember("still for")
+    if perform.span is None:
+        quiet("I and O mark where recordings begin and end.")
+        return
+    first, last = perform.span
+    imgui.text_unformatted(f"From {time_text(first)} to {time_text(last)}")
+    imgui.same_line(imgui.get_content_region_avail().x - 40)
+    if imgui.small_button("Clear##span"):
+        perform.span = None
+    workspace.remember("clear span")
+    perform.loops = imgui.checkbox("Over and over", perform.loops)[1]
+    workspace.remember("loops")
+    told("The marked time is recorded again and again, each time as a take of its own, until you stop")
 
 
 def _characters(workspace: Workspace, perform: PerformSession) -> None:
@@ -160,9 +194,10 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
 def _character(workspace: Workspace, perform: PerformSession, name: str) -> None:
     who = [one for one in perform.holders if one.character == name]
     label = f"{name}  ·  {'held' if who else 'free'}"
-    own = name in workspace.editor.project.characters
-    if imgui.selectable(f"{label}##stands {name}", workspace.editor.selection.character == name)[0] and own:
-        workspace.editor.choose(name)
+    own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
+    if imgui.selectable(f"{label}##stands {name}", perform.meant == name, over)[0]:
+        perform.there = name
+        workspace.editor.choose(name if own else None)
     workspace.remember(f"stands {name}")
     if perform.live is not None and not perform.live.take:
         imgui.same_line(imgui.get_content_region_avail().x - 58)

@@ -1,0 +1,69 @@
+"""What recording costs the window: the processor's time of a picture with and without it, drawing apart.
+
+A real edge replays the shipped recording, its performer holds the chair, and the project plays in both cases,
+so that the recording alone differs. A picture of 60 a second is the measure.
+"""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from figure import Figure
+
+from enliven.document import Project
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.perform import PerformSession
+
+RATE = 60.0
+"""Pictures a second."""
+SPAN, TURNS = 2.0, 5
+"""Seconds of each measurement, and how often they take turns."""
+PATIENCE = 120.0
+"""Seconds in which the edge has started, and its performer holds the chair."""
+
+
+def figures() -> Iterator[Figure]:
+    """window.record_overhead, the share of a picture's time that recording takes."""
+    with tempfile.TemporaryDirectory() as folder:
+        session = PerformSession(Editor(project=Project().with_takes(*library())), Path(folder))
+        session.room, session.count_in = "Perform", False
+        session.connect_nearby("--loop", "--possess-at", "0.5")
+        try:
+            _run(session, lambda: session.holders)
+            extra = list[float]()
+            for _ in range(TURNS):
+                before = statistics.median(_pictures(session))
+                session.record()
+                _run(session, lambda: session.phase == "recording")
+                extra.append(statistics.median(_pictures(session)) - before)
+                session.stop()
+        finally:
+            session.disconnect()
+    yield Figure("window.record_overhead", 100 * statistics.median(extra) * RATE, "%")
+
+
+def _pictures(session: PerformSession) -> list[float]:
+    """Seconds of this thread for each picture of a while in which the project plays."""
+    took, end = list[float](), time.monotonic() + SPAN
+    while time.monotonic() < end:
+        began, before = time.monotonic(), time.thread_time()
+        session.editor.playing = True
+        session.editor.advance(1 / RATE)
+        session.advance(1 / RATE)
+        assert session.editor.standing is not None
+        took.append(time.thread_time() - before)
+        time.sleep(max(began + 1 / RATE - time.monotonic(), 0.0))
+    return took
+
+
+def _run(session: PerformSession, done: Callable[[], object]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < end, "the edge does not come"
+        session.advance(1 / RATE)
+        time.sleep(1 / RATE)

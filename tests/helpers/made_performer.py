@@ -1,0 +1,52 @@
+"""A made-up performer's recording: the bodies of a person who stands, then swings the arms and steps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from enliven.frames import BodyFrame
+from enliven.person.body import Body
+from enliven.recording import Recorder
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+
+RATE = 60
+"""Frames a second; played at a quarter of its pace it still is as many as a slow camera's."""
+STILL, LENGTH = 3.0, 18.0
+"""Seconds for which the performer stands with lifted arms, and after which all begins again."""
+_LIFTED = 1.75
+"""Radians from hanging to which the arms are lifted: a little over the level."""
+
+
+def performer(second: float) -> Body:
+    """Returns the performer at a second: still with lifted arms, then swinging the arms and stepping."""
+    moves = _smooth(second, STILL, STILL + 1.0) - _smooth(second, LENGTH - 1.0, LENGTH)
+    turn = 2 * np.pi * second / 1.6
+    rotations = standing()
+    left, right = 0.55 * moves * np.sin(turn), 0.55 * moves * np.sin(turn + 2.0)
+    rotations[model.UPPER_ARM_L] = rotation(z=_LIFTED + left)
+    rotations[model.UPPER_ARM_R] = rotation(z=-_LIFTED - right)
+    rotations[model.FOREARM_L] = rotation(z=0.5 * left)
+    rotations[model.FOREARM_R] = rotation(z=-0.5 * right)
+    for side, thigh, shin in ((1.0, model.THIGH_L, model.SHIN_L), (-1.0, model.THIGH_R, model.SHIN_R)):
+        lift = moves * max(side * np.sin(turn), 0.0)
+        rotations[thigh] = rotation(x=-0.9 * lift, z=0.12 * side) @ rotations[thigh]
+        rotations[shin] = rotation(x=0.05 + 1.1 * lift)
+    posture = Posture(np.array([0.0, 0.94, -2.5]), rotations, model.lengths_for_height(1.75))
+    return Body(1, posture.joints(), np.ones(20), posture.orientations(), stature=1.75)
+
+
+def _smooth(at: float, begin: float, end: float) -> float:
+    share = min(max((at - begin) / (end - begin), 0.0), 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+def write_performer(path: Path) -> None:
+    """Writes one round of the performance, as if a sensor had tracked it."""
+    with Recorder(path, overwrite=True) as recorder:
+        for frame in range(round(LENGTH * RATE)):
+            body = performer(frame / RATE)
+            recorder.write_frame(BodyFrame([body], 10**9 + round(frame * 1e9 / RATE), "made"))

@@ -1,0 +1,142 @@
+"""What ends a recording by itself: holding still, the end of its span, a word of a pedal or a voice."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from patience import PATIENCE
+from swaying import swaying
+
+from enliven.frames import BodyFrame
+from enliven.person.body import Body
+from enliven.takes.performed import Performed
+from enliven.wire import CALLS, CallMessage
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.perform.stillness import Stillness
+
+EDGE = Path(__file__).parents[2] / "system" / "staged_edge.py"
+STEP = 33_333_333
+
+
+def seen(frames: list[list[Body]]) -> Stillness:
+    stillness = Stillness()
+    for number, bodies in enumerate(frames):
+        stillness.see(BodyFrame(bodies, number * STEP, "edge"))
+    return stillness
+
+
+def standing(who: int, tremble: float = 0.0, seed: int = 0) -> Body:
+    body = swaying(who, 0)
+    shaken = body.joints + tremble * np.random.default_rng(seed).uniform(-0.5, 0.5, (20, 3))
+    return Body(who, shaken, np.ones(20))
+
+
+@given(st.integers(3, 30), st.integers(2, 60))
+def test_still_counts_from_where_the_last_performer_came_to_rest(moving: int, still: int) -> None:
+    moves = [[standing(1), swaying(2, 4 * n)] for n in range(moving)]
+    last = swaying(2, 4 * (moving - 1))
+    rests = [[standing(1, 0.02, n), last] for n in range(still)]
+    frames = [*moves, *rests]
+    found = seen(frames)
+    now = (len(frames) - 1) * STEP
+    assert found.since_ns is not None
+    assert abs(found.since_ns - moving * STEP) <= 2 * STEP
+    assert found.seconds(now) == pytest.approx(still / 30, abs=0.1)
+
+
+def test_who_has_not_moved_yet_or_is_away_ends_nothing() -> None:
+    assert seen([[standing(1, 0.02, n)] for n in range(90)]).seconds(90 * STEP) == 0.0
+    away = [[swaying(1, 4 * n)] for n in range(20)] + [[]] * 90
+    assert seen(away).seconds(110 * STEP) == 0.0
+    unseen = [[swaying(1, 4 * n)] for n in range(20)]
+    rest = swaying(1, 76)
+    confidence = np.ones(20)
+    confidence[7] = 0.1
+    for n in range(40):
+        jumping = rest.joints.copy()
+        jumping[7] += 0.2 * (n % 2)
+        unseen.append([Body(1, jumping, confidence)])
+    assert seen(unseen).seconds(59 * STEP) > 1.0, "a joint that is guessed does not count"
+
+
+def test_the_still_end_is_left_out() -> None:
+    frames = [BodyFrame([standing(1)], n * STEP, "edge") for n in range(10)]
+    kept = Performed("take 1", 0, frames=frames).until(4 * STEP)
+    assert [frame.time_ns // STEP for frame in kept.frames] == [0, 1, 2, 3, 4]
+
+
+@pytest.fixture
+def session(tmp_path: Path):  # type: ignore[no-untyped-def]
+    """A session that follows a real edge, whose performer lifts a knee in a chair."""
+    edge = subprocess.Popen(
+        [sys.executable, str(EDGE), f"stage-{time.time_ns()}", str(tmp_path), "100"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert edge.stdout is not None
+    made = PerformSession(Editor(), tmp_path)
+    made.room, made.count_in = "Perform", False
+    made.connect(":".join(["127.0.0.1", *edge.stdout.readline().split()]))
+    until(made, lambda: made.holders)
+    yield made
+    made.disconnect()
+    edge.kill()
+    edge.wait()
+
+
+def until(session: PerformSession, done: Callable[[], object]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < end
+        session.advance(0.01)
+        time.sleep(0.01)
+
+
+def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: PerformSession) -> None:
+    editor = session.editor
+    session.span = (0.3, 0.9)
+    session.record()
+    until(session, lambda: session.phase == "recording")
+    until(session, lambda: session.phase == "idle")
+    part = editor.project.graphs["chair"].parts[0]
+    assert part.offset == pytest.approx(0.3, abs=0.05)
+    assert editor.project.length_of(part) == pytest.approx(0.6, abs=0.1)
+    editor.undo()
+    session.loops = True
+    session.record()
+    until(session, lambda: len(editor.history.names) > 1)
+    assert session.phase == "recording", "the next one is under way"
+    session.stop()
+
+
+def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSession) -> None:
+    heard = session.live.feed.heard  # type: ignore[union-attr]
+
+    def called(word: str) -> None:
+        heard(CALLS, CallMessage(word, "left pedal"))
+
+    called("stop")
+    assert session.phase == "idle"
+    called("again")
+    assert session.phase == "idle", "nothing was recorded yet"
+    called("record")
+    until(session, lambda: session.recorder.seconds > 0.4)
+    called("again")
+    assert session.recorder.seconds == 0.0
+    until(session, lambda: session.recorder.seconds > 0.4)
+    called("stop")
+    assert session.phase == "idle" and session.editor.history.names[-1] == "record take 1"
+    called("again")
+    assert session.phase == "counting" and "chair" not in session.editor.project.characters
+    until(session, lambda: session.recorder.seconds > 0.4)
+    called("record")
+    assert session.phase == "idle" and session.editor.history.names[-1] == "record take 1"

@@ -1,0 +1,51 @@
+"""Since when all performers hold still: that ends a recording without a key."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.frames import BodyFrame
+from enliven_viewer.playback import NS
+
+_STILL = 0.06
+"""Metres by which a joint may wander while a performer holds still: breathing, and what a sensor trembles."""
+_SURE = 0.3
+"""Confidence from which a joint counts: one that is not seen is guessed, and jumps."""
+
+
+class Stillness:
+    """Follows the performers in view; one who has not moved since it began cannot end anything yet.
+
+    Attributes:
+        since_ns: the sensor's clock when the last one of them came to rest; None where one moves or none is
+            in view.
+    """
+
+    def __init__(self) -> None:
+        self.since_ns: int | None = None
+        self._moved = False
+        self._places: dict[int, Float] = {}
+
+    def see(self, frame: BodyFrame) -> None:
+        """Take in the performers of a frame."""
+        moved = len(frame.bodies) == 0
+        for body in frame.bodies:
+            place = self._places.get(body.id)
+            off = 0.0
+            if place is not None:
+                far = np.linalg.norm(body.joints - place, axis=1)
+                off = float(np.max(far, where=body.confidence > _SURE, initial=0.0))
+            if place is None or off > _STILL:
+                self._places[body.id], moved = body.joints, True
+                self._moved |= place is not None
+        if moved:
+            self.since_ns = None
+        elif self.since_ns is None:
+            self.since_ns = frame.time_ns
+
+    def seconds(self, now_ns: int) -> float:
+        """How long all have held still since the last movement; 0 before the first."""
+        if self.since_ns is None or not self._moved:
+            return 0.0
+        return max(now_ns - self.since_ns, 0) / NS
