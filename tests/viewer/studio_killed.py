@@ -26,8 +26,10 @@ KILLS = 50
 """Studios that are killed."""
 TICK = 7.0
 """Seconds of the studio's clock from one edit to the next: two edits are lost at most."""
-LONGEST = 0.08
-"""Seconds that one works at most: some dozens of edits and a dozen recovery files."""
+EDITS = 14
+"""Edits that one makes at most before it is killed: four recovery files, however slow the machine is."""
+LONGEST = 0.01
+"""Seconds that it works on at most: about as long as a recovery file is written."""
 
 
 def bone(number: int) -> Shape:
@@ -56,8 +58,8 @@ def work(folder: Path, told: int) -> None:
         os.write(told, number.to_bytes(4, "little"))
 
 
-def killed(folder: Path, moment: float) -> tuple[int, int]:
-    """Let a studio work for so long and kill it.
+def killed(folder: Path, edits: int, moment: float) -> tuple[int, int]:
+    """Let a studio make so many edits, work on for a moment, and kill it.
 
     Returns:
         The last edit that it told of, and the last that is recovered.
@@ -68,7 +70,7 @@ def killed(folder: Path, moment: float) -> tuple[int, int]:
         os.close(read)
         work(folder, write)
     os.close(write)
-    first = os.read(read, 4)  # it works
+    first = b"".join(os.read(read, 4) for _ in range(edits))
     time.sleep(moment)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
@@ -86,7 +88,7 @@ def killed(folder: Path, moment: float) -> tuple[int, int]:
 
 def main() -> None:
     folder, chance = Path(sys.argv[1]), random.Random(9)
-    results = [killed(folder, chance.uniform(0.0, LONGEST)) for _ in range(KILLS)]
+    results = [killed(folder, chance.randint(1, EDITS), chance.uniform(0.0, LONGEST)) for _ in range(KILLS)]
     print(
         json.dumps({"results": results, "tick": TICK, "left": sorted(path.name for path in folder.iterdir())})
     )

@@ -169,6 +169,7 @@ def test_shapes_go_out_as_glb_and_come_in_again(workspace: Workspace, tmp_path) 
     tall = [float(np.ptp(shape.mesh.vertices[:, 1])) for shape in (before, added)]
     assert tall[0] == pytest.approx(tall[1], rel=1e-4)
     assert added.place[0] > 0.05, "beside what is there"
+    assert workspace.editor.selection.characters == (added.id,), "what was opened is chosen"
 
 
 def test_an_export_of_nothing_says_what_to_do(workspace: Workspace, tmp_path) -> None:

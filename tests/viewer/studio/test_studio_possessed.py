@@ -124,6 +124,7 @@ def test_a_recorded_take_brings_what_was_possessed(tmp_path, box) -> None:
     assert list(workspace.editor.project.graphs) == ["box"] and workspace.editor.history.names == (
         "open evening.mcap",
     )
+    assert workspace.editor.selection.characters == ("box",), "what was opened is chosen"
     first = vertices(workspace)["box"]
     workspace.editor.scrub(workspace.editor.length)
     assert np.abs(vertices(workspace)["box"] - first).max() > 1e-4

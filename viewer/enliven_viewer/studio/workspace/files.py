@@ -117,10 +117,11 @@ def _add_model(editor: Editor, path: Path) -> None:
     if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
         _add_puppet(editor, path, rig.shape.mesh, ())
         return
-    box = editor.box()
+    box, made = editor.box(), list[str]()
 
     def add(project: Project) -> Project:
         shape = rig.shape.with_changes(id=unused(rig.shape.id, project.characters))
+        made.append(shape.id)
         if box is not None and shape.mesh is not None:
             aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _BESIDE
             shape = shape.with_changes(place=[aside, 0.0, 0.0])
@@ -128,6 +129,7 @@ def _add_model(editor: Editor, path: Path) -> None:
         return project.with_characters(shape).with_takes(*fresh)
 
     if editor.edit(f"open {path.name}", add):
+        editor.choose(made[-1])
         _tell(editor, path, rig.notes, f"{len(rig.clips)} takes came with it." if rig.clips else "")
         editor.frame_all()
 
@@ -199,6 +201,7 @@ def _add_take(editor: Editor, path: Path) -> None:
 
 def _add_performance(editor: Editor, path: Path) -> None:
     added: list[str] = []
+    before = set(editor.project.characters)
 
     def add(project: Project) -> Project:
         project, names = with_performance(project, path)
@@ -210,6 +213,9 @@ def _add_performance(editor: Editor, path: Path) -> None:
         if editor.puppets.puppet is not None:
             mend = f"Choose a take in the performer's view for {editor.puppets.puppet.id}."
         editor.toasts.say(f"{path.name} brought {', '.join(added)}", mend)
+        fresh = [name for name in editor.project.characters if name not in before]
+        if fresh and editor.puppets.puppet is None:
+            editor.choose_all(*fresh)
         editor.frame_all()
 
 
