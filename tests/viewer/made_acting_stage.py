@@ -67,6 +67,7 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     editor = workspace.editor
     workspace.perform.room = "Animate"
     workspace.input.take("choose")
+    workspace.outliner.renaming = ""
     editor.go_to(0)
     for factor in (1.1, 1.2):
         editor.edit("scale limb", lambda project, by=factor: scale_character(project, "limb", by))
@@ -78,6 +79,10 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id == "motion.paste":
         editor.select(**CHAIN)
         workspace.commands.copy_motion()
+    if action.id == "shape.show_all":
+        workspace.outliner.hide("star", on=True)
+    if action.id == "shape.unlock_all":
+        workspace.outliner.lock("star", on=True)
     if action.id.startswith("clip."):
         editor.scrub(0.5)
     if action.id == "clip.blend":

@@ -46,6 +46,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
             else:
                 said["refused"][f"{name} {action.id}"] = action.why_not() or str(workspace.actions.recent)
             said["complaints"] += [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+            if workspace.outliner.renaming:
+                workspace.outliner.renaming = ""
+                ctx.yield_(3)  # the field lets the keys go
             if workspace.asking:
                 workspace.cancel()
                 ctx.yield_()

@@ -49,12 +49,14 @@ def work(workspace: Workspace) -> Iterator[Action]:
     yield Click(Widget("takes"))
     yield Click(Widget("pick sway"))
     said["plays"] = [layer.take for layer in star().layers]
+    yield Drag((Widget("grip"), Widget("filter")), 0.2)  # more room for the points
     yield Click(Widget("point head"))
     yield Click(PerformerJoint("bone 3"))
     said["paired"] = star().points[0].joint
     yield Click(Widget("foot"))
     said["foot"] = star().points[0].foot
     yield Click(Widget("foot"))
+    yield Click(Widget("point head"))  # its fields are put away
     yield Click(Widget("guess joints"))
     said["joints"] = all(point.joint for point in star().points)
     yield Key("escape")

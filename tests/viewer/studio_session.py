@@ -24,6 +24,7 @@ from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
+ROW = "//outliner/**/##{}"
 said: dict[str, object] = {"done": False, "errors": []}
 
 
@@ -60,10 +61,10 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["told"] = [toast.text for toast in editor.toasts.shown]
     ctx.menu_click("##MainMenuBar/Edit/Undo")
     said["undone"] = sorted(editor.project.shapes)
-    ctx.item_click("side/post   caged mesh##character")
+    ctx.item_click(ROW.format("character post"))
     settle(ctx)
     said["caged"] = [editor.selection.character, [bar.label for bar in workspace.timeline.layout.bars()]]
-    ctx.item_click("side/two   shape##character")
+    ctx.item_click(ROW.format("character two"))
     said["chosen"] = editor.selection.character
     ctx.item_input_value("side/##name", "mantle")
     said["renamed"] = sorted(editor.project.shapes)
@@ -71,7 +72,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["copied"] = sorted(editor.project.shapes)
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))  # Python 3.11.2 cannot join the keys themselves
     said["after ctrl z"] = sorted(editor.project.shapes)
-    ctx.item_click("side/wave   2.0 s##take wave")
+    ctx.item_click(ROW.format("take wave"))
     said["source"] = [workspace.input.tool.name, workspace.input.tool.source.take]
     ctx.key_press(imgui.Key.space)
     said["playing"] = editor.playing

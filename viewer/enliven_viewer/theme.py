@@ -86,6 +86,11 @@ WARNING = (255, 74, 58)
 GHOST = (150, 226, 255)
 """sRGB of the outline of the key pose before."""
 
+BEFORE = (96, 160, 255)
+"""sRGB of where a character was: blue, which eyes that mix up red and green tell from the next."""
+AFTER = (255, 156, 72)
+"""sRGB of where a character will be: orange."""
+
 POINTS = (
     (255, 196, 84),
     (92, 200, 250),

@@ -27,7 +27,7 @@ from .possessed import (
     graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_of as graph_shape_of,
 )
-from .project import Marker as Marker, Project as Project, same as same
+from .project import FREE as FREE, Handling as Handling, Marker as Marker, Project as Project, same as same
 from .naming import unused as unused
 from .props import BALL as BALL, BOX as BOX, Props as Props
 from .puppet import (

@@ -40,6 +40,23 @@ class Marker:
             raise InputError(what, where="project", mend="Give a name, and seconds from 0 on.")
 
 
+@dataclass(frozen=True)
+class Handling:
+    """How an artist's window treats a character; neither exports nor stages ask.
+
+    Attributes:
+        hidden: the window does not draw it.
+        locked: it is neither picked nor edited.
+    """
+
+    hidden: bool = False
+    locked: bool = False
+
+
+FREE = Handling()
+"""A character that is seen, and can be edited."""
+
+
 @dataclass(frozen=True, eq=False)
 class Project:
     """All characters by id, of any rig, and what they play. Takes and streams never change.
@@ -50,6 +67,7 @@ class Project:
         streams: what possessed meshes did, as motion of their nodes.
         bodies: what performers did, as it was tracked: possessed meshes are solved from it.
         markers: moments with names, in the order in which they were made.
+        handling: the characters that are hidden or locked, and how.
 
     Raises:
         InputError: where a character plays a take that is not there.
@@ -60,10 +78,13 @@ class Project:
     streams: Mapping[str, PoseStream] = field(default_factory=dict)
     bodies: Mapping[str, BodyTake] = field(default_factory=dict)
     markers: Mapping[str, Marker] = field(default_factory=dict)
+    handling: Mapping[str, Handling] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for part in fields(self):
             object.__setattr__(self, part.name, MappingProxyType(dict(getattr(self, part.name))))
+        kept = {k: one for k, one in self.handling.items() if one != FREE and k in self.characters}
+        object.__setattr__(self, "handling", MappingProxyType(kept))
         held = {part.name: getattr(self, part.name) for part in fields(self)}
         for character in self.characters.values():
             character.check(held)

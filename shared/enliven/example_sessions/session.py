@@ -33,11 +33,12 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import Coupling, Plane, Position, Project, Puppet, Switch, Velocity
+from enliven.document import Plane, Project, Puppet
 from enliven.errors import InputError
 from enliven.example_sessions.file import SessionFile
 from enliven.example_sessions.mesh import mesh_of, nearest_vertex
 from enliven.example_sessions.tables import (
+    INSIDE,
     LayerTable,
     MeshTable,
     PointTable,
@@ -57,8 +58,6 @@ from enliven.modeling.puppet import (
     set_symmetry,
 )
 from enliven.takes import read_take
-
-_IN_LAYER = ("position", "velocity", "coupling", "switch")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +110,7 @@ class _Reader:
             file.said("[symmetry]", self._read_symmetry, file.one("symmetry", SymmetryTable))
         self._read_settings()
         for where, layer in file.many("layer"):
-            told = file.table(where, LayerTable, {k: v for k, v in layer.items() if k not in _IN_LAYER})
+            told = file.table(where, LayerTable, {k: v for k, v in layer.items() if k not in INSIDE})
             file.said(where, self._read_layer, told, self._asked(where, layer))
         return Session(self._project, self._name, tuple(self._notes), mesh, self._takes)
 
@@ -181,16 +180,12 @@ class _Reader:
         self._project = play_take(self._project, self._name, self._take(table.take), **attributes, **asked)
 
     def _asked(self, where: str, layer: Mapping[str, Any]) -> dict[str, Any]:
-        """Returns the constraints and switches of a layer's table."""
-        inner = self._file.inner
-        asked: dict[str, Any] = {
-            "positions": tuple(inner(where, layer, "position", Position)),
-            "velocities": tuple(inner(where, layer, "velocity", Velocity)),
-            "couplings": tuple(inner(where, layer, "coupling", Coupling)),
-        }
-        if "switch" in layer:
-            asked["switches"] = tuple(inner(where, layer, "switch", Switch))
-        return asked
+        """Returns the clips, constraints and switches of a layer's table."""
+        found = {}
+        for name, (attribute, kind) in INSIDE.items():
+            if name in layer:
+                found[attribute] = tuple(self._file.inner(where, layer, name, kind))
+        return found
 
     def _take(self, name: str) -> str:
         """Returns the id of a take by its name; the first take where no name is given."""

@@ -6,7 +6,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from enliven.document import ArapSettings, ExampleSettings, LocomotionSettings
+from enliven.document import (
+    ArapSettings,
+    Coupling,
+    ExampleSettings,
+    LocomotionSettings,
+    Position,
+    Segment,
+    Switch,
+    Velocity,
+)
 from enliven.settings import setting
 
 Three = tuple[float, float, float]
@@ -88,11 +97,24 @@ class LayerTable:
     offset: float = setting(0.0, "When it begins.", unit="s")
     speed: float = setting(1.0, "How fast it plays; below 0 backwards.")
     loop: bool = setting(False, "Whether it begins again.")
+    hold: bool = setting(True, "Whether its ends stand still beyond it; otherwise nothing is played there.")
+    ease: float = setting(0.0, "How long it comes in and goes out without hold.", unit="s", low=0.0)
+    smooth: float = setting(0.0, "Over how long its take is smoothed.", unit="s", low=0.0)
     weight: float = setting(1.0, "How much of it is seen.", low=0.0, high=1.0)
     muted: bool = setting(False, "Whether it is left out.")
     travel: bool = setting(True, "Whether the puppet goes through the world.")
     level_feet: bool = setting(True, "Feet are equally high where one takes over from another.")
     mirrored: bool = setting(False, "Whether it turns the other way round.")
+
+
+INSIDE: dict[str, tuple[str, type]] = {
+    "clip": ("segments", Segment),
+    "position": ("positions", Position),
+    "velocity": ("velocities", Velocity),
+    "coupling": ("couplings", Coupling),
+    "switch": ("switches", Switch),
+}
+"""[[layer.clip]] and the other tables inside a layer: the attribute that each fills, and its type."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import numpy as np
 
 from enliven.document import KeyPose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.example_sessions.tables import LayerTable, MeshTable, SettingsTable, TakeTable
+from enliven.example_sessions.tables import INSIDE, LayerTable, MeshTable, SettingsTable, TakeTable
 from enliven.files import write_file
 from enliven.formats.project import write_project
 
@@ -104,14 +104,11 @@ def _layer(layer: PuppetLayer) -> list[str]:
         value = getattr(layer, name)
         if value != default:
             lines.append(f"{name} = {_toml(value)}")
-    inner = {
-        "position": layer.positions,
-        "velocity": layer.velocities,
-        "coupling": layer.couplings,
-        "switch": layer.switches or (),
-    }
+    inner = {name: getattr(layer, attribute) for name, (attribute, _) in INSIDE.items()}
+    # No switches at all are another thing than switches to be found.
+    lines += ["switch = []"] if inner["switch"] == () else []
     for name, ones in inner.items():
-        for one in ones:
+        for one in ones or ():
             lines += [f"[[layer.{name}]]", *_lines(one)]
     return lines
 

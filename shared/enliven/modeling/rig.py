@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.deformation import skin_vertices
 from enliven.document import Character, GraphShape, Pose, PoseStream, Project
 from enliven.errors import InputError
 from enliven.modeling.mesh import CutSurface, SeamSettings
@@ -83,6 +84,11 @@ class RigEdits(ABC):
     @abstractmethod
     def player(self, project: Project, character: Any, /) -> Player:
         """What gives the transforms of those pivots, and its handles, at any time of the project."""
+
+    def surface(self, project: Project, character: Any, /) -> Callable[[float], Float]:
+        """What gives its vertices (V, 3), metres in the world, at any time; to be asked often."""
+        player, drawn = self.player(project, character), self.drawn(character)
+        return lambda time: np.asarray(skin_vertices(drawn, player(time).pose), np.float64)
 
     def lacking(self, project: Project, character: Any, /) -> tuple[str, ...]:
         """Sentences about what it needs before it can move; none where nothing is missing."""

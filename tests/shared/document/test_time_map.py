@@ -1,12 +1,12 @@
 """The time map of layers: one law for all rigs, and its compiled form the same."""
 
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_lanes import lanes, lengths, maps, sixteenths
 
 from enliven.document.clip import Clip
 from enliven.document.layers import Layer
@@ -14,39 +14,10 @@ from enliven.document.naming import unused
 from enliven.document.possessed import GraphPart
 from enliven.document.puppet import PuppetLayer
 from enliven.document.skeleton import Skeleton
-from enliven.document.time_map import Segment, TimeMap
 from enliven.errors import InputError
 from enliven.motion.layers.timing import Clocks
 
 laws = settings(deadline=None, max_examples=100)
-# Sixteenths are exact in binary: the twin's fractions and the formula's floats must not differ by rounding.
-sixteenths = st.integers(-160, 160).map(lambda n: n / 16)
-maps = st.builds(
-    TimeMap,
-    offset=sixteenths,
-    speed=st.sampled_from([0.25, 0.5, 1.0, 2.0, 4.0, -0.5, -1.0, -2.0]),
-    loop=st.booleans(),
-)
-lengths = st.integers(1, 64).map(lambda n: n / 16)
-
-
-@st.composite
-def lanes(draw):
-    """A time map with some segments, with gaps and overlaps, which holds or does not."""
-    segments, end = [], 0.0
-    for number in range(draw(st.integers(0, 4))):
-        begin = max(end + draw(st.integers(-8, 8)) / 16, 0.0) if number else 0.0
-        before = [one.end for one in segments]
-        begin = max([begin, *(one.begin + 1 / 16 for one in segments[-1:]), *before[-2:-1]])
-        end = max(begin, *before[-1:], 0.0) + draw(st.integers(1, 32)) / 16
-        speed = draw(st.sampled_from([0.5, 1.0, -1.0, 2.0]))
-        segments.append(Segment(begin, end, draw(st.integers(0, 32)) / 16, speed))
-    how = {
-        "segments": tuple(segments),
-        "hold": draw(st.booleans()),
-        "ease": draw(st.sampled_from([0.0, 0.25])),
-    }
-    return replace(draw(maps), **how)
 
 
 def obvious(layer, time, length):

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_lanes import lanes
 from puppet_worlds import full_project, places_for, puppet_project, stool, walker
 
 from enliven.document.constraints import Position
 from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
+from enliven.document.puppet import PuppetLayer
+from enliven.document.time_map import TimeMap
 from enliven.errors import InputError
 from enliven.example_sessions.session import read_session
-from enliven.example_sessions.tables import MeshTable, TakeTable
+from enliven.example_sessions.tables import INSIDE, LayerTable, MeshTable, TakeTable
 from enliven.example_sessions.text import session_text, write_session
 from enliven.examples.puppet_motion import motion_of
 from enliven.formats.project.file import write_project
@@ -114,6 +119,40 @@ def test_what_is_written_is_read_back_bit_for_bit(tmp_path_factory, seed):
     text = path.read_text()
     write_session(path, read.project, "stool", read.mesh, read.takes)
     assert path.read_text() == text
+
+
+@st.composite
+def layers(draw):
+    """A layer of the stool with any time map and any of its own settings."""
+    when = draw(lanes())
+    own = draw(
+        st.fixed_dictionaries(
+            {
+                "take": st.sampled_from(["walk", "short"]),
+                "points": st.sampled_from([(), ("top",), ("left hand", "top")]),
+                "weight": st.floats(0.0, 1.0),
+                "switches": st.sampled_from([None, (), (Switch(0, "flight"), Switch(3, "contact"))]),
+                "positions": st.sampled_from([(), (Position("top", 9, (0.0, 1.1, -1e-7)),)]),
+                **dict.fromkeys(("muted", "travel", "level_feet", "mirrored"), st.booleans()),
+            }
+        )
+    )
+    return PuppetLayer(**{one.name: getattr(when, one.name) for one in fields(TimeMap)}, **own)
+
+
+@given(st.lists(layers(), max_size=4))
+@settings(max_examples=25, deadline=None)
+def test_any_layer_is_read_back_as_it_was(tmp_path_factory, made):
+    path = tmp_path_factory.mktemp("session") / "stool.toml"
+    project = puppet_project(poses=0, play=False).with_takes(walker(1, "short"))
+    project = project.with_characters(project.puppets["stool"].with_changes(layers=made))
+    write_session(path, project, "stool")
+    assert same(read_session(path).project.puppets["stool"], project.puppets["stool"])
+
+
+def test_a_session_can_say_all_that_a_layer_has():
+    said = {one.name for one in fields(LayerTable)} | {attribute for attribute, _ in INSIDE.values()}
+    assert said == {one.name for one in fields(PuppetLayer)}
 
 
 def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):

@@ -10,6 +10,7 @@ from patience import PATIENCE
 
 from enliven.document.character import Pose
 from enliven.person.body import Body
+from enliven.wire import BODIES, BodiesMessage, pack_stream
 from enliven.wire.convert import bodies_to_message, cues_to_message
 from enliven.wire.requests import Possess
 from enliven.wire.sockets import Endpoint
@@ -102,3 +103,41 @@ def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
         assert "no character" in document.edge.message
     finally:
         feed.close()
+
+
+def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, monkeypatch) -> None:
+    """Its first message may be of performers, which do not say which process speaks."""
+    monkeypatch.setattr("enliven_viewer.link.one_edge.SILENT_AFTER", 0.3)
+
+    def edge(pose_port: int = 0, control_port: int = 0) -> Publisher:
+        return Publisher(name="again", host="127.0.0.1", pose_port=pose_port, control_port=control_port)
+
+    first = edge()
+    feed, document, heard = EdgeFeed(EdgeClient([first.endpoint])), Document(), list[object]()
+    feed.restarted = lambda: heard.append("restarted")
+    feed.heard = lambda topic, value: heard.append(value.time_ns) if topic is BODIES else None
+
+    def performer(time_ns: int) -> BodiesMessage:
+        return bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], time_ns)
+
+    def turn(publisher: Publisher, time_ns: int) -> None:
+        publisher.publish(performer(time_ns))
+        feed.poll(document)
+
+    try:
+        until(lambda: 5 in heard, lambda: list(first.poll()), lambda: turn(first, 5))
+        first.close()
+        until(lambda: not document.edge.connected, lambda: feed.poll(document))
+        second = edge(first.endpoint.pose_port, first.endpoint.control_port)
+        try:
+            # What it sends first may be this, before anything that names its process.
+            feed.link.edges[0]._receive(pack_stream(performer(6)), latched=False)
+            feed.poll(document)
+            assert 6 not in heard and not document.edge.connected
+            until(lambda: 7 in heard, lambda: list(second.poll()), lambda: turn(second, 7))
+        finally:
+            second.close()
+    finally:
+        feed.close()
+        first.close()
+    assert heard.count("restarted") == 1 and heard.index(5) < heard.index("restarted") < heard.index(6)

@@ -27,11 +27,13 @@ class EdgeFeed:
     Attributes:
         link: the sockets.
         heard: called with the topic and the value of everything that arrives, in the order of the timeline.
+        restarted: called where another process of the edge is heard, before what that one says.
     """
 
     def __init__(self, link: EdgeClient) -> None:
         self.link = link
         self.heard: Callable[[Topic, Any], None] = lambda topic, value: None
+        self.restarted: Callable[[], None] = lambda: None
         self._shown_cues: set[str] = set()
         self._notice, self._notice_until = "", 0.0
         self._edge_ms: float | None = None
@@ -39,10 +41,12 @@ class EdgeFeed:
         self._bare_since: float | None = None
         self._look: Look | None = None
         self._told_instance: int | None = None
+        self._instance: int | None = None
 
     def poll(self, document: Document) -> int:
         """Apply everything that has arrived since the last call, without waiting; how many messages."""
         self.link.poll()
+        self._watch_instance()
         document.characters = dict(self.link.characters)
         count, poses = 0, []
         for topic in shown_topics():
@@ -68,6 +72,13 @@ class EdgeFeed:
     def close(self) -> None:
         """Let the sockets go."""
         self.link.close()
+
+    def _watch_instance(self) -> None:
+        """Tell that the edge was started again."""
+        instance = self.link.edges[0].instance
+        if self._instance not in (None, instance):
+            self.restarted()
+        self._instance = instance
 
     def _forget_cues(self, document: Document) -> None:
         """Removes the cues of characters that the edge has no longer."""

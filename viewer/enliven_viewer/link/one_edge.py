@@ -114,6 +114,8 @@ class EdgeConnection:
         self._lost = 0
         self._other_version: int | None = None
         self.last_heard = self._ping_at = -math.inf
+        self._unsure: deque[bytes] = deque(maxlen=_KEPT)
+        self._after_silence = True
         self._told_listening = False
         self.stage = StageLink(self)
         self._begin(None)
@@ -195,7 +197,7 @@ class EdgeConnection:
         if self.status.phase == "ended":
             return "ended", f"{self.name}: the stream has ended"
         silent = now - self.last_heard
-        if silent > SILENT_AFTER:
+        if silent > SILENT_AFTER or self._after_silence:
             return "stale", f"{self.name} has been silent for {silent:.0f} s"
         if poses.on_rate:
             return "on rate", f"{self.name}: {self.status.phase}"
@@ -230,22 +232,38 @@ class EdgeConnection:
         try:
             topic, message = unpack_stream(data)
             if not latched:
-                self.last_heard = time.monotonic()
-                self._other_version = None
+                self._hear(topic)
             if topic is STATUS:
                 self._take_status(message)
             elif topic is POSE:
                 self._take_pose(message, latched)
+            elif self._after_silence and not latched:
+                self._unsure.append(data)
+                return
             elif self.status is not None:
                 own = labelled(message, lambda character: self._label(self.name, character))
                 self._keep(topic, topic.key(own), track_of(topic).read(own, self.name))
             if not latched:
                 self._watch(topic).took(topic.key(message))
+            if self._after_silence and not latched:
+                self._known_again()
         except Malformed as error:
             self._reject(error)
         except (EnlivenError, ValueError) as error:
             self._watch(topic).failed()
             self._rejects.add(error)
+
+    def _hear(self, topic: Topic) -> None:
+        """Note that the edge is heard; after a silence only its status or a pose tells if it restarted."""
+        now = time.monotonic()
+        self._after_silence |= now - self.last_heard > SILENT_AFTER
+        self.last_heard, self._other_version = now, None
+
+    def _known_again(self) -> None:
+        """Take what came after a silence, before it was known which process of the edge says it."""
+        self._after_silence = False
+        while self._unsure:
+            self._receive(self._unsure.popleft(), latched=False)
 
     def _keep(self, topic: Topic, key: str, value: Any) -> None:
         """Keeps a value for the caller, and as the newest of its key."""

@@ -27,4 +27,11 @@ class StudioSettings:
     )
     autosave: float = setting(20.0, "Seconds between two recovery files.", unit="seconds", low=1, high=3600)
     toast: float = setting(6.0, "How long a message stays.", unit="seconds", low=1, high=60)
+    ghosts: int = setting(3, "Ghosts on each side of the playhead.", low=0, high=20)
+    ghost_step: float = setting(
+        0.25, "Time between two ghosts where no key poses are.", unit="seconds", low=0.02, high=10
+    )
+    trail: float = setting(
+        1.0, "How far trails go on each side of the playhead.", unit="seconds", low=0.05, high=30
+    )
     matches: int = setting(6, "Thumbnails of matches that are offered.", low=1, high=24)

@@ -30,6 +30,7 @@ from enliven_viewer.studio.panels import (
     split_side,
 )
 from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
+from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
 from enliven_viewer.studio.panels.stage import draw_live, draw_perform, draw_rooms
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
@@ -197,7 +198,13 @@ class StudioWindow:
             self.workspace.puppets.puppet is not None
             and self.workspace.perform.room in ("Animate", "Model")
             and not isinstance(self.workspace.input.tool, MapTool)
+            and not self.workspace.editor.selection.several
         )
+
+    @property
+    def _hides_live(self) -> bool:
+        """Whether what is live is hidden by its eye, which holds outside performing."""
+        return self.workspace.outliner.live_hidden and self.workspace.perform.room in ("Animate", "Model")
 
     def _start(self) -> None:
         # Keys are the tools': Space must not press the button that was clicked last.
@@ -238,14 +245,15 @@ class StudioWindow:
         renderer.look = editor.look
         renderer.resize(size)
         self._viewport.draw(
-            [one for one in editor.standing if one.id not in perform.hidden],
+            [one for one in editor.seen if one.id not in perform.hidden],
             editor.lens,
             editor.selection,
             self.workspace.input.tool.overlay(),
             over=self.workspace.input.tool.picture(),
+            ghosts=self.workspace.ghosts.picture(),
             meshes=editor.show_meshes,
             bones=editor.show_bones and perform.room in ("Animate", "Model"),
-            live=perform.scene,
+            live=None if self._hides_live else perform.scene,
         )
         bottom = self._framebuffer_size()[1] - round((area.y + area.height) * scale)
         renderer.present(self._screen, (round(area.x * scale), bottom))
@@ -300,27 +308,34 @@ class StudioWindow:
         draw_rooms(self.workspace)
         if places.tools.width:
             draw_toolbar(self.workspace, places.tools)
-        tool = self.workspace.input.tool
         if room == "Perform":
             draw_perform(self.workspace, places.side)
-        elif room == "Play":
-            pass
-        elif isinstance(tool, MapTool) and self._source is not None:
-            above, below = split_side(places.side)
-            draw_side(self.workspace, above)
-            texture = self._source.renderer.picture.texture.glo
-            draw_source(self.workspace, tool, below, places.viewport, texture)
-        elif places.performer is not None and self._performer is not None:
-            texture = self._performer.renderer.picture.texture.glo
-            draw_performer(self.workspace, places.performer, texture)
-            draw_examples(self.workspace, places.side)
-            if places.strip is not None and self._thumbnails is not None:
-                draw_strip(self.workspace, places.strip, self._thumbnails)
-        else:
-            draw_side(self.workspace, places.side)
+        elif places.side.width:
+            self._side(places)
         if places.timeline.height:
             draw_timeline(self.workspace, places.timeline)
         draw_overlay(self.workspace, places.viewport, tool=room in ("Animate", "Model"))
+
+    def _side(self, places: Places) -> None:
+        """Draw the outliner, and below it what is chosen."""
+        tool, column = self.workspace.input.tool, places.side
+        if isinstance(tool, MapTool) and self._source is not None:
+            column, below = split_side(column)
+            texture = self._source.renderer.picture.texture.glo
+            draw_source(self.workspace, tool, below, places.viewport, texture)
+        above, below = split_outliner(column, self.workspace.outliner.share)
+        chosen = self.workspace.editor.selection
+        if chosen.character is None or (column is not places.side and chosen.layer is None):
+            above = column  # nothing is chosen, or there is no room for more than the tree and the source
+        elif places.performer is None:
+            draw_side(self.workspace, below)
+        draw_outliner(self.workspace, above, column)
+        if places.performer is not None and self._performer is not None:
+            texture = self._performer.renderer.picture.texture.glo
+            draw_performer(self.workspace, places.performer, texture)
+            draw_examples(self.workspace, below)
+            if places.strip is not None and self._thumbnails is not None:
+                draw_strip(self.workspace, places.strip, self._thumbnails)
 
     def _listen(self, area: Area, *, keys: bool = True) -> None:
         """Passes pointer, buttons, wheel and keys over the viewport on."""

@@ -25,6 +25,13 @@ from .clips import (
     stretch_clip as stretch_clip,
     trim_clip as trim_clip,
 )
+from .handling import (
+    delete_take as delete_take,
+    handle_characters as handle_characters,
+    order_characters as order_characters,
+    refuse_locked as refuse_locked,
+    rename_take as rename_take,
+)
 from .markers import (
     add_marker as add_marker,
     move_marker as move_marker,

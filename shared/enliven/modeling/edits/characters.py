@@ -95,7 +95,8 @@ def rename_character(project: Project, character_id: str, wanted: str) -> Projec
         (wanted if key == character_id else key): (one.with_changes(id=wanted) if one is character else one)
         for key, one in project.characters.items()
     }
-    return replace(project, characters=named)
+    handling = {(wanted if key == character_id else key): one for key, one in project.handling.items()}
+    return replace(project, characters=named, handling=handling)
 
 
 def move_character(

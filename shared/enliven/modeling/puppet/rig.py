@@ -45,8 +45,7 @@ class PuppetRig(RigEdits):
 
     def seen(self, project: Project, puppet: Puppet, time: float) -> Float:
         """The vertices at a time."""
-        state = state_at(project, puppet, time)
-        return in_world(puppet, state, surface_of_puppet(puppet).settle(state.places))
+        return self.surface(project, puppet)(time)
 
     def player(self, project: Project, puppet: Puppet) -> Player:
         """Its frame and its control points; the surface between them is solved by what draws it."""
@@ -55,6 +54,16 @@ class PuppetRig(RigEdits):
             state = state_at(project, puppet, time)
             pose = pose_of_state(puppet, state, round(time * 1e9))
             return Posed(pose, in_world(puppet, state, state.places))
+
+        return at
+
+    def surface(self, project: Project, puppet: Puppet) -> Callable[[float], Float]:
+        """Its surface, prepared once and settled at each time."""
+        solver = surface_of_puppet(puppet)
+
+        def at(time: float) -> Float:
+            state = state_at(project, puppet, time)
+            return in_world(puppet, state, solver.settle(state.places))
 
         return at
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -48,6 +49,13 @@ class ShapeRig(RigEdits):
         """The vertices; of a shape without a mesh, the joints."""
         turns, joints = posed(project, shape, time)
         return joints if shape.mesh is None else posed_vertices(shape, turns, joints)
+
+    def surface(self, project: Project, shape: Shape) -> Callable[[float], Float]:
+        """The vertices; of a shape without a mesh, the joints."""
+        if shape.mesh is not None:
+            return super().surface(project, shape)
+        prepared = ShapePlayer(project, shape.id)
+        return lambda time: prepared.at(time).joints
 
     def player(self, project: Project, shape: Shape) -> Player:
         """The compiled evaluation of its layers; its handles are the joints."""

@@ -9,8 +9,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from enliven.document import History, Project, Puppet, RigBase
+from enliven.document import FREE, History, Project, Puppet, RigBase
 from enliven.errors import EnlivenError
+from enliven.modeling.edits import refuse_locked
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, LOOKS, Box, CameraMoves, OrbitCamera
 from enliven_viewer.studio.background import BackgroundTask
@@ -76,8 +77,20 @@ class Editor:
 
     @property
     def handled(self) -> tuple[StandingCharacter, ...]:
-        """The characters with handles that every tool shows and takes."""
-        return tuple(one for one in self.standing if len(one.handles) and not one.own_tool)
+        """The characters with handles that every tool takes."""
+        return tuple(one for one in self.reachable if len(one.handles) and not one.own_tool)
+
+    @property
+    def seen(self) -> tuple[StandingCharacter, ...]:
+        """The characters that are not hidden."""
+        handling = self.project.handling
+        return tuple(one for one in self.standing if not handling.get(one.id, FREE).hidden)
+
+    @property
+    def reachable(self) -> tuple[StandingCharacter, ...]:
+        """The characters that can be picked: neither hidden nor locked."""
+        handling = self.project.handling
+        return tuple(one for one in self.seen if not handling.get(one.id, FREE).locked)
 
     def posed(self, character_id: str) -> StandingCharacter:
         """One character as it is shown now.
@@ -99,10 +112,19 @@ class Editor:
         self.selection, self.time, self.playing = Selection(), 0.0, False
         self.frame_all()
 
-    def edit(self, name: str, change: Edit) -> bool:
-        """Do an edit and remember it; where it cannot be done, say why and change nothing."""
+    @property
+    def chosen_all(self) -> tuple[RigBase, ...]:
+        """Every chosen character, in the project's order."""
+        return tuple(one for one in self.project.characters.values() if one.id in self.selection.characters)
+
+    def edit(self, name: str, change: Edit, *, over_locks: bool = False) -> bool:
+        """Do an edit and remember it; where it cannot be done, say why and change nothing.
+
+        Args:
+            over_locks: also of locked characters, for what must not be lost.
+        """
         self.draft = None
-        after = self._tried(change)
+        after = self._tried(change, over_locks)
         if after is None:
             return False
         if after is not self.history.project:
@@ -114,13 +136,17 @@ class Editor:
         """Show what an edit would make, while something is dragged; nothing is remembered."""
         self.draft = self._tried(change)
 
-    def _tried(self, change: Edit) -> Project | None:
+    def _tried(self, change: Edit, over_locks: bool = False) -> Project | None:
         """The project after an edit; None, and a message, where it cannot be done.
 
         A fault of our own is told as well, not raised: an artist's window must not go down with it.
         """
         try:
-            return change(self.history.project)
+            before = self.history.project
+            after = change(before)
+            if not over_locks:
+                refuse_locked(before, after)
+            return after
         except Exception as error:
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
@@ -146,8 +172,18 @@ class Editor:
         self.selection = self.selection.changed(**changes)
 
     def choose(self, character: str | None, handle: int | None = None) -> None:
-        """Choose a character, and perhaps a handle of it."""
-        self.select(character=character, handle=handle, chain=(), layer=None)
+        """Choose a character alone, and perhaps a handle of it."""
+        self.selection = Selection(character, handle)
+
+    def choose_all(self, *characters: str) -> None:
+        """Choose these characters, the last one leading."""
+        self.selection = Selection.of(*characters)
+
+    def toggle(self, character: str) -> None:
+        """Choose a character beside the others, or no longer."""
+        chosen = self.selection.characters
+        rest = tuple(one for one in chosen if one != character)
+        self.choose_all(*(rest if character in chosen else (*chosen, character)))
 
     def advance(self, seconds: float) -> None:
         """Let time pass: the playhead, the camera, the messages."""
@@ -188,12 +224,13 @@ class Editor:
         """The box around what the camera follows: the chosen character, or all; None where it stays."""
         if not self.moves.follow:
             return None
-        chosen = [one for one in self.standing if one.id == self.selection.character]
-        return bounds_of([one.extent for one in chosen or self.standing])
+        seen = self.seen
+        chosen = [one for one in seen if one.id in self.selection.characters]
+        return bounds_of([one.extent for one in chosen or seen])
 
     def box(self) -> Box | None:
-        """The box around all characters now, and what is live; None where there are none."""
-        points = [points for one in self.standing for points in (one.handles, one.vertices)]
+        """The box around all that is seen now, and what is live; None where there is nothing."""
+        points = [points for one in self.seen for points in (one.handles, one.vertices)]
         bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
         if bounds is None:
             return None

@@ -31,6 +31,7 @@ class LiveRecorder:
         self.cut = False
         self._frames: deque[BodyFrame] = deque(maxlen=_BEFORE)
         self._kept: Performed | None = None
+        self._delay_ns: int | None = None
 
     @property
     def recording(self) -> bool:
@@ -40,27 +41,31 @@ class LiveRecorder:
     @property
     def seconds(self) -> float:
         """Seconds of the sensor's clock that are recorded so far."""
-        if self._kept is None or self.newest_ns is None:
+        if self._kept is None or self.newest_ns is None or self._delay_ns is not None:
             return 0.0
         return max(self.newest_ns - self._kept.since_ns, 0) / NS
 
-    def begin(self, name: str, delay_ns: int = 0) -> int:
-        """Record from now on; returns the sensor's clock when it begins.
+    def begin(self, name: str, delay_ns: int = 0) -> None:
+        """Record from now on, or from the first time that is heard of a clock that is not known yet.
 
         Args:
             delay_ns: how much later than a performer moves it arrives here.
         """
-        since = (self.newest_ns or 0) + delay_ns
-        self._kept, self.cut = Performed(name, since), False
+        self._kept, self.cut, self._delay_ns = Performed(name), False, delay_ns
+        if self.newest_ns is not None:
+            self._count_from(self._kept, self.newest_ns + delay_ns)
+
+    def _count_from(self, kept: Performed, since: int) -> None:
+        """Begin a recording at a time of the sensor's clock, with the holds that lead up to it."""
+        kept.since_ns, self._delay_ns = since, None
         first = min((held[0].time_ns for held in self.holders.since_free.values() if held), default=since)
-        self._kept.frames = [frame for frame in self._frames if frame.time_ns >= first]
-        self._kept.events = [said for held in self.holders.since_free.values() for said in held]
-        return since
+        kept.frames = [frame for frame in self._frames if frame.time_ns >= first]
+        kept.events = [said for held in self.holders.since_free.values() for said in held]
 
     def end(self) -> Performed:
         """What was recorded; nothing more is."""
         assert self._kept is not None
-        kept, self._kept = self._kept, None
+        kept, self._kept, self._delay_ns = self._kept, None, None
         kept.events.sort(key=lambda said: said.time_ns)
         return kept
 
@@ -80,7 +85,7 @@ class LiveRecorder:
 
     def restarted(self) -> None:
         """Another clock begins, and all holds are over."""
-        self.newest_ns, self.cut = None, self.recording
+        self.newest_ns, self.cut = None, self.recording and self._delay_ns is None
         self._frames.clear()
         self.holders.forget()
 
@@ -99,4 +104,6 @@ class LiveRecorder:
             self.restarted()
         later = self.newest_ns is None or time_ns > self.newest_ns
         self.newest_ns = max(self.newest_ns or time_ns, time_ns)
+        if self._kept is not None and self._delay_ns is not None:
+            self._count_from(self._kept, self.newest_ns + self._delay_ns)
         return later

@@ -25,6 +25,8 @@ ROOMS = ("Perform", "Animate", "Model", "Play")
 """The workspaces: which panels are in reach; what is loaded never changes with them."""
 _COUNT = 3.0
 """Seconds of the count-in: one beat each."""
+_GONE = 4.0
+"""Seconds for which an edge has been called silent that end a recording: a weak link comes back sooner."""
 Phase = Literal["idle", "counting", "recording"]
 
 
@@ -57,9 +59,7 @@ class PerformSession:
         self.address = ""
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
-        self._instance: int | None = None
-        self._left = 0.0
-        self._begin_ns = 0
+        self._left = self._silent = 0.0
         self._start = 0.0
         self._framed: tuple[str, ...] = ()
 
@@ -74,7 +74,7 @@ class PerformSession:
         client = EdgeClient([address.strip()], "enliven window")
         self.disconnect()
         self._client, feed = client, EdgeFeed(client)
-        feed.heard = self.recorder.heard
+        feed.heard, feed.restarted = self.recorder.heard, self._began_again
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
         self.addresses.remember(address.strip())
 
@@ -108,7 +108,7 @@ class PerformSession:
             self.live.close()
         if self._nearby is not None:
             self._nearby.close()
-        self.live = self._client = self._nearby = self._instance = None
+        self.live = self._client = self._nearby = None
         self.editor.beside_box = None
         self.sender.forget()
         self.recorder = LiveRecorder()
@@ -137,6 +137,14 @@ class PerformSession:
     def performers(self) -> tuple[int, ...]:
         """The ids of the performers in view."""
         return () if self.live is None else tuple(sorted(body.id for body in self.live.scene.bodies))
+
+    @property
+    def present(self) -> tuple[str, ...]:
+        """What is on the live stage, a line each: performers, characters, loose things; empty without one."""
+        if self.live is None:
+            return ()
+        people = (f"Performer {body}" for body in self.performers)
+        return (*people, *self.standing) or ("No one is there yet",)
 
     @property
     def standing(self) -> tuple[str, ...]:
@@ -183,18 +191,16 @@ class PerformSession:
             self._framed = self.live.present
 
     def _watch_edge(self) -> None:
-        """Notice an edge that was started again, has gone, or could not be started."""
-        if self._client is None:
-            return
-        instance = self._client.edges[0].instance
-        if self._instance is not None and instance not in (None, self._instance):
-            if not self.recorder.cut:
-                self.recorder.restarted()
-            self.sender.again(self._client.stage, self.editor.project)
-        self._instance = instance or self._instance
+        """Notice an edge of this machine that could not be started, or has ended."""
         if self._nearby is not None and not self.connected and (why := self._nearby.ended) is not None:
             self.editor.toasts.complain(EnlivenError(why, where="the stage on this machine"))
             self.disconnect()
+
+    def _began_again(self) -> None:
+        """Take the edge's new clock, and put on its empty stage what stood there."""
+        self.recorder.restarted()
+        if self._client is not None:
+            self.sender.again(self._client.stage, self.editor.project)
 
     def _go_on(self, seconds: float) -> None:
         """Go on with the count-in or the recording."""
@@ -205,7 +211,8 @@ class PerformSession:
         elif self.phase == "recording":
             # What plays keeps step with the sensor's clock, however many pictures a second there are.
             self.editor.growing = self.editor.time = self._start + self.recorder.seconds
-            if self.recorder.cut or not self.connected:
+            self._silent = 0.0 if self.connected else self._silent + seconds
+            if self.recorder.cut or self._silent > _GONE:
                 self.stop()
                 self.editor.toasts.say(
                     "The edge is gone, so the recording ended", "What was done until then is kept."
@@ -268,7 +275,7 @@ class PerformSession:
             return
         editor = self.editor
         performed, start = self.recorder.end(), self._start
-        begin, replaces = self._begin_ns - round(start * 1e9), self.replaces
+        begin, replaces = performed.since_ns - round(start * 1e9), self.replaces
         editor.growing, editor.playing = 0.0, False
         made: list[str] = []
 
@@ -280,7 +287,7 @@ class PerformSession:
             made.extend(names)
             return after
 
-        if editor.edit(f"record {performed.name}", change):
+        if editor.edit(f"record {performed.name}", change, over_locks=True):
             told = [name for name in made if name in editor.project.characters] or made
             editor.toasts.say(
                 f"Recorded {', '.join(told)}", "Ctrl+Z takes it back; record again to add to it."
@@ -292,9 +299,9 @@ class PerformSession:
         """Begin to record, while the project plays from where the playhead is."""
         editor, live = self.editor, self.live
         assert live is not None
-        self.phase = "recording"
+        self.phase, self._silent = "recording", 0.0
         self._start = editor.growing = editor.time if editor.time < editor.length - 0.05 else 0.0
-        self._begin_ns = self.recorder.begin(self._name(), self._delay_ns())
+        self.recorder.begin(self._name(), self._delay_ns())
         editor.time, editor.playing = self._start, True
         live.playhead.go_live()
 

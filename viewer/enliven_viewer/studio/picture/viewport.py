@@ -12,6 +12,8 @@ from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.ghosts import GhostPicture
+from enliven_viewer.studio.picture.onion import OnionSkin
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
 from enliven_viewer.studio.puppets import PuppetOverlay
 from enliven_viewer.studio.tools import NOTHING, ToolPicture
@@ -33,6 +35,7 @@ class Viewport:
         self.renderer = Renderer(ctx, size, settings)
         self._tubes = Tubes(ctx)
         self._puppet_overlay: PuppetOverlay | None = None
+        self._onion: OnionSkin | None = None
 
     def draw(
         self,
@@ -42,6 +45,7 @@ class Viewport:
         overlay: Overlay,
         *,
         over: ToolPicture = NOTHING,
+        ghosts: GhostPicture | None = None,
         meshes: bool = True,
         bones: bool = True,
         live: Scene | None = None,
@@ -55,12 +59,18 @@ class Viewport:
         if live is not None:
             scene = replace(live, actors=(*actors, *live.actors), extent=extent)
         self.renderer.draw(scene, lens.view)
+        if ghosts is not None and ghosts.bodies:
+            self._onion = self._onion or OnionSkin(self.renderer.ctx)
+            self._onion.draw(self.renderer.picture, ghosts.bodies)
         self._draw_puppet(over)
         handled = [one for one in stage if len(one.handles) and not one.own_tool]
         if bones and handled:
             rows = np.concatenate([skeleton_rows(one, lens, selection, overlay) for one in handled])
             near = min(float(((one.handles - lens.view.eye) @ lens.forward).min()) for one in handled)
             self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
+        if ghosts is not None and len(ghosts.tubes):
+            near = float(((ghosts.tubes[:, :3] - lens.view.eye) @ lens.forward).min())
+            self._tubes.draw(self.renderer.picture, ghosts.tubes, _SEEN_THROUGH * max(near, 0.05))
 
     def _draw_puppet(self, over: ToolPicture) -> None:
         """Draw what the puppet tool shows over the picture."""

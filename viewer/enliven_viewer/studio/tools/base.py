@@ -115,7 +115,7 @@ class Tool:
     def character_at(self, pointer: Pointer, without: str = "") -> Hit | None:
         """The handle, the bone or the surface of any character under the pointer, but for one's surface."""
         hit = None if without else self.handle_at(pointer)
-        stage = [one for one in self.editor.standing if one.id != without]
+        stage = [one for one in self.editor.reachable if one.id != without]
         return hit or surface_at(stage, self.editor.lens, pointer.at)
 
     def on_bone(self, hit: Hit | None) -> Point | None:

@@ -77,7 +77,7 @@ class CutTool(StrokeTool):
         """The characters without bones that a stroke may pass through: the chosen one, or all."""
         if len(stroke) < 2:
             return []
-        boneless = [one.id for one in self.editor.standing if not one.bones]
+        boneless = [one.id for one in self.editor.reachable if not one.bones]
         chosen = self.editor.selection.character
         return [chosen] if chosen in boneless else boneless
 

@@ -40,7 +40,8 @@ class CharacterDrag:
             posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
         )
         self._about = self._at if self.rooted else rig_of(posed.character).centre(posed.character)
-        editor.select(character=hit.character, handle=max(hit.handle, 0) if self.rooted else None, chain=())
+        editor.selection = editor.selection.led_by(hit.character)
+        editor.select(handle=max(hit.handle, 0) if self.rooted else None, chain=())
         editor.playing = False
 
     def moved(self, project: Project, pointer: Pointer) -> Project:

@@ -8,6 +8,8 @@ import numpy as np
 
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.ghosts import Ghosts
+from enliven_viewer.studio.outliner import choosing_actions
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace.clip_actions import clip_actions
@@ -26,6 +28,7 @@ def studio_actions(
     yield from _file(ask, preferences)
     yield from _out(commands, ask)
     yield from _edit(commands, user_input, ask)
+    yield from choosing_actions(commands.editor)
     yield from _motion(commands)
     yield from _shape(commands)
     yield from _tools(user_input)
@@ -368,4 +371,18 @@ def _cameras(c: Commands) -> Iterator[Action]:
         c.best_view,
         c.lacks_shape,
         about="Turns the view so that the bones of the chosen shape hide one another least.",
+    )
+
+
+def ghost_action(ghosts: Ghosts) -> Action:
+    """The switch of ghosts and trails."""
+    return Action(
+        "view.ghosts",
+        "View",
+        "Ghosts and trails",
+        ("shift+g",),
+        ghosts.toggle,
+        on=lambda: ghosts.on,
+        about="Where the chosen shape was (blue) and will be (orange), and the ways of its hands and feet.",
+        apart=True,
     )

@@ -10,13 +10,15 @@ from enliven.errors import EnlivenError, InputError
 from enliven_viewer.studio.actions import ActionTable, Finding, WantedKey
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
+from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.outliner import Outliner, outliner_actions
 from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.start import Tour, Toured
 from enliven_viewer.studio.timeline import TimelineInput
-from enliven_viewer.studio.workspace.action_table import studio_actions
+from enliven_viewer.studio.workspace.action_table import ghost_action, studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
@@ -49,6 +51,8 @@ class Workspace:
         preferences: what the artist chose once and for all.
         actions: everything that can be done, for menus, keys, buttons and the palette.
         commands: what the studio's own actions do.
+        ghosts: where characters were and will be.
+        outliner: the tree of all things.
         depth: the tracker of depth that was opened.
         widgets: where each widget was drawn last, by name, so that a session can click on it.
         asking: the dialogue that is open, or empty.
@@ -68,9 +72,13 @@ class Workspace:
         editor.less_motion = lambda: self.preferences.less_motion
         self.commands = Commands(editor)
         self.input = ViewportInput(editor, self.actions)
+        self.ghosts = Ghosts(editor)
         self.actions.add(*studio_actions(self.commands, self.input, self.ask, self.preferences))
+        self.actions.add(ghost_action(self.ghosts))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
+        self.outliner = Outliner(editor, lambda: self.perform.present)
+        self.actions.add(*outliner_actions(self.outliner))
         self.timeline = TimelineInput(editor)
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: pressed(self.perform, key) or self.timeline.rows.type(key)

@@ -1,0 +1,61 @@
+"""What the recorder of the window keeps of a stage, whose clock may begin again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from enliven.person.body import Body
+from enliven.wire import BODIES, HOLDS, HoldMessage
+from enliven_viewer.link.received import ReceivedBodies
+from enliven_viewer.studio.perform.recorder import LiveRecorder
+
+STEP = 33_333_333
+
+
+def frame(step: int) -> ReceivedBodies:
+    return ReceivedBodies("edge", step * STEP, 0, (Body(1, np.zeros((20, 3)), np.ones(20)),))
+
+
+def hear(recorder: LiveRecorder, *steps: int) -> None:
+    for step in steps:
+        recorder.heard(BODIES, frame(step))
+
+
+@pytest.mark.parametrize("later", [0, 500], ids=["from 0", "hours on"])
+def test_a_recording_begun_right_after_a_restart_counts_by_the_new_clock(later: int) -> None:
+    recorder = LiveRecorder()
+    hear(recorder, *range(100, 130))
+    recorder.restarted()
+    recorder.begin("take 1", delay_ns=2 * STEP)
+    assert recorder.seconds == 0.0
+    hear(recorder, later)
+    assert recorder.seconds == 0.0, "one frame is no second, whatever the old clock said"
+    hear(recorder, *range(later + 1, later + 33))
+    assert recorder.seconds == pytest.approx(30 / 30, abs=1e-6)
+    kept = recorder.end()
+    assert kept.since_ns == (later + 2) * STEP
+    assert [one.time_ns // STEP for one in kept.frames] == list(range(later, later + 33))
+
+
+def test_a_restart_while_recording_keeps_what_was_done_and_no_more() -> None:
+    recorder = LiveRecorder()
+    hear(recorder, 7)
+    recorder.begin("take 1")
+    hear(recorder, 8, 9)
+    recorder.restarted()
+    assert recorder.cut
+    hear(recorder, 10, 11)
+    assert [one.time_ns // STEP for one in recorder.end().frames] == [7, 8, 9]
+
+
+def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> None:
+    recorder = LiveRecorder()
+    hear(recorder, 0, 1)
+    recorder.heard(HOLDS, HoldMessage("chair", 1 * STEP, "alone", body=1, holders=[1]))
+    hear(recorder, 2, 3)
+    recorder.begin("take 1")
+    hear(recorder, 4)
+    kept = recorder.end()
+    assert kept.since_ns == 3 * STEP and [said.mode for said in kept.events] == ["alone"]
+    assert [one.time_ns // STEP for one in kept.frames] == [1, 2, 3, 4]

@@ -1,0 +1,202 @@
+"""Ghosts and trails: where a character was and will be, of every rig, beside the window, after every edit."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "modeling"))
+from test_character_laws import WORLDS, near
+
+from enliven.modeling.edits import change_layers, move_character, rig_of, vertices_of
+from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.ghosts import Ghosts
+from enliven_viewer.studio.ghosts.ends import far_ends
+from enliven_viewer.studio.ghosts.moments import ghost_moments, key_moments
+from enliven_viewer.studio.ghosts.picture import smooth
+from enliven_viewer.studio.ghosts.sampling import smooth_normals
+from enliven_viewer.studio.picture import Viewport
+from enliven_viewer.studio.viewport import Overlay
+from enliven_viewer.theme import AFTER, BEFORE
+
+rigs = pytest.mark.parametrize("rig", ["bones", "graph", "points", "cage"])
+
+
+def desk(rig: str, time: float = 0.8) -> tuple[Editor, Ghosts, str]:
+    project, name = WORLDS[rig]
+    project = change_layers(project, name, range(len(project.characters[name].playing)), offset=0.0)
+    editor = Editor(project=project)
+    if rig == "points":
+        editor.solving.settle(project, name)
+    editor.choose(name)
+    editor.time = time
+    ghosts = Ghosts(editor)
+    ghosts.toggle()
+    return editor, ghosts, name
+
+
+@rigs
+def test_ghosts_stand_where_the_character_was_and_will_be(rig: str) -> None:
+    editor, ghosts, name = desk(rig)
+    picture = ghosts.settle()
+    assert picture is not None and picture.bodies
+    known = ghosts._known[name].bodies
+    for moment, body in known.items():
+        seen = vertices_of(editor.project, name, moment)
+        if len(body.faces):
+            near(body.rows[:, :3], seen, 1e-5)
+        else:
+            near(body.points, seen, 1e-5)
+        tint = {one.tint for one in picture.bodies if one.body is body}
+        assert tint == {BEFORE if moment < editor.time else AFTER}
+    opacities = {one: next(b.opacity for b in picture.bodies if b.body is known[one]) for one in known}
+    for side in ([one for one in known if one < 0.8][::-1], [one for one in known if one > 0.8]):
+        assert [opacities[one] for one in side] == sorted((opacities[one] for one in side), reverse=True)
+
+
+@rigs
+def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> None:
+    editor, ghosts, name = desk(rig)
+    ghosts.settle()
+    for offset in (0.0, 1.5):
+        if offset:
+            editor.edit("move", lambda project, by=offset: move_character(project, name, [by, 0.0, 0.0]))
+            editor.solving.settle(editor.project, name) if rig == "points" else None
+            ghosts.settle()
+        sampled = ghosts._known[name]
+        for frame in (sampled.wanted.first, sampled.wanted.last):
+            time = frame * sampled.wanted.step
+            pose, handles = rig_of(editor.project.characters[name]).player(
+                editor.project, editor.project.characters[name]
+            )(time)
+            near(sampled.points[frame], handles if len(handles) else pose.positions, 1e-5)
+    picture = ghosts.settle()
+    assert picture is not None and len(picture.tubes)
+    known = np.concatenate([one for one in ghosts._known[name].points.values()])
+    low, high = known.min(0) - 0.2, known.max(0) + 0.2
+    assert (picture.tubes[:, :3] >= low).all() and (picture.tubes[:, :3] <= high).all()
+
+
+def test_one_switch_shows_and_hides_and_without_it_nothing_is_worked_out() -> None:
+    _, ghosts, _ = desk("bones")
+    assert ghosts.settle() is not None
+    ghosts.toggle()
+    assert ghosts.picture() is None and not ghosts._known and ghosts._work is None
+
+
+def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
+    import enliven_viewer.studio.ghosts.ghosts as room
+
+    editor, ghosts, name = desk("bones")
+    free, real = threading.Event(), room.sample
+    threads = set()
+
+    def slow(*words):  # type: ignore[no-untyped-def]
+        threads.add(threading.current_thread())
+        free.wait(20)
+        return real(*words)
+
+    monkeypatch.setattr(room, "sample", slow)
+    for offset in (0.1, 0.2, 0.3):
+        editor.edit("move", lambda project, by=offset: move_character(project, name, [by, 0.0, 0.0]))
+        picture = ghosts.picture()
+        assert picture is not None and not picture.bodies, "nothing is known yet, and nobody waited"
+    free.set()
+    ghosts.settle()
+    assert threading.current_thread() not in threads
+    assert ghosts._known[name].wanted.character is editor.project.characters[name]
+
+
+def test_a_chosen_bone_has_the_trail() -> None:
+    editor, ghosts, name = desk("bones")
+    every = ghosts.settle()
+    editor.select(handle=1)
+    one = ghosts.settle()
+    assert every is not None and one is not None
+    sampled = ghosts._known[name]
+    line = np.stack([sampled.points[k][1] for k in range(sampled.wanted.first, sampled.wanted.last + 1)])
+    away = np.linalg.norm(one.tubes[:, None, :3] - line[None], axis=2).min(1)
+    assert away.max() < 0.1, "all of it lies along the way of that joint"
+
+
+def test_a_puppets_ghosts_stand_at_its_key_poses() -> None:
+    editor, ghosts, name = desk("points")
+    ghosts.settle()
+    keys = key_moments(editor.project, editor.project.characters[name])
+    assert keys and set(ghosts._known[name].bodies) <= set(keys)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(st.floats(0, 10), max_size=8),
+    st.floats(0, 10),
+    st.integers(0, 4),
+    st.floats(0.05, 2.0),
+)
+def test_ghosts_are_the_nearest_on_each_side_and_never_beyond(keys, time, count, step) -> None:
+    found = ghost_moments(tuple(sorted(keys)), time, 10.0, count, step)
+    before, after = [one for one in found if one < time], [one for one in found if one > time]
+    assert list(found) == [*before, *after] == sorted(found)
+    assert len(before) <= count and len(after) <= count
+    assert all(-2e-3 <= one <= 10.002 for one in found)
+    if keys:
+        assert set(found) <= set(keys)
+        for side, way in ((before, -1.0), (after, 1.0)):
+            others = [one for one in keys if (one - time) * way > 1e-3 and one not in side]
+            assert not side or all(
+                (one - time) * way >= max((x - time) * way for x in side) for one in others
+            )
+    elif found:
+        assert all(abs(one / step - round(one / step)) < 1e-6 for one in found)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(2, 12), st.integers(0, 10**6))
+def test_a_smooth_line_goes_through_every_frame(frames: int, seed: int) -> None:
+    line = np.random.default_rng(seed).normal(size=(frames, 3))
+    fine = smooth(line)
+    np.testing.assert_allclose(fine[:: (len(fine) - 1) // (frames - 1)], line, atol=1e-12)
+
+
+def test_far_ends_are_hands_and_feet_and_not_every_finger() -> None:
+    hands = [[0.8, 1.4, 0], [0.82, 1.42, 0], [-0.8, 1.4, 0]]
+    points = np.array([[0, 1, 0], [0, 1.8, 0], *hands, [0.1, 0, 0], [-0.3, 0, 0.1]])
+    ends = far_ends(points, np.arange(1, 7), points[0])
+    assert {1, 4, 5, 6} <= set(ends) and len({2, 3} & set(ends)) == 1
+
+
+def test_smooth_normals_of_a_ball_point_outwards() -> None:
+    from enliven.samples import load_sample
+
+    mesh = load_sample("cactus")
+    normals = smooth_normals(mesh.vertices, mesh.faces)
+    used = np.unique(mesh.faces)
+    np.testing.assert_allclose(np.linalg.norm(normals[used], axis=1), 1.0, atol=1e-6)
+    across = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
+    assert (np.einsum("ij,ij->i", across, normals[mesh.faces[:, 0]]) > 0).mean() > 0.9
+
+
+@rigs
+def test_ghosts_are_seen_in_their_colours(rig: str) -> None:
+    """The picture has more blue and more orange with ghosts than without."""
+    editor, ghosts, _ = desk(rig)
+    editor.size = (320.0, 240.0)
+    editor.frame_all(at_once=True)
+    ghosts.settle()
+    viewport = Viewport(offscreen_context(), (320, 240), RenderSettings())
+    seen = []
+    for shown in (None, ghosts.settle()):
+        viewport.draw(editor.standing, editor.lens, editor.selection, Overlay(), ghosts=shown, bones=False)
+        seen.append(viewport.renderer.pixels().astype(int))
+    changed = np.abs(seen[1] - seen[0]).max(2) > 12
+    assert changed.sum() > 100
+    gained = (seen[1] - seen[0])[changed]
+    assert ((gained[:, 2] - gained[:, 0]) > 5).any() and ((gained[:, 0] - gained[:, 2]) > 5).any()

@@ -1,0 +1,86 @@
+"""Opens the studio's window and works in the outliner; prints what came of it as JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from imgui_bundle import hello_imgui, imgui
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+
+from made_acting_stage import acting_stage
+
+from enliven_viewer.studio.window import StudioWindow
+
+said: dict[str, object] = {"done": False, "complaints": []}
+ROW = "//outliner/**/##{}"
+wanted: list[bool] = []
+pictures: list[np.ndarray] = []
+
+
+def picture(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> np.ndarray:
+    """The viewport as it is drawn: read where the window's own context is current."""
+    wanted.append(True)
+    ctx.yield_(2)
+    left, top, wide, high = (round(number) for number in window.places.viewport)
+    return pictures[-1][top : top + high, left : left + wide].astype(float)
+
+
+def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
+    """Choose two rows, hide both by one eye, lock, rename in place, and drag a row."""
+    workspace = window.workspace
+    editor, handling = workspace.editor, lambda: workspace.editor.project.handling
+    ctx.yield_(4)
+    ctx.item_click(ROW.format("character star"))
+    ctx.key_down(imgui.Key.mod_ctrl)
+    ctx.item_click(ROW.format("character limb"))
+    ctx.key_up(imgui.Key.mod_ctrl)
+    ctx.yield_(2)
+    said["several"] = list(editor.selection.characters)
+    whole = picture(ctx, window)
+    ctx.item_click("//outliner/**/" + "\uf06e##eye limb")
+    ctx.yield_(4)
+    said["hidden"] = sorted(name for name, one in handling().items() if one.hidden)
+    said["darker"] = float(np.abs(picture(ctx, window) - whole).mean())
+    ctx.item_click("//outliner/**/" + "\uf09c##lock post")
+    said["locked"] = [name for name, one in handling().items() if one.locked]
+    editor.choose("limb")
+    ctx.key_press(imgui.Key.f2)
+    ctx.yield_(3)
+    ctx.key_chars_replace_enter("wing")
+    ctx.yield_(2)
+    said["renamed"] = editor.selection.character
+    ctx.item_drag_and_drop(ROW.format("character star"), ROW.format("character post"))
+    ctx.yield_(2)
+    said["order"] = list(editor.project.characters)
+    said["complaints"] = [toast.text for toast in editor.toasts.shown if toast.bad]
+    said["done"] = True
+    workspace.store.forget()
+    window.close()
+
+
+def main() -> None:
+    window = StudioWindow(acting_stage(Path(sys.argv[1])))
+
+    def register() -> None:
+        engine = hello_imgui.get_imgui_test_engine()
+        imgui.test_engine.get_io(engine).config_run_speed = imgui.test_engine.TestRunSpeed.fast
+        test = imgui.test_engine.register_test(engine, "studio", "outliner")
+        test.test_func = lambda ctx: work(ctx, window)
+        imgui.test_engine.queue_test(engine, test)
+
+    def after(window: StudioWindow) -> None:
+        if wanted:
+            wanted.clear()
+            pictures.append(window.pixels())
+
+    window.run(seconds=90, register_tests=register, after=after)
+    print(json.dumps(said))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,50 @@
+"""Chooses what of a character leaves a trail: the ends of its limbs, and what is chosen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document import Puppet, RigBase
+
+_MOST = 7
+"""Trails without a choice: two hands, two feet, a head and two ears, or a tail."""
+_APART = 0.12
+"""Share of the character's size between two ends: the fingers of a hand are one end."""
+
+
+def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int, ...]) -> tuple[int, ...]:
+    """The points of a character that leave a trail: what is chosen of it, or else its far ends.
+
+    Args:
+        rest: (N, 3) metres, its points at one moment: joints, nodes or control points.
+        chosen: a chosen point, or None.
+        chain: a chosen chain of points; its last one counts.
+    """
+    wanted = [one for one in (chosen, *chain[-1:]) if one is not None and one < len(rest)]
+    if wanted:
+        return tuple(dict.fromkeys(wanted))
+    if isinstance(character, Puppet):
+        return tuple(range(min(len(rest), 2 * _MOST)))
+    parents = character.parents
+    if not len(parents):
+        return far_ends(rest, np.arange(len(rest)), rest.mean(0))
+    leaves = np.setdiff1d(np.arange(len(rest)), parents)
+    return far_ends(rest, leaves, rest[0])
+
+
+def far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ...]:
+    """The candidates among points (N, 3) that lie far from ``start`` (3,) and from one another, in order."""
+    candidates = np.asarray(candidates, np.int64)
+    if not len(candidates):
+        return ()
+    found = list[int]()
+    size = float(np.linalg.norm(points.max(0) - points.min(0)))
+    away = np.linalg.norm(points[candidates] - start, axis=1)
+    for _ in range(_MOST):
+        best = int(away.argmax())
+        if away[best] < _APART * size and found:
+            break
+        found.append(int(candidates[best]))
+        away = np.minimum(away, np.linalg.norm(points[candidates] - points[found[-1]], axis=1))
+    return tuple(sorted(found))

@@ -1,0 +1,117 @@
+"""Ghosts and trails of an editor's characters: one switch, worked out beside the window."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
+
+import numpy as np
+
+from enliven.document import Puppet, RigBase
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.ghosts.ends import traced
+from enliven_viewer.studio.ghosts.moments import ghost_moments, key_moments
+from enliven_viewer.studio.ghosts.picture import GhostPicture, bodies_of, trail_rows
+from enliven_viewer.studio.ghosts.sampling import Sampled, Wanted, sample
+
+_MOST = 3
+"""Characters that have ghosts where none is chosen: more would hide one another."""
+
+
+class Ghosts:
+    """Where the chosen character was and will be; of all, where none is chosen.
+
+    Attributes:
+        on: whether they are shown; while they are not, nothing is worked out.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor, self.on = editor, False
+        self._pool: ThreadPoolExecutor | None = None
+        self._known: dict[str, Sampled] = {}
+        self._work: tuple[str, Wanted, Future[Sampled]] | None = None
+        self._refused: dict[str, Wanted] = {}
+
+    def toggle(self) -> None:
+        """Show or hide them."""
+        self.on = not self.on
+        if not self.on:
+            self._known.clear()
+            self._refused.clear()
+
+    def picture(self) -> GhostPicture | None:
+        """What is to be drawn now, as far as it is known; None while they are off. It never waits."""
+        if not self.on:
+            return None
+        self._take()
+        characters = self._shown()
+        self._begin([self._wanted(one) for one in characters])
+        return self._drawn(characters)
+
+    def settle(self) -> GhostPicture | None:
+        """As :meth:`picture`, but waits until all of it is known: for sessions without a window."""
+        picture = self.picture()
+        while self._work is not None:
+            wait_for([self._work[2]])
+            picture = self.picture()
+        return picture
+
+    def _drawn(self, characters: list[RigBase]) -> GhostPicture:
+        editor, bodies, rows = self.editor, [], [np.zeros((0, 12), np.float32)]
+        for character in characters:
+            sampled = self._known.get(character.id)
+            if sampled is None:
+                continue
+            bodies += bodies_of(sampled, editor.time)
+            mine = editor.selection.character == character.id
+            handle, chain = (editor.selection.handle, editor.selection.chain) if mine else (None, ())
+            rest = next(iter(sampled.points.values()))
+            points = traced(sampled.wanted.character, rest, handle, chain)
+            keys = key_moments(sampled.wanted.project, sampled.wanted.character)
+            rows.append(trail_rows(sampled, points, keys, editor.time, editor.lens))
+        return GhostPicture(tuple(bodies), np.concatenate(rows))
+
+    def _shown(self) -> list[RigBase]:
+        """The chosen character, or else the first some; a puppet as it was solved last."""
+        editor, chosen = self.editor, self.editor.chosen()
+        found = [chosen] if chosen is not None else list(editor.project.characters.values())[:_MOST]
+        return [one for one in found if any(not layer.muted for layer in one.playing)]
+
+    def _wanted(self, character: RigBase) -> Wanted:
+        editor, how = self.editor, self.editor.settings
+        project = editor.project
+        if isinstance(character, Puppet):
+            project, character = editor.solving.shown(project, character.id)
+        step, length = how.frame_step, editor.length
+        first = int(np.ceil(max(editor.time - how.trail, 0.0) / step))
+        last = int(min(editor.time + how.trail, length) / step)
+        keys = key_moments(project, character)
+        moments = ghost_moments(keys, editor.time, length, how.ghosts, how.ghost_step)
+        return Wanted(project, character, first, last, step, moments)
+
+    def _begin(self, wanted: list[Wanted]) -> None:
+        """Begin with the first that is not known, where nothing is being worked out."""
+        names = {one.character.id for one in wanted}
+        self._known = {name: one for name, one in self._known.items() if name in names}
+        if self._work is not None:
+            return
+        for one in wanted:
+            name = one.character.id
+            known, refused = self._known.get(name), self._refused.get(name)
+            if one.same(refused) or (known is not None and one.same(known.wanted)):
+                continue
+            self._pool = self._pool or ThreadPoolExecutor(1, "ghosts")
+            self._work = (name, one, self._pool.submit(sample, one, known))
+            return
+
+    def _take(self) -> None:
+        """Take what has been worked out."""
+        if self._work is None or not self._work[2].done():
+            return
+        (name, wanted, future), self._work = self._work, None
+        if future.exception() is None:
+            self._known[name] = future.result()
+        else:
+            # What cannot be played is told by the panel that plays it.
+            self._known.pop(name, None)
+            self._refused[name] = wanted

@@ -1,0 +1,107 @@
+"""What is drawn of ghosts and trails: translucent bodies, and smooth lines with a dot at each frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven_viewer.render import linear_from_srgb
+from enliven_viewer.render.overlay import tube_rows
+from enliven_viewer.studio.ghosts.sampling import MomentBody, Sampled
+from enliven_viewer.studio.viewport import Lens
+from enliven_viewer.theme import AFTER, BEFORE, CHOSEN, INK
+
+_LINE = 1.5
+"""Pixels, radius of a trail at the playhead."""
+_THIN = 0.4
+"""Share of that radius that is left at the ends of a trail."""
+_DOT = 2.5
+"""Pixels, radius of the dot of a frame."""
+_KEY = 5.0
+"""Pixels, radius of the dot of a key pose, and of the one at the playhead."""
+_BETWEEN = 3
+"""Pieces of a trail from one frame to the next: a fast hand still goes around a curve."""
+_DIM = 0.22
+"""Brightness of a trail at its ends, where it is 1 at the playhead."""
+
+
+@dataclass(frozen=True, eq=False)
+class GhostBody:
+    """A ghost: a body, the sRGB that it is drawn in, and how much of it is seen, 0 to 1."""
+
+    body: MomentBody
+    tint: tuple[int, int, int]
+    opacity: float
+
+
+@dataclass(frozen=True, eq=False)
+class GhostPicture:
+    """Everything that is drawn: ghosts, the farthest from the playhead first, and (N, 12) rows of tubes."""
+
+    bodies: tuple[GhostBody, ...]
+    tubes: Float32
+
+
+def bodies_of(sampled: Sampled, time: float) -> list[GhostBody]:
+    """The ghosts of a character, those before ``time`` in one colour and those after it in another."""
+    made = []
+    for side, tint in (
+        ([one for one in sampled.bodies if one < time][::-1], BEFORE),
+        ([one for one in sampled.bodies if one > time], AFTER),
+    ):
+        for number, moment in enumerate(side):
+            made.append(GhostBody(sampled.bodies[moment], tint, 1.0 - number / (len(side) + 1.0)))
+    return sorted(made, key=lambda one: one.opacity)
+
+
+def trail_rows(
+    sampled: Sampled, points: tuple[int, ...], keys: tuple[float, ...], time: float, lens: Lens
+) -> Float32:
+    """(N, 12) rows of tubes: the trails of some points, with dots at frames, at keys and at ``time``."""
+    wanted, frames = sampled.wanted, sorted(sampled.points)
+    frames = [one for one in frames if wanted.first <= one <= wanted.last]
+    if len(frames) < 2 or not points:
+        return np.zeros((0, 12), np.float32)
+    places = np.stack([sampled.points[one][list(points)] for one in frames], 1)
+    seconds = np.array(frames) * wanted.step
+    reach = max(time - seconds[0], seconds[-1] - time, wanted.step)
+    fine = np.linspace(seconds[0], seconds[-1], _BETWEEN * (len(seconds) - 1) + 1)
+    rows = []
+    for line in places:
+        curve = smooth(line)
+        near = 1.0 - np.abs(fine - time) / reach
+        width = (_THIN + (1.0 - _THIN) * near) * lens.spans(curve)
+        line_rows = tube_rows(curve[:-1], curve[1:], _LINE * width[:-1], _tints(fine[:-1], time, near[:-1]))
+        line_rows[:, 7] = _LINE * width[1:]
+        near = 1.0 - np.abs(seconds - time) / reach
+        dots = _DOT * (_THIN + (1.0 - _THIN) * near) * lens.spans(line)
+        rows += [line_rows, tube_rows(line, line, dots, _tints(seconds, time, near))]
+    here = sampled.place(time)[list(points)]
+    rows.append(_balls(here, CHOSEN, lens))
+    white = tuple(round(255 * value) for value in INK[:3])
+    for key in keys:
+        if seconds[0] <= key <= seconds[-1]:
+            rows.append(_balls(sampled.place(key)[list(points)], white, lens))
+    return np.concatenate(rows)
+
+
+def smooth(line: Float) -> Float:
+    """(B (F - 1) + 1, 3) places on the Catmull-Rom spline through (F, 3), B pieces between two."""
+    padded = np.concatenate([2 * line[:1] - line[1:2], line, 2 * line[-1:] - line[-2:-1]])
+    p, q, r, s = (padded[k : len(padded) - 3 + k, None] for k in range(4))
+    u = (np.arange(_BETWEEN) / _BETWEEN)[None, :, None]
+    pieces = 0.5 * (2 * q + (r - p) * u + (2 * p - 5 * q + 4 * r - s) * u**2 + (3 * q - p - 3 * r + s) * u**3)
+    return np.concatenate([pieces.reshape(-1, 3), line[-1:]])
+
+
+def _balls(places: Float, tint: tuple[int, ...], lens: Lens) -> Float32:
+    tints = np.tile(linear_from_srgb(np.array([tint], float)), (len(places), 1))
+    return tube_rows(places, places, _KEY * lens.spans(places), tints)
+
+
+def _tints(seconds: Float, time: float, near: Float) -> Float32:
+    """(N, 3) linear light of parts of a trail, dimmer away from the playhead."""
+    colours = linear_from_srgb(np.array([BEFORE, AFTER], float))[(seconds > time).astype(int)]
+    return np.asarray(colours * (_DIM + (1.0 - _DIM) * near[:, None]), np.float32)

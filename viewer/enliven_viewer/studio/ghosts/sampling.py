@@ -1,0 +1,144 @@
+"""Samples how a character moves around the playhead, in a thread; what is known is not worked out again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, Int32
+from enliven.document import Project, RigBase
+from enliven.modeling.edits import rig_of
+
+_KEPT = 4000
+"""Frames of points that are kept of a character: some minutes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What is to be sampled.
+
+    Attributes:
+        project, character: as they are.
+        first, last: frames of the trail, of ``step`` seconds.
+        moments: seconds of the ghosts.
+    """
+
+    project: Project
+    character: RigBase
+    first: int
+    last: int
+    step: float
+    moments: tuple[float, ...]
+
+    def alike(self, other: Wanted) -> bool:
+        """Whether what was sampled for the other holds for this: the same character, the same takes."""
+        if self.character is not other.character or self.step != other.step:
+            return False
+        pairs = [(held, name) for held, names in self.character.needed().items() for name in names]
+        held, known = self.project, other.project
+        return all(getattr(held, kind).get(name) is getattr(known, kind).get(name) for kind, name in pairs)
+
+    def same(self, other: Wanted | None) -> bool:
+        """Whether both want the very same."""
+        if other is None or not self.alike(other):
+            return False
+        return (self.first, self.last, self.moments) == (other.first, other.last, other.moments)
+
+
+@dataclass(frozen=True, eq=False)
+class MomentBody:
+    """A character at the moment of a ghost.
+
+    Attributes:
+        rows: (V, 6) float32 place in metres and unit normal of each vertex; none without a surface.
+        faces: (F, 3).
+        points: (N, 3) metres, its joints, nodes or control points.
+    """
+
+    rows: Float32
+    faces: Int32
+    points: Float
+
+
+@dataclass(eq=False)
+class Sampled:
+    """How a character moves, as far as it was asked for.
+
+    Attributes:
+        wanted: what was asked for last.
+        points: (N, 3) metres of its joints, nodes or control points, by frame.
+        bodies: by the seconds of the ghosts.
+    """
+
+    wanted: Wanted
+    points: dict[int, Float] = field(default_factory=dict)
+    bodies: dict[float, MomentBody] = field(default_factory=dict)
+    _at: Callable[[float], Float] | None = None
+    _surface: Callable[[float], Float] | None = None
+
+    def place(self, seconds: float) -> Float:
+        """(N, 3) metres at a time, between two frames that are known."""
+        at = seconds / self.wanted.step
+        low = int(np.floor(at))
+        one, other = self.points.get(low), self.points.get(low + 1)
+        if one is None or other is None:
+            nearest = min(self.points, key=lambda frame: abs(frame - at))
+            return self.points[nearest]
+        return np.asarray(one + (at - low) * (other - one))
+
+
+def sample(wanted: Wanted, before: Sampled | None) -> Sampled:
+    """Samples what is wanted, with what of it is known from before.
+
+    Raises:
+        EnlivenError: where the character cannot be played.
+    """
+    if before is not None and wanted.alike(before.wanted):
+        made = Sampled(wanted, dict(before.points), dict(before.bodies), before._at, before._surface)
+    else:
+        made = Sampled(wanted)
+    if made._at is None:
+        made._at = _points(wanted.project, wanted.character)
+        made._surface = rig_of(wanted.character).surface(wanted.project, wanted.character)
+    if len(made.points) > _KEPT:
+        made.points.clear()
+    for frame in range(wanted.first, wanted.last + 1):
+        if frame not in made.points:
+            made.points[frame] = made._at(frame * wanted.step)
+    made.bodies = {one: made.bodies[one] for one in wanted.moments if one in made.bodies}
+    assert made._surface is not None
+    for moment in wanted.moments:
+        if moment not in made.bodies:
+            made.bodies[moment] = _body(wanted.character, made._surface(moment), made._at(moment))
+    return made
+
+
+def _points(project: Project, character: RigBase) -> Callable[[float], Float]:
+    """What gives the places of a character's handles at any time, or of its nodes where it has none."""
+    player = rig_of(character).player(project, character)
+
+    def at(time: float) -> Float:
+        pose, handles = player(time)
+        return np.asarray(handles if len(handles) else pose.positions, np.float64)
+
+    return at
+
+
+def _body(character: RigBase, vertices: Float, points: Float) -> MomentBody:
+    if character.mesh is None or not len(character.mesh.faces):
+        return MomentBody(np.zeros((0, 6), np.float32), np.zeros((0, 3), np.int32), points)
+    faces = character.mesh.faces
+    rows = np.concatenate([vertices, smooth_normals(vertices, faces)], 1)
+    return MomentBody(rows.astype(np.float32), faces, points)
+
+
+def smooth_normals(vertices: Float, faces: Int32) -> Float:
+    """(V, 3) unit normals of vertices (V, 3), the mean of its faces' by area; 0 without a face."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    across = np.repeat(np.cross(b - a, c - a), 3, axis=0)
+    corners = faces.ravel()
+    sums = [np.bincount(corners, across[:, k], len(vertices)) for k in range(3)]
+    normals = np.stack(sums, 1)
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))

@@ -1,0 +1,10 @@
+from .actions import choosing_actions as choosing_actions, outliner_actions as outliner_actions
+from .outliner import Outliner as Outliner
+from .tree import (
+    CHARACTER as CHARACTER,
+    GROUP as GROUP,
+    HANDLE as HANDLE,
+    LIVE as LIVE,
+    TAKE as TAKE,
+    Row as Row,
+)

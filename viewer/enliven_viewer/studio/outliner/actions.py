@@ -1,0 +1,121 @@
+"""The actions of the outliner: choosing many, renaming, hiding, locking and ordering."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.outliner.outliner import Outliner
+
+
+def choosing_actions(editor: Editor) -> Iterator[Action]:
+    """Choose all, none, or the others."""
+
+    def empty() -> str:
+        return "" if editor.reachable else "There is nothing to choose. Sketch a part, or open a model."
+
+    def none() -> str:
+        return "" if editor.selection.characters else "Nothing is chosen."
+
+    def every() -> None:
+        editor.choose_all(*(one.id for one in editor.reachable))
+
+    def inverse() -> None:
+        chosen = editor.selection.characters
+        editor.choose_all(*(one.id for one in editor.reachable if one.id not in chosen))
+
+    about = "What is hidden or locked is left out."
+    yield Action("edit.all", "Edit", "Choose all", ("ctrl+a",), every, empty, about=about, apart=True)
+    yield Action("edit.none", "Edit", "Choose nothing", ("ctrl+shift+a",), lambda: editor.choose(None), none)
+    yield Action("edit.inverse", "Edit", "Choose the others", ("ctrl+i",), inverse, empty, about=about)
+
+
+def outliner_actions(outliner: Outliner) -> Iterator[Action]:
+    """Rename, hide, lock and order what is chosen."""
+    editor = outliner.editor
+
+    def chosen() -> tuple[str, ...]:
+        return editor.selection.characters
+
+    def lacks() -> str:
+        return "" if chosen() else "Nothing is chosen. Click a shape first."
+
+    def hidden() -> list[str]:
+        return [name for name, one in editor.project.handling.items() if one.hidden]
+
+    def locked() -> list[str]:
+        return [name for name, one in editor.project.handling.items() if one.locked]
+
+    def all_hidden() -> bool:
+        return bool(chosen()) and set(chosen()) <= set(hidden())
+
+    def all_locked() -> bool:
+        return bool(chosen()) and set(chosen()) <= set(locked())
+
+    def step(way: int) -> None:
+        name = editor.selection.character or ""
+        outliner.move(name, outliner.place_of(name) + way)
+
+    def lacks_place(way: int) -> str:
+        if lacks() or editor.selection.several:
+            return lacks() or "Several shapes are chosen. Choose one to move it in the list."
+        place = outliner.place_of(editor.selection.character or "") + way
+        inside = 0 <= place < len(editor.project.characters)
+        return "" if inside else "It is at the end of the list."
+
+    yield Action("shape.rename", "Shape", "Rename", ("f2",), outliner.begin_rename, lacks, apart=True)
+    yield Action(
+        "shape.hide",
+        "Shape",
+        "Hide",
+        ("shift+h",),
+        lambda: outliner.hide(*chosen(), on=not all_hidden()),
+        lacks,
+        all_hidden,
+        "The window does not draw it; exports and the stage are as before.",
+    )
+    yield Action(
+        "shape.hide_others",
+        "Shape",
+        "Hide the others",
+        ("shift+i",),
+        outliner.hide_others,
+        lacks,
+        about="Only what is chosen is seen.",
+    )
+    yield Action(
+        "shape.show_all",
+        "Shape",
+        "Show everything",
+        ("alt+h",),
+        lambda: outliner.hide(*hidden(), on=False),
+        lambda: "" if hidden() else "Nothing is hidden.",
+    )
+    yield Action(
+        "shape.lock",
+        "Shape",
+        "Lock",
+        ("ctrl+l",),
+        lambda: outliner.lock(*chosen(), on=not all_locked()),
+        lacks,
+        all_locked,
+        "What is locked can be neither picked nor edited.",
+    )
+    yield Action(
+        "shape.unlock_all",
+        "Shape",
+        "Unlock everything",
+        ("ctrl+shift+l",),
+        lambda: outliner.lock(*locked(), on=False),
+        lambda: "" if locked() else "Nothing is locked.",
+    )
+    for name, way in (("up", -1), ("down", 1)):
+        yield Action(
+            f"shape.{name}",
+            "Shape",
+            f"{name.title()} in the list",
+            (f"alt+{name}",),
+            lambda way=way: step(way),
+            lambda way=way: lacks_place(way),
+        )

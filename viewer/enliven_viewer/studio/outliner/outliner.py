@@ -1,0 +1,155 @@
+"""What an artist does in the outliner: filter, fold, choose, rename, hide, lock and order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from enliven.document import FREE, Handling, Project
+from enliven.modeling.edits import handle_characters, order_characters, rename_character, rename_take
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, rows_of
+
+_SHARE = 0.46
+"""Of the height of the side: eight rows at 1280x720, and the rest for what is chosen."""
+
+
+class Outliner:
+    """The tree of all things, as one artist looks at it.
+
+    Hidden, locked, names and order are the project's and are undone like every edit; what is folded, what is
+    typed into the filter and whether the live stage is seen belong to the window.
+
+    Args:
+        editor: what is edited.
+        live: what is on the stage of an edge, a line each.
+
+    Attributes:
+        typed: what the names must have; empty for all.
+        opened: keys of rows that are unfolded.
+        renaming: the key of the row that is renamed, or empty; draft: the name as it is typed.
+        share: of the height of the side that the tree has.
+        followed: the character that the list last scrolled to.
+        live_hidden: whether the window does not draw what is live, outside performing.
+    """
+
+    def __init__(self, editor: Editor, live: Callable[[], tuple[str, ...]] = lambda: ()) -> None:
+        self.editor, self._live = editor, live
+        self.typed = self.renaming = self.draft = ""
+        self.opened = {f"{GROUP} {name}" for name in ("shapes", "takes", "live")}
+        self.live_hidden = False
+        self.share = _SHARE
+        self.followed: str | None = None
+        self._anchor = ""
+        self._known: tuple[tuple[object, ...], tuple[Row, ...]] | None = None
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The rows that are shown."""
+        project, live = self.editor.project, self._live()
+        key = (project, live, frozenset(self.opened), self.typed)
+        if self._known is None or self._known[0][0] is not project or self._known[0][1:] != key[1:]:
+            self._known = (key, rows_of(project, live, self.opened, self.typed))
+        return self._known[1]
+
+    def fold(self, row: Row) -> None:
+        """Fold a row, or unfold it."""
+        self.opened ^= {row.key}
+
+    def is_chosen(self, row: Row) -> bool:
+        """Whether a row stands for something that is chosen."""
+        chosen = self.editor.selection
+        if row.kind == HANDLE:
+            return chosen.character == row.id and (row.number == chosen.handle or row.number in chosen.chain)
+        return row.kind == CHARACTER and row.id in chosen.characters
+
+    def click(self, row: Row, *, shift: bool = False, ctrl: bool = False) -> None:
+        """Choose what a row stands for: alone, with Ctrl beside the others, with Shift all up to it."""
+        editor = self.editor
+        if row.kind == HANDLE:
+            handled = row.number < len(editor.project.characters[row.id].handles)
+            editor.choose(row.id, row.number if handled else None)
+        elif row.kind == CHARACTER and shift:
+            self._up_to(row.id)
+            return
+        elif row.kind == CHARACTER and ctrl:
+            editor.toggle(row.id)
+        elif row.kind == CHARACTER:
+            editor.choose(row.id)
+        self._anchor = row.id
+
+    def _up_to(self, name: str) -> None:
+        """Choose every character between the one that was clicked before and another."""
+        names = [row.id for row in self.rows if row.kind == CHARACTER]
+        start = self._anchor if self._anchor in names else (self.editor.selection.character or name)
+        first, last = (names.index(one) if one in names else names.index(name) for one in (start, name))
+        low, high = min(first, last), max(first, last)
+        between = [one for one in names[low : high + 1] if one != name]
+        self.editor.choose_all(*between, name)
+
+    # Names ------------------------------------------------------------------------------------------------
+
+    def begin_rename(self, row: Row | None = None) -> None:
+        """Let the name of a row be typed; of the chosen character where no row is given."""
+        if row is None:
+            self.typed, self.followed = "", None  # its row is in the list, and comes into view
+            self.opened.add(f"{GROUP} shapes")
+        row = row or next((one for one in self.rows if one.kind == CHARACTER and self.is_leading(one)), None)
+        if row is not None and row.kind in (CHARACTER, TAKE):
+            self.renaming, self.draft = row.key, row.id
+
+    def is_leading(self, row: Row) -> bool:
+        """Whether it is the character that was chosen last."""
+        return row.id == self.editor.selection.character
+
+    def end_rename(self, row: Row, *, keep: bool) -> None:
+        """Give a row the name that was typed, or leave it the old one."""
+        wanted, self.renaming = self.draft.strip(), ""
+        if not keep or not wanted or wanted == row.id:
+            return
+        editor, before = self.editor, self.editor.selection
+        if row.kind == TAKE:
+            editor.edit("rename", lambda project: rename_take(project, row.id, wanted))
+        elif editor.edit("rename", lambda project: rename_character(project, row.id, wanted)):
+            named = tuple(wanted if one == row.id else one for one in before.characters)
+            editor.choose_all(*named)
+            if before.character == row.id:
+                editor.select(handle=before.handle, layer=before.layer, chain=before.chain)
+            if row.key in self.opened:
+                self.opened.add(f"{CHARACTER} {wanted}")
+
+    # Eyes, locks and order --------------------------------------------------------------------------------
+
+    def handling(self, name: str) -> Handling:
+        """How a character is treated."""
+        return self.editor.project.handling.get(name, FREE)
+
+    def hide(self, *names: str, on: bool) -> None:
+        """Hide characters or show them again; one edit."""
+        self._handle(names, "hide" if on else "show", hidden=on)
+
+    def lock(self, *names: str, on: bool) -> None:
+        """Lock characters or unlock them; one edit."""
+        self._handle(names, "lock" if on else "unlock", locked=on)
+
+    def hide_others(self) -> None:
+        """Hide every character that is not chosen; one edit."""
+        chosen = self.editor.selection.characters
+
+        def change(project: Project) -> Project:
+            rest = [name for name in project.characters if name not in chosen]
+            return handle_characters(handle_characters(project, rest, hidden=True), chosen, hidden=False)
+
+        self.editor.edit("hide the others", change)
+
+    def _handle(self, names: tuple[str, ...], word: str, **changes: bool) -> None:
+        told = names[0] if len(names) == 1 else f"{len(names)} shapes"
+        self.editor.edit(f"{word} {told}", lambda project: handle_characters(project, names, **changes))
+
+    def move(self, name: str, place: int) -> None:
+        """Put a character at another place in the list; one edit."""
+        if 0 <= place < len(self.editor.project.characters):
+            self.editor.edit(f"reorder {name}", lambda project: order_characters(project, name, place))
+
+    def place_of(self, name: str) -> int:
+        """The place of a character in the list."""
+        return list(self.editor.project.characters).index(name)

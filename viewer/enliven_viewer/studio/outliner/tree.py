@@ -1,0 +1,122 @@
+"""The rows of the outliner: groups, characters with their handles, takes, and what is live."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.document import GraphShape, Project, Puppet, RigBase
+
+GROUP, CHARACTER, HANDLE, TAKE, LIVE = "group", "character", "handle", "take", "live"
+"""The kinds of rows."""
+_HANDLES = {Puppet.kind: "point", GraphShape.kind: "part"}
+"""What a character's rows below it are, by its rig; bones where nothing is said."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the tree.
+
+    Attributes:
+        kind: what it stands for.
+        id: the name of the character, of the take, of the group, or of what is live.
+        number: of the handle of the character; -1 for none.
+        label: as it is shown.
+        note: what is said of it beside its name.
+        depth: how far it is indented.
+        folds: whether there are rows below it that can be hidden.
+    """
+
+    kind: str
+    id: str
+    label: str
+    note: str = ""
+    number: int = -1
+    depth: int = 0
+    folds: bool = False
+
+    @property
+    def key(self) -> str:
+        """A name that no other row has."""
+        return f"{self.kind} {self.id}" + (f" {self.number}" if self.number >= 0 else "")
+
+
+def rows_of(
+    project: Project, live: tuple[str, ...], opened: Collection[str], typed: str = ""
+) -> tuple[Row, ...]:
+    """The rows that are shown.
+
+    Args:
+        live: what is on the stage of an edge, a line each; empty without one.
+        opened: keys of the rows that are unfolded.
+        typed: letters that a name must have; its row is then shown, with those that it is below.
+    """
+    found = _filtered(list(_every(project, live)), typed.strip().lower()) if typed.strip() else None
+    if found is not None:
+        return tuple(found)
+    shown: list[Row] = []
+    closed = 99  # of any depth
+    for row in _every(project, live):
+        if row.depth > closed:
+            continue
+        closed = row.depth if row.folds and row.key not in opened else 99
+        shown.append(row)
+    return tuple(shown)
+
+
+def _filtered(rows: list[Row], wanted: str) -> list[Row]:
+    """The rows that have some letters, and those that they are below."""
+    keep = [wanted in row.label.lower() and row.kind != GROUP for row in rows]
+    above: list[int] = []
+    for number, row in enumerate(rows):
+        above = [one for one in above if rows[one].depth < row.depth]
+        if keep[number]:
+            for one in above:
+                keep[one] = True
+        above.append(number)
+    return [row for row, kept in zip(rows, keep, strict=True) if kept]
+
+
+def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
+    yield Row(GROUP, "shapes", "Shapes", str(len(project.characters)), folds=True)
+    for one in project.characters.values():
+        below = list(_handles(one))
+        yield Row(CHARACTER, one.id, one.id, one.word, depth=1, folds=bool(below))
+        yield from below
+    used = set().union(*(one.needed()["takes"] for one in project.characters.values()))
+    yield Row(GROUP, "takes", "Takes", str(len(project.takes)), folds=True)
+    for name, take in project.takes.items():
+        note = f"{take.duration:.1f} s" + (" · in use" if name in used else "")
+        yield Row(TAKE, name, name, note, depth=1)
+    if live:
+        yield Row(GROUP, "live", "Live stage", str(len(live)), folds=True)
+        for number, line in enumerate(live):
+            yield Row(LIVE, "stage", line, number=number, depth=1)
+
+
+def _handles(one: RigBase) -> Iterator[Row]:
+    """The joints below their parents, the points in their order, or the parts of a possessed mesh."""
+    word = _HANDLES.get(one.kind, "bone")
+    if isinstance(one, GraphShape):
+        for number, part in enumerate(one.parts) if len(one.parts) > 1 else ():
+            yield Row(HANDLE, one.id, part.take, word, number, 2)
+        return
+    parents, names = one.parents, one.handles
+    below: dict[int, list[int]] = {}
+    for number, parent in enumerate(parents):
+        below.setdefault(int(parent), []).append(number)
+    waiting = [(number, 2) for number in reversed(below.get(-1, []))]
+    while waiting:
+        number, depth = waiting.pop()
+        children = below.get(number, [])
+        yield Row(HANDLE, one.id, names[number], "root" if _roots(parents, number) else word, number, depth)
+        # A chain goes on at the same depth, so that an arm of twenty bones stays in the panel.
+        deeper = depth + (len(children) > 1)
+        waiting += [(child, deeper) for child in reversed(children)]
+
+
+def _roots(parents: np.ndarray, number: int) -> bool:
+    """Whether a joint is the root of bones."""
+    return bool(parents[number] < 0 and (parents >= 0).any())

@@ -1,0 +1,229 @@
+"""Draws the outliner: a filter, and a row for everything."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.outliner import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Outliner, Row
+from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, small, tinted
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.tools import MapTool
+from enliven_viewer.studio.viewport import default_colour
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import ACCENT, FAINT, INK, QUIET
+
+_LEAST = 0.12
+"""Of the height of the side that the tree keeps: its filter, and a row where the window is high."""
+_MOST = 0.85
+"""Of the height of the side that the tree takes at most: the name of what is chosen stays in view."""
+_GRIP = 7.0
+"""Pixels of the line between the tree and what is chosen, by which it is dragged."""
+_INDENT = 14.0
+"""Pixels by which a row stands further right than the one that it belongs to."""
+_FOLD = 16.0
+"""Pixels of the arrow that folds a row."""
+_SWITCH = 20.0
+"""Pixels of an eye or a lock."""
+_HIGH = 20.0
+"""Pixels of a row: a line of text with a little air."""
+_OPENED, _CLOSED = "\uf0d7", "\uf0da"
+_LOCKED, _UNLOCKED = "\uf023", "\uf09c"
+_BONE, _POINT, _FILM, _PERSON = "\uf069", "\uf111", "\uf008", "\uf007"
+_DRAGGED = "character"
+"""What a row that is dragged carries."""
+
+
+def split_outliner(side: Area, share: float) -> tuple[Area, Area]:
+    """Split the right side: the tree above with its share of the height, what is chosen below."""
+    high = round(share * side.height)
+    return (
+        Area(side.x, side.y, side.width, high),
+        Area(side.x, side.y + high, side.width, side.height - high),
+    )
+
+
+def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
+    """Draw the tree; the line below it is dragged to give it more of the side, or less."""
+    outliner = workspace.outliner
+    leading = workspace.editor.selection.character
+    outliner.followed, follow = leading, leading != outliner.followed
+    with panel("outliner", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
+        _filter(workspace, outliner)
+        divided = area.height < side.height
+        imgui.begin_child("rows", ImVec2(0, -_GRIP if divided else 0))
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(4, 1))
+        for row in outliner.rows:
+            _row(workspace, outliner, row)
+            if follow and row.kind == CHARACTER and row.id == leading and not imgui.is_item_visible():
+                imgui.set_scroll_here_y(0.5)
+        if not workspace.editor.project.characters and not outliner.typed:
+            with small(), tinted(QUIET, imgui.Col_.text):
+                imgui.text_wrapped("Nothing yet. Sketch a part (S), or open a model or a mesh (Ctrl+O).")
+        if outliner.typed and not outliner.rows:
+            imgui.text_disabled("Nothing is called so.")
+        imgui.pop_style_var()
+        imgui.end_child()
+        if divided:
+            _grip(workspace, outliner, area, side)
+
+
+def _grip(workspace: Workspace, outliner: Outliner, area: Area, side: Area) -> None:
+    """The line between the tree and what is chosen."""
+    imgui.set_cursor_pos(ImVec2(0, area.height - _GRIP))
+    imgui.invisible_button("##grip", ImVec2(area.width, _GRIP))
+    workspace.remember("grip")
+    held = imgui.is_item_active()
+    if held or imgui.is_item_hovered():
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns)
+    if held:
+        share = (imgui.get_mouse_pos().y - side.y + _GRIP / 2) / side.height
+        outliner.share = min(max(share, _LEAST), _MOST)
+    y, low = area.y + area.height - _GRIP / 2, ImVec2(area.x + area.width / 2 - 16, 0)
+    start, end = ImVec2(low.x, y), ImVec2(low.x + 32, y)
+    imgui.get_window_draw_list().add_line(start, end, packed(ACCENT if held else QUIET, 0.6), 2.0)
+
+
+def _filter(workspace: Workspace, outliner: Outliner) -> None:
+    imgui.set_next_item_width(-1)
+    with small():
+        outliner.typed = imgui.input_text_with_hint(
+            "##filter", "\uf002  Filter by name", outliner.typed, imgui.InputTextFlags_.escape_clears_all
+        )[1]
+    workspace.remember("filter")
+
+
+def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
+    """One row: its arrow, its sign, its name, what it is, and its eye and lock."""
+    imgui.push_id(row.key)
+    left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
+    at = imgui.get_cursor_screen_pos()
+    switches = _SWITCH * {CHARACTER: 2, GROUP: int(row.id == "live")}.get(row.kind, 0)
+    start = left + _INDENT * row.depth
+    imgui.set_next_item_allow_overlap()
+    label = f"##{row.key}"
+    clicked = imgui.selectable(label, outliner.is_chosen(row), 0, ImVec2(width - switches, _HIGH))[0]
+    hovered, twice = imgui.is_item_hovered(), imgui.is_mouse_double_clicked(0)
+    workspace.remember(row.key)
+    on_arrow = row.folds and imgui.get_mouse_pos().x < at.x + _INDENT * row.depth + _FOLD
+    if clicked:
+        _clicked(workspace, outliner, row, fold=on_arrow or row.kind == GROUP)
+    if hovered and twice and not on_arrow:
+        outliner.begin_rename(row)
+    if row.kind == CHARACTER:
+        _drag(outliner, row)
+    if outliner.renaming == row.key:
+        imgui.same_line(start + _FOLD)
+        _renamed(workspace, outliner, row)
+    else:
+        _words(outliner, row, at, width - switches)
+    if row.kind == CHARACTER:
+        _switches(workspace, outliner, row, left + width)
+    elif switches:
+        imgui.same_line(left + width - _SWITCH)
+        if _switch(workspace, "live", CLOSED_EYE if outliner.live_hidden else EYE, outliner.live_hidden):
+            outliner.live_hidden = not outliner.live_hidden
+        told("Whether the live stage is seen while you animate and model")
+    imgui.pop_id()
+
+
+def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
+    """The arrow, the sign, the name, and what is said beside it, cut off where the row ends."""
+    draw, x = imgui.get_window_draw_list(), at.x + _INDENT * row.depth
+    middle = at.y + (_HIGH - imgui.get_font_size()) / 2
+    draw.push_clip_rect(at, ImVec2(at.x + width, at.y + _HIGH), True)
+    if row.folds:
+        opened = row.key in outliner.opened or bool(outliner.typed)
+        draw.add_text(ImVec2(x + 3, middle), packed(QUIET), _OPENED if opened else _CLOSED)
+    x += _FOLD
+    faint = row.kind == CHARACTER and outliner.handling(row.id).hidden
+    if row.kind == CHARACTER:
+        tint = default_colour(row.id)
+        colour = (tint[0] / 255, tint[1] / 255, tint[2] / 255, 0.4 if faint else 1.0)
+        draw.add_rect_filled(ImVec2(x, at.y + 5), ImVec2(x + 11, at.y + _HIGH - 5), packed(colour), 3.0)
+        x += 17
+    elif row.kind != GROUP:
+        sign = {TAKE: _FILM, LIVE: _PERSON}.get(row.kind, _POINT if row.note == "point" else _BONE)
+        size = imgui.get_font_size() * 0.7
+        draw.add_text(imgui.get_font(), size, ImVec2(x, middle + 3), packed(QUIET, 0.7), sign)
+        x += 17
+    ink = QUIET if row.kind == GROUP else FAINT if faint else INK
+    draw.add_text(ImVec2(x, middle), packed(ink), row.label)
+    x += imgui.calc_text_size(row.label).x + 8
+    size = imgui.get_font_size() * 0.82
+    wide = imgui.calc_text_size(row.note).x * 0.82
+    # What it is stands at the right, where the eye compares it; beside the name where there is no room.
+    aside = ImVec2(max(x, at.x + width - wide - 6), middle + 2)
+    draw.add_text(imgui.get_font(), size, aside, packed(QUIET, 0.75), row.note)
+    draw.pop_clip_rect()
+
+
+def _clicked(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) -> None:
+    """Fold a row, show a take beside the shapes, or choose what it stands for."""
+    io = imgui.get_io()
+    if fold and row.folds:
+        outliner.fold(row)
+    elif row.kind == TAKE and not imgui.is_mouse_double_clicked(0):
+        mapping = workspace.input.tools["map"]
+        assert isinstance(mapping, MapTool)
+        workspace.input.take("map")
+        mapping.source.show(row.id)
+    elif row.kind in (CHARACTER, HANDLE):
+        outliner.click(row, shift=io.key_shift, ctrl=io.key_ctrl)
+        alone = not workspace.editor.selection.several
+        if alone and workspace.puppets.puppet is not None:
+            workspace.input.take("puppet")
+
+
+def _renamed(workspace: Workspace, outliner: Outliner, row: Row) -> None:
+    """The field of a name that is typed in place: Enter keeps it, and so does a click elsewhere."""
+    if not imgui.is_any_item_active():
+        imgui.set_keyboard_focus_here()
+    imgui.set_next_item_width(-_SWITCH * 2 if row.kind == CHARACTER else -1)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(4, 1))
+    flags = imgui.InputTextFlags_.auto_select_all | imgui.InputTextFlags_.enter_returns_true
+    entered, outliner.draft = imgui.input_text("##renamed", outliner.draft, flags)
+    imgui.pop_style_var()
+    workspace.remember("renamed")
+    if imgui.is_key_pressed(imgui.Key.escape):
+        outliner.end_rename(row, keep=False)
+    elif entered or imgui.is_item_deactivated():
+        outliner.end_rename(row, keep=True)
+
+
+def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) -> None:
+    """The eye and the lock of a character; of all that are chosen, where it is one of them."""
+    now, chosen = outliner.handling(row.id), workspace.editor.selection.characters
+    names = chosen if row.id in chosen else (row.id,)
+    imgui.same_line(right - 2 * _SWITCH)
+    if _switch(workspace, f"eye {row.id}", CLOSED_EYE if now.hidden else EYE, now.hidden):
+        outliner.hide(*names, on=not now.hidden)
+    told("Show it again" if now.hidden else "Hide it here; exports and the stage stay as they are")
+    imgui.same_line(right - _SWITCH)
+    if _switch(workspace, f"lock {row.id}", _LOCKED if now.locked else _UNLOCKED, now.locked):
+        outliner.lock(*names, on=not now.locked)
+    told("Let it be picked and edited again" if now.locked else "Keep it from being picked and edited")
+
+
+def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
+    """One small button without a frame: bright while it is set."""
+    with tinted((0, 0, 0, 0), imgui.Col_.button), tinted(ACCENT if on else FAINT, imgui.Col_.text), small():
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(1, 2))
+        pressed = imgui.button(f"{icon}##{name}", ImVec2(_SWITCH - 2, _HIGH - 1))
+        imgui.pop_style_var()
+    workspace.remember(name)
+    return bool(pressed)
+
+
+def _drag(outliner: Outliner, row: Row) -> None:
+    """Let a row be dragged onto another, and take its place."""
+    if imgui.begin_drag_drop_source():
+        imgui.set_drag_drop_payload_py_id(_DRAGGED, outliner.place_of(row.id))
+        imgui.text_unformatted(row.id)
+        imgui.end_drag_drop_source()
+    if imgui.begin_drag_drop_target():
+        dropped = imgui.accept_drag_drop_payload_py_id(_DRAGGED)
+        names = list(outliner.editor.project.characters)
+        if dropped is not None and 0 <= dropped.data_id < len(names):
+            outliner.move(names[dropped.data_id], outliner.place_of(row.id))
+        imgui.end_drag_drop_target()

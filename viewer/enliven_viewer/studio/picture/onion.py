@@ -1,0 +1,64 @@
+"""Draws ghosts of characters: glassy bodies that are seen at their edges."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from enliven_viewer.render.gl import RenderTarget, load_program
+from enliven_viewer.studio.ghosts import GhostBody, MomentBody
+
+
+class OnionSkin:
+    """Draws ghosts over the last picture of a renderer, with the same camera, behind what covers them.
+
+    Args:
+        ctx: the renderer's context.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self._program = load_program(ctx, "onion.vert", "onion.frag")
+        self._known: dict[MomentBody, tuple[moderngl.VertexArray, list[moderngl.Buffer]]] = {}
+
+    def draw(self, picture: RenderTarget, bodies: tuple[GhostBody, ...]) -> None:
+        """Draw the ghosts in their order and resolve the picture."""
+        self._keep({one.body for one in bodies})
+        picture.widen()
+        self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
+        self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        for one in bodies:
+            if len(one.body.rows):
+                self._draw(picture, one)
+        picture.drawn.color_mask = True, True, True, True
+        picture.drawn.use()
+        picture.resolve()
+
+    def _draw(self, picture: RenderTarget, one: GhostBody) -> None:
+        """Draw one: its depth first, so that it hides its own far side."""
+        array = self._array(one)
+        self._program["tint"] = tuple(part / 255 for part in one.tint)
+        self._program["opacity"] = one.opacity
+        for colours, test in ((False, "<"), (True, "<=")):
+            picture.drawn.color_mask = colours, colours, colours, colours
+            picture.drawn.use()
+            self.ctx.depth_func = test
+            array.render(moderngl.TRIANGLES)
+
+    def _array(self, one: GhostBody) -> moderngl.VertexArray:
+        """The ghost on the GPU; the same one is not sent again."""
+        if one.body not in self._known:
+            rows = self.ctx.buffer(np.ascontiguousarray(one.body.rows).tobytes())
+            faces = self.ctx.buffer(np.ascontiguousarray(one.body.faces, np.int32).tobytes())
+            content = [(rows, "3f 3f", "in_position", "in_normal")]
+            made = self.ctx.vertex_array(self._program, content, index_buffer=faces, index_element_size=4)
+            self._known[one.body] = (made, [rows, faces])
+        return self._known[one.body][0]
+
+    def _keep(self, wanted: set[MomentBody]) -> None:
+        """Give back what the GPU holds of other ghosts."""
+        for gone in set(self._known) - wanted:
+            array, buffers = self._known.pop(gone)
+            for held in (array, *buffers):
+                held.release()
