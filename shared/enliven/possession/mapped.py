@@ -20,7 +20,7 @@ _AS_IN_THE_MESH = frozenset(
 """The ends of bones that point as the performer's do: of arms and legs. A trunk, a hand or a foot of a mesh
 may be built otherwise: it turns by as much as the performer's."""
 _SWING = 1.5 * np.pi / 2
-"""The steepest slope of the cubic by which a mesh comes to its performer's pose, along an arc for its chord."""
+"""The steepest slope of the cubic by which a mesh comes to a pose, along an arc for its chord."""
 
 
 class Mapped:

@@ -34,7 +34,7 @@ def prepared(mesh: Mesh, settings: ActorSettings) -> tuple[Mesh, float]:
     mesh = fit_height(mesh, _HEIGHT)
     if settings.stand == "fitted":
         person = find_person_in_mesh(mesh)
-        if person is not None:
+        if person is not None and person.certain:
             mesh = _around_figure(mesh, person)
             log.info("%s: moved so that a standing person's back is in its own", mesh.name)
         else:

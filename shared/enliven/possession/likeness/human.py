@@ -65,6 +65,7 @@ def human_in_mesh(found: LimbEnds, ends: FiveEnds) -> BodyInMesh:
         human=True,
         ends=ends.points[order],
         doubts=_doubts(ends, abs(sure)),
+        strangeness=ends.cost,
     )
 
 
