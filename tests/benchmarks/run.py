@@ -16,7 +16,10 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 HELPERS = HERE.parent / "helpers"
-sys.path[:0] = [str(folder) for folder in (HERE, HELPERS, *sorted(HERE.iterdir())) if folder.is_dir()]
+SCRIPTS = HERE.parents[1] / "scripts"
+sys.path[:0] = [
+    str(folder) for folder in (HERE, HELPERS, SCRIPTS, *sorted(HERE.iterdir())) if folder.is_dir()
+]
 
 from figure import Figure  # noqa: E402
 from figures_page import PAGE, this_machine, written  # noqa: E402

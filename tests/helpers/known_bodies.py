@@ -191,8 +191,8 @@ def t_woman() -> KnownBody:
     shapes = limbs(joints, 0.82, fingers=True)
     bun = off(joints[Joint.HEAD], 0.0, 0.07, -0.11)
     shapes.append((bun, off(bun, 0.0, 0.03, -0.02), 0.05, 0.04))
-    chest = off(joints[Joint.SHOULDER_CENTER], 0.0, -0.17, 0.09)
-    shapes += [(off(chest, s * 0.06, 0, 0), off(chest, s * 0.07, -0.01, 0.02), 0.06, 0.05) for s in (-1, 1)]
+    chest = off(joints[Joint.SHOULDER_CENTER], 0.0, -0.17, 0.075)
+    shapes += [(off(chest, s * 0.06, 0, 0), off(chest, s * 0.07, -0.01, 0.015), 0.05, 0.045) for s in (-1, 1)]
     return KnownBody(skin("t-woman", shapes, 0.03, 0.012), joints)
 
 

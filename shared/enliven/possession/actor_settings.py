@@ -46,6 +46,11 @@ class ActorSettings:
         "skeleton",
         "What drives the mesh: the tracked bones, the surface that the depth sensor sees, or both.",
     )
+    meets: bool = setting(
+        True,
+        "A human-like mesh that its performer stands in brings its limbs to theirs as they take hold; false: "
+        "bones hold what is near them.",
+    )
     height_ratio: float = setting(1.0, "The mesh's height over the performer's.", low=0.05, high=20.0)
     fade: float = setting(0.5, "Time to ease over any change of who holds.", unit="s", low=0.0, high=10.0)
     fade_pace: float = setting(
@@ -72,7 +77,7 @@ class ActorSettings:
     )
     ends: tuple[tuple[float, float, float], ...] = setting(
         (),
-        "For 'mapped': the ends of head, left hand, right hand, left foot and right foot, [x, y, z] each in "
+        "The ends of head, left hand, right hand, left foot and right foot, [x, y, z] each in "
         "metres of the mesh as it is cast; none: they are found.",
     )
     embedded: EmbeddedSettings = setting(EmbeddedSettings, "The deformation's weights.")

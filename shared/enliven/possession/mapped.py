@@ -11,6 +11,7 @@ from enliven.possession.bone_cylinders import bone_rotations, filled_joints
 from enliven.possession.likeness import BodyInMesh
 from enliven.possession.placement import facing, turn_about_y
 from enliven.possession.standing import standing_figure
+from enliven.rotation import unit
 
 _HIP = Joint.HIP_CENTER
 _AS_IN_THE_MESH = frozenset(
@@ -18,8 +19,8 @@ _AS_IN_THE_MESH = frozenset(
 )
 """The ends of bones that point as the performer's do: of arms and legs. A trunk, a hand or a foot of a mesh
 may be built otherwise: it turns by as much as the performer's."""
-_SWING = 1.5
-"""The steepest slope of the cubic by which a mesh comes to its performer's pose."""
+_SWING = 1.5 * np.pi / 2
+"""The steepest slope of the cubic by which a mesh comes to a pose, along an arc for its chord."""
 
 
 class Mapped:
@@ -37,6 +38,7 @@ class Mapped:
         travel: share of their travel over the floor that the mesh makes too.
         seconds: how long the mesh takes to come to the performer's pose.
         pace: metres of the performer a second, the fastest that it does so.
+        inside: whether the mesh is where the performer is, so that it goes over the floor exactly as they do.
     """
 
     fits = True
@@ -49,18 +51,20 @@ class Mapped:
         travel: float = 1.0,
         seconds: float = 0.0,
         pace: float = np.inf,
+        inside: bool = False,
     ) -> None:
-        self.likeness, self.travel, self.scale = likeness, travel, scale
+        self.likeness, self.scale, self.body = likeness, scale, body.id
         self._last = now = filled_joints(body.joints, body.joints)
         yaw = facing(body)
         self._turn = turn_about_y(likeness.yaw - yaw)
         self._rest = _as_the_mesh(likeness, now, yaw, self._turn) if likeness.human else now
         self._home = self._rest[_HIP].copy()
-        self._measure = scale
+        measure = scale
         if np.isfinite(likeness.leg):
-            self._measure = float(
-                np.clip(BodyInMesh(self._rest, 0.0).leg / likeness.leg, scale / 5, 5 * scale)
-            )
+            of_legs = BodyInMesh(self._rest, 0.0).leg / likeness.leg
+            measure = float(np.clip(of_legs, scale / 5, 5 * scale))
+        over_floor = travel / (scale if inside else measure)
+        self._steps = np.array([over_floor, 1.0 / measure, over_floor])
         self._share, self._start_ns, self._seconds = 1.0, -1, seconds
         if likeness.human and seconds > 0:
             farthest = float(np.linalg.norm(self(body.joints) - likeness.joints, axis=1).max())
@@ -88,9 +92,9 @@ class Mapped:
             part = rotation.slerp(rotation.IDENTITY, rotation.from_matrix(turns), np.array(self._share))
             turns = rotation.to_matrix(part)
         own = self.likeness.joints
-        way = (now[_HIP] - self._home) * np.array([self.travel, 1.0, self.travel])
+        way = (now[_HIP] - self._home) * self._steps
         out = np.empty((J, 3))
-        out[_HIP] = own[_HIP] + self._share * (self._turn @ way) / self._measure
+        out[_HIP] = own[_HIP] + self._share * (self._turn @ way)
         for child in range(1, J):
             parent = PARENTS[child]
             out[child] = out[parent] + turns[child - 1] @ (own[child] - own[parent])
@@ -102,6 +106,7 @@ class Mapped:
 
     def handed_over(self, body: Body) -> None:
         """Continues with another body from where the last one was."""
+        self.body = body.id
         step = body.joints[_HIP] - self._last[_HIP]
         if np.isfinite(step).all():
             self._home = self._home + step
@@ -128,13 +133,9 @@ def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> F
         elif Joint(parent) in _AS_IN_THE_MESH:
             before = PARENTS[parent]
             way = rotation.rotate(
-                rotation.swing(_unit(figure[parent] - figure[before]), _unit(mesh[parent] - mesh[before])),
+                rotation.swing(unit(figure[parent] - figure[before]), unit(mesh[parent] - mesh[before])),
                 way,
             )
-        made[joint] = made[parent] + float(np.linalg.norm(now[joint] - now[parent])) * _unit(way)
+        made[joint] = made[parent] + float(np.linalg.norm(now[joint] - now[parent])) * unit(way)
     made[:, 1] += now[:, 1].min() - made[:, 1].min()
     return made
-
-
-def _unit(way: Float) -> Float:
-    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))

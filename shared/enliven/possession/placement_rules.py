@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from enliven.deformation.graph import DeformationGraph
@@ -32,7 +34,20 @@ class PlacementRules:
         size: float,
     ) -> None:
         self.settings, self.height, self.size = settings, height, size
-        self.likeness = _likeness(settings, character, graph) if settings.how == "mapped" else None
+        self._character, self._graph = character, graph
+
+    @cached_property
+    def likeness(self) -> BodyInMesh | None:
+        """A person's skeleton in the mesh, where limb drives limb; None where bones hold what is near."""
+        own = self.settings
+        mapped = own.how == "mapped"
+        meets = own.meets and own.how == "inside" and own.follow == "skeleton"
+        meets = meets and own.place == "meet" and own.scaled == "mesh"
+        if not mapped and not meets:
+            return None
+        mesh = Mesh(self._character.vertices.astype(np.float64), self._character.faces, self._character.id)
+        found = find_body_in_mesh(mesh, self._graph, np.array(own.ends, np.float64))
+        return found if mapped or found.certain else None
 
     def waiting_place(self, body: Body, farther: float = 0.0) -> Placement:
         """Returns where the mesh waits once the first performer is in view, so many metres to the left."""
@@ -54,26 +69,25 @@ class PlacementRules:
             placement: where the mesh stands.
             earlier: the carryings of present holds, of others or of the body itself.
         """
-        if self.likeness is not None:
-            own, scale = self.settings, self._performer_scale(body)
-            return [Mapped(self.likeness, body, scale, own.travel, own.fade, own.fade_pace)]
-        inside = self.settings.how == "inside"
+        own, scale = self.settings, self._performer_scale(body)
+        inside = own.how == "inside"
+        if self.likeness is not None and not (inside and earlier):
+            return [Mapped(self.likeness, body, scale, own.travel, own.fade, own.fade_pace, inside)]
+        held = next((one for one in earlier if isinstance(one, Mapped)), None)
+        if held is not None and held.body == body.id:
+            return [held]
         places = [one.placement for one in earlier[:1] if isinstance(one, CarriedPlacement)]
-        if inside and self.settings.place == "fixed" and not places:
-            scale = self._performer_scale(body) if self.settings.scaled == "performer" else AS_MODELLED.scale
-            places = [Placement(scale, placement.yaw, placement.offset)]
+        if inside and held is not None:
+            places = [placement]
+        elif inside and own.place == "fixed" and not places:
+            fixed = scale if own.scaled == "performer" else AS_MODELLED.scale
+            places = [Placement(fixed, placement.yaw, placement.offset)]
         elif not inside or not places:
-            places.append(under(body, self._performer_scale(body)))
-        return [CarriedPlacement(place, self.settings.travel, not inside) for place in places]
+            places.append(under(body, scale))
+        return [CarriedPlacement(place, own.travel, not inside) for place in places]
 
     def _performer_scale(self, body: Body) -> float:
         """Returns the metres of the performer for one metre of the rest space."""
         if self.settings.scaled == "nobody":
             return self.size
         return self.settings.height_ratio * body.height / self.height
-
-
-def _likeness(settings: ActorSettings, character: Character, graph: DeformationGraph) -> BodyInMesh:
-    """Returns the skeleton of a person in a character's mesh."""
-    mesh = Mesh(character.vertices.astype(np.float64), character.faces, character.id)
-    return find_body_in_mesh(mesh, graph, np.array(settings.ends, np.float64))

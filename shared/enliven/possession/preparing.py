@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 
 from enliven.meshes import Mesh, fit_height, refine
+from enliven.person import Joint
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.standing import fit_standing_person
+from enliven.possession.likeness import BodyInMesh, find_person_in_mesh
+from enliven.possession.placement import turn_about_y
+from enliven.possession.standing import fit_standing_person, standing_figure
 
 log = logging.getLogger(__name__)
 
@@ -29,6 +33,19 @@ def prepared(mesh: Mesh, settings: ActorSettings) -> tuple[Mesh, float]:
     size = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT
     mesh = fit_height(mesh, _HEIGHT)
     if settings.stand == "fitted":
-        mesh, fit = fit_standing_person(mesh)
-        log.info("%s: moved to where a standing person fits into it (%.0f %%)", mesh.name, 100 * fit)
+        person = find_person_in_mesh(mesh)
+        if person is not None and person.certain:
+            mesh = _around_figure(mesh, person)
+            log.info("%s: moved so that a standing person's back is in its own", mesh.name)
+        else:
+            mesh, fit = fit_standing_person(mesh)
+            log.info("%s: moved to where a standing person fits into it (%.0f %%)", mesh.name, 100 * fit)
     return refine(mesh, _LONGEST_EDGE), size
+
+
+def _around_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
+    """Returns the mesh with its front at +Z and its trunk about that of a figure who stands at the origin."""
+    trunk = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
+    turn = turn_about_y(person.yaw)
+    offset = standing_figure(_HEIGHT)[trunk].mean(0) - (person.joints @ turn)[trunk].mean(0)
+    return replace(mesh, vertices=mesh.vertices @ turn + offset * [1.0, 0.0, 1.0])

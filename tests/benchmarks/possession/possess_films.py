@@ -20,6 +20,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[2] / "helpers"))
 
+sys.path.insert(0, str(Path(__file__).parents[3] / "scripts"))
+
+from known_bodies import BODIES
 from possess_cast import actor_of, as_if_by, cut, danced, held_still, scan_in_world, shared_by
 from possess_measures import measure
 from possess_studio import Studio
@@ -31,7 +34,7 @@ from enliven.meshes.mesh import Mesh
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven_edge.importing.mirror import mirrored
 from enliven_edge.importing.registry import find_files, find_reader
-from enliven_edge.stage.casting import cast
+from enliven_edge.stage.casting import cast, cast_mesh
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 OUT = Path(__file__).parents[3] / "out" / "possess"
@@ -88,6 +91,10 @@ def real_films() -> dict[str, Film]:
         "two-on-a-horse": Film(
             "Two people, one horse", _two, (Act(0.4, TRUNK, 0), Act(0.8, TRUNK, 1, "join"))
         ),
+        "t-pose": Film("A T-posed woman comes to her performer's pose", _stepped_into(WAVE), (Act(1.3),)),
+        "t-pose-before": Film(
+            "A T-posed woman, held where bones are near", _stepped_into(WAVE, meets=False), (Act(1.3),)
+        ),
         "lamp": Film("The lamp, by hip and right arm", _of("lamp", WAVE), (Act(1.3, LAMP_PARTS),)),
         "lamp-wing": Film("The lamp, by hip and right arm", _of("lamp", WING), (Act(2.2, LAMP_PARTS),)),
     }
@@ -119,6 +126,16 @@ def _of(
         frames = read(recording)
         spec = mesh if "/" not in mesh else str(DATA / mesh)
         return cut(frames, piece or (0.0, 1e9)), cast(spec, settings=settings)
+
+    return made
+
+
+def _stepped_into(recording: str, meets: bool = True) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
+    """A woman of the project's ten bodies in a T-pose, and a recording of another pose."""
+
+    def made() -> tuple[list[BodyFrame], EmbeddedActor]:
+        mesh = BODIES["t woman"]().mesh
+        return read(recording), cast_mesh(mesh, "woman", settings=replace(RAISED, meets=meets))
 
     return made
 

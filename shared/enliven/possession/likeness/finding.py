@@ -21,6 +21,22 @@ _ON_FLOOR = 0.15
 """Share of the height below which a hand is on the floor: a beast on four feet is no person."""
 
 
+def find_person_in_mesh(mesh: Mesh) -> BodyInMesh | None:
+    """Returns the skeleton of a person in an upright mesh that is built as a person is; None in any other.
+
+    Raises:
+        InputError: for a mesh without area.
+    """
+    found = limb_ends(mesh, nodes=_NODES)
+    best = five_ends(found)
+    if best is None or best.cost > _STRANGE:
+        return None
+    low, high = mesh.bounds
+    if best.points[1:3, 1].max() < low[1] + _ON_FLOOR * (high[1] - low[1]):
+        return None
+    return human_in_mesh(found, best)
+
+
 def find_body_in_mesh(mesh: Mesh, graph: DeformationGraph, ends: Float | None = None) -> BodyInMesh:
     """Returns the skeleton of a person in a mesh.
 
@@ -33,18 +49,11 @@ def find_body_in_mesh(mesh: Mesh, graph: DeformationGraph, ends: Float | None = 
     Raises:
         InputError: for other than five ends, or a mesh without area.
     """
+    if ends is None or not len(ends):
+        return find_person_in_mesh(mesh) or body_by_extremities(graph)
+    if np.shape(ends) != (5, 3):
+        mend = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
+        what = f"there are {len(ends)} ends, expected 5"
+        raise InputError(what, where=f"the mesh {mesh.name!r}", mend=mend)
     found = limb_ends(mesh, nodes=_NODES)
-    if ends is not None and len(ends):
-        if np.shape(ends) != (5, 3):
-            mend = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
-            raise InputError(
-                f"there are {len(ends)} ends, expected 5", where=f"the mesh {mesh.name!r}", mend=mend
-            )
-        return human_in_mesh(found, given_ends(found, np.asarray(ends, np.float64)))
-    best = five_ends(found)
-    if best is None or best.cost > _STRANGE:
-        return body_by_extremities(graph)
-    low, high = mesh.bounds
-    if best.points[1:3, 1].max() < low[1] + _ON_FLOOR * (high[1] - low[1]):
-        return body_by_extremities(graph)
-    return human_in_mesh(found, best)
+    return human_in_mesh(found, given_ends(found, np.asarray(ends, np.float64)))

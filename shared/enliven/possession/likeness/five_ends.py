@@ -15,6 +15,7 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.deformation.graph import LimbEnds
 from enliven.possession.likeness.tree_of_limbs import HEAD, LimbTree, ways_misfit, weighted_place
+from enliven.rotation import unit
 
 _NEAR = 0.12
 """Share of the longest way within which ends are one limb's: fingers, toes, horns."""
@@ -174,7 +175,7 @@ def _looked_at(
     at = found.points[found.ends[others]]
     crown = found.points[int(np.argmin(ways[first] + ways[second] + abs(ways[first] - ways[second])))]
     chest, pelvis = (weighted_place(found.points, rows, want) for want in (tree.from_chest, tree.from_pelvis))
-    up, along = _unit(chest - pelvis), _unit(crown - chest)
+    up, along = unit(chest - pelvis), unit(crown - chest)
     more = _HEAD_ALONG * (1.0 - float(along @ up)) + _UPRIGHT * (1.0 - float(up[1]))
     return FiveEnds(np.vstack([crown, at]), rows, tree, chest, pelvis, 0.0, 0.0), more
 
@@ -194,7 +195,3 @@ def _pair(apart: Float) -> tuple[float, float]:
     """Returns how far the ends of a pair are from those of another, whichever is which."""
     straight, crossed = (apart[0, 0], apart[1, 1]), (apart[0, 1], apart[1, 0])
     return straight if sum(straight) < sum(crossed) else crossed
-
-
-def _unit(way: Float) -> Float:
-    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))

@@ -13,6 +13,7 @@ from enliven.deformation.graph import LimbEnds
 from enliven.person import J, Joint
 from enliven.possession.likeness.five_ends import FiveEnds
 from enliven.possession.likeness.skeleton import BodyInMesh
+from enliven.rotation import unit
 
 _ARM = (0.86, 0.52, 0.2, 0.06)
 """Shoulder, elbow, wrist and hand: shares of an arm's length from its end, of bodies made at random."""
@@ -26,6 +27,8 @@ _WAIST = 0.44
 """Share of the trunk, from the hips, at which it bends."""
 _ABOVE_HIPS = 0.12
 """Share of the trunk by which the middle of the hips is above the hip joints."""
+_LIFTED = 0.6
+"""Cosine between thigh and trunk below which a leg is lifted: its rings then end in the lap."""
 _SIDES_ALIKE = 0.015
 """Share of the height below which what tells the front tells nothing."""
 _ELBOWS = 0.5
@@ -43,12 +46,14 @@ def human_in_mesh(found: LimbEnds, ends: FiveEnds) -> BodyInMesh:
     limbs = _Limbs(found, ends)
     arms = np.array([[limbs.ring(k, share, ends.tree.arm) for share in _ARM] for k in (1, 2)])
     legs = np.array([[limbs.ring(k, share, ends.tree.leg) for share in _LEG] for k in (3, 4)])
+    for leg in legs:
+        leg[0] = _at_trunk(leg[0], leg[1], arms[:, 0].mean(0), limbs.trunk())
     if (arms[0, 0] - arms[1, 0]) @ (legs[0, 0] - legs[1, 0]) < 0.0:
         legs = legs[::-1]
     height = float(np.ptp(found.points[:, 1])) or 1.0
     up = arms[:, 0].mean(0) - legs[:, 0].mean(0)
     left = _level(arms[0, 0] - arms[1, 0] + legs[0, 0] - legs[1, 0], up)
-    ahead = np.cross(left, up / max(float(np.linalg.norm(up)), 1e-12))
+    ahead = np.cross(left, unit(up))
     sure = _front(arms, legs, ahead) / height + _MODELLED * ahead[2]
     if sure < 0.0:
         arms, legs, ahead = arms[::-1], legs[::-1], -ahead
@@ -60,6 +65,7 @@ def human_in_mesh(found: LimbEnds, ends: FiveEnds) -> BodyInMesh:
         human=True,
         ends=ends.points[order],
         doubts=_doubts(ends, abs(sure)),
+        strangeness=ends.cost,
     )
 
 
@@ -70,7 +76,8 @@ class _Limbs:
         tree = ends.tree
         length = np.array([tree.head, tree.arm, tree.arm, tree.leg, tree.leg])
         self._points, self._ways = found.points, ends.ways
-        self._owner = (ends.ways - length[:, None]).argmin(0)
+        past = ends.ways - length[:, None]
+        self._owner, self._beyond = past.argmin(0), (past > 0).all(0)
 
     def ring(self, limb: int, share: float, length: float) -> Float:
         """(3,) metres: the middle of a limb at a share of its length from its end."""
@@ -83,16 +90,32 @@ class _Limbs:
         slope = (weights * (way[own] - mean)) @ (self._points[own] - middle) / max(spread, 1e-12)
         return np.asarray(middle + slope * np.clip(-mean, -_RING * length, _RING * length))
 
+    def trunk(self) -> Float:
+        """(3,) metres: the middle of what belongs to no limb; of all where nothing does."""
+        own = self._beyond
+        return np.asarray(self._points[own if own.any() else slice(None)].mean(0))
+
     def skull(self, deep: float) -> Float:
         """(3,) metres: the middle of what lies within ``deep`` metres of the head's end."""
         near = self._ways[0] < deep
         return np.asarray(self._points[near].mean(0) if near.any() else self._points[self._ways[0].argmin()])
 
 
+def _at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
+    """(3,) metres: a hip, moved along a thigh that is lifted to where it meets the trunk's axis."""
+    thigh, trunk = unit(hip - knee), unit(middle - neck)
+    along = float(thigh @ trunk)
+    if abs(along) > _LIFTED:
+        return hip
+    gap = middle - hip
+    further = float(gap @ thigh - along * (gap @ trunk)) / (1.0 - along * along)
+    return np.asarray(hip + max(further, 0.0) * thigh)
+
+
 def _level(way: Float, up: Float) -> Float:
     """(3,) the unit vector of ``way`` at a right angle to ``up``."""
     across = way - up * float(way @ up) / max(float(up @ up), 1e-12)
-    return np.asarray(across / max(float(np.linalg.norm(across)), 1e-12))
+    return unit(across)
 
 
 def _front(arms: Float, legs: Float, ahead: Float) -> float:

@@ -9,6 +9,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import PARENTS, Joint
 
+_SURELY = 45.0
+"""The cost of five ends below which a mesh is surely a person: a bear has 35, a chair with arm rests 56."""
+
 
 @dataclass(frozen=True)
 class BodyInMesh:
@@ -20,6 +23,7 @@ class BodyInMesh:
         human: whether the mesh is built as a person is: a head, two arms, two legs and an upright trunk.
         ends: (5, 3) metres, ends of head, left and right hand, left and right foot; empty if not human.
         doubts: a sentence about each thing that is as good as undecided.
+        strangeness: 0 for a person of usual proportions who stands upright, more the less it is like one.
     """
 
     joints: Float
@@ -27,6 +31,12 @@ class BodyInMesh:
     human: bool = False
     ends: Float = field(default_factory=lambda: np.empty((0, 3)))
     doubts: tuple[str, ...] = ()
+    strangeness: float = 0.0
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is so surely a person that it is treated as one without being asked to."""
+        return self.human and not self.doubts and self.strangeness < _SURELY
 
     @property
     def leg(self) -> float:
