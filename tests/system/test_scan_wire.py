@@ -182,8 +182,3 @@ def test_what_was_scanned_stands_beside_what_is_there(frames) -> None:
         assert apart == pytest.approx(0.4, abs=1e-3)
     finally:
         running.close()
-
-
-def test_a_made_up_box_is_refused() -> None:
-    with pytest.raises(ValueError, match="6 numbers"):
-        Scan("done", box=[0.0, 1.0])

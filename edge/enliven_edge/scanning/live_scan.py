@@ -192,7 +192,8 @@ class LiveScan(threading.Thread):
     def _fail(self, error: EnlivenError) -> None:
         """Says what is wrong; the scan goes on where it is asked to."""
         self.phase = "failed"
-        self._note = error.what[:160], error.mend[:160]
+        # In a window it is a button, and no option of a command.
+        self._note = error.what[:160], error.mend.replace("add --whole to keep", "keep")[:160]
 
     def _tell(self, *, at_once: bool = False) -> None:
         """Tells how it goes, and the pieces that changed."""

@@ -157,7 +157,6 @@ class Scan(Order, frozen=True):
         voxel: for "start", metres of a voxel's side.
         within: for "start", metres; what is farther is left out, and the thing may be turned.
         whole: for "done", keep all that was scanned, and not what stands on the floor.
-        box: for "done", the lowest and the highest corner, metres on the stage, of what is kept; or empty.
     """
 
     do: Literal["start", "pause", "go on", "undo", "done", "cancel"]
@@ -165,11 +164,6 @@ class Scan(Order, frozen=True):
     voxel: Annotated[float, Meta(ge=0.001, le=0.1)] = 0.004
     within: Metres | None = None
     whole: bool = False
-    box: Annotated[list[Number], Meta(max_length=6)] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        if len(self.box) not in (0, 6):
-            raise ValueError(f"a box has 6 numbers, not {len(self.box)}")
 
 
 class Ping(Ask, frozen=True):

@@ -50,7 +50,6 @@ class ScanSession:
         self.shown, self.whole, self.turned = False, False, False
         self.size: Size = "thing"
         self.name = ""
-        self.box: list[float] = []
         self.said = _OFF
         self._growing = GrowingMesh()
         self._wanted: tuple[int, str] | None = None
@@ -132,7 +131,7 @@ class ScanSession:
 
     def done(self) -> None:
         """Make a character of it."""
-        self._ask(Scan("done", whole=self.whole, box=self.box))
+        self._ask(Scan("done", whole=self.whole))
 
     def cancel(self) -> None:
         """Forget it."""
