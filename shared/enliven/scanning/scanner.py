@@ -30,6 +30,10 @@ _TRIED = 4
 """Keyframes from which a lost camera is sought in each frame: 30 ms each."""
 _CLEANED = 90
 """Frames after which blocks without a surface are given back: three seconds."""
+_FRAME = 1.0 / 30.0
+"""Seconds between two images at least, where a recording's times stand still."""
+_SLACK = 0.05
+"""Metres that a camera may be found off at any time: twice what noise and a hand's tremor do."""
 _WORSE = 0.02
 """Share by which images may agree less once a loop is closed: on a doubled surface each has its own."""
 
@@ -115,7 +119,7 @@ class Scanner:
         if self._state in (ScanState.LOST, ScanState.EMPTY):
             return self._sought(view, up)
         found = self._tracked(view, up)
-        self._state = self._judged(found)
+        self._state = ScanState.LOST if self._too_far(found, frame.time_ns) else self._judged(found)
         if self._state is not ScanState.SCANNING:
             return ScanStep(self._state, self._pose, found)
         return self._fuse(frame, view, found.world_from_camera, found, up)
@@ -208,6 +212,12 @@ class Scanner:
         if found.overlap < s.overlap or found.agreeing < s.agreeing:
             return ScanState.LOST
         return ScanState.UNSURE if found.deviation > s.unsure else ScanState.SCANNING
+
+    def _too_far(self, found: Alignment, time_ns: int) -> bool:
+        """Returns whether nothing that is carried could have come there since the last image."""
+        passed = max(1e-9 * (time_ns - self.poses[-1][0]), _FRAME)
+        way = float(np.linalg.norm(found.world_from_camera[:3, 3] - self._pose[:3, 3]))
+        return way > self.settings.tracking.fastest * passed + _SLACK
 
     def _fuse(
         self, frame: DepthFrame, view: DepthView, pose: Float, found: Alignment | None, up: Float | None

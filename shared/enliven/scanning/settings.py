@@ -75,6 +75,13 @@ class TrackingSettings:
         low=1e-3,
         high=1,
     )
+    fastest: float = setting(
+        4.0,
+        "Speed of the camera beyond which a place that fits is another one that looks alike.",
+        unit="m/s",
+        low=0.1,
+        high=100,
+    )
     independent: float = setting(
         0.02, "Share of the points whose noise counts as independent of their neighbours'.", low=1e-4, high=1
     )

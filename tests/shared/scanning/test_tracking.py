@@ -136,6 +136,20 @@ def test_a_lost_camera_fuses_nothing_and_is_found_where_it_was():
     assert apart(back[-1].world_from_camera, carried(0.26))[0] < 0.01
 
 
+def test_a_place_that_nothing_carried_could_have_reached_is_not_believed():
+    """In a corridor of blank walls an image fits in many places, metres from one another."""
+    scanner, _ = scan(np.linspace(0.0, 0.4, 14))
+    far = frame_of(room_depth(carried(0.56)), 14)
+    assert np.linalg.norm(carried(0.56)[:3, 3] - carried(0.4)[:3, 3]) > 0.2
+    assert scanner.add(far).state is ScanState.LOST
+    assert len(scanner.poses) == 14
+    # Half a second later it may well have been carried there.
+    scanner, _ = scan(np.linspace(0.0, 0.4, 14))
+    step = scanner.add(replace(far, time_ns=far.time_ns + 500_000_000))
+    assert step.state is ScanState.SCANNING
+    assert np.linalg.norm(step.world_from_camera[:3, 3] - carried(0.56)[:3, 3]) < 0.02
+
+
 def test_a_felt_direction_up_holds_what_the_image_leaves_open():
     scanner, _ = scan([0.0])
     view = scanner._prepared(frame_of(plane_depth(FLOOR, 0.0, carried(0.0), CAMERA)))

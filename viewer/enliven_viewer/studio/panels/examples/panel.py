@@ -12,6 +12,7 @@ from enliven_viewer.studio.panels.examples.points import draw_points
 from enliven_viewer.studio.panels.examples.settings import draw_settings
 from enliven_viewer.studio.panels.fields import character_name, told
 from enliven_viewer.studio.panels.layer import draw_layer
+from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import packed, panel, small, tinted
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
@@ -37,6 +38,7 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
             draw_layer(workspace, puppet, number)
             draw_held(workspace, puppet)
         if puppet is not None:
+            draw_numbers(workspace)
             draw_settings(workspace, puppet)
 
 
