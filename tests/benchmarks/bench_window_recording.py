@@ -31,17 +31,17 @@ def figures() -> Iterator[Figure]:
     """window.record_overhead, the share of a picture's time that recording takes."""
     with tempfile.TemporaryDirectory() as folder:
         session = PerformSession(Editor(project=Project().with_takes(*library())), Path(folder))
-        session.room, session.count_in = "Perform", False
+        session.room, session.recording.count_in = "Perform", False
         session.connect_nearby("--loop", "--possess-at", "0.5")
         try:
             _run(session, lambda: session.holders)
             extra = list[float]()
             for _ in range(TURNS):
                 before = statistics.median(_pictures(session))
-                session.record()
-                _run(session, lambda: session.phase == "recording")
+                session.recording.record()
+                _run(session, lambda: session.recording.phase == "recording")
                 extra.append(statistics.median(_pictures(session)) - before)
-                session.stop()
+                session.recording.stop()
         finally:
             session.disconnect()
     yield Figure("window.record_overhead", 100 * statistics.median(extra) * RATE, "%")

@@ -65,7 +65,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
                 edge = perform.live and perform.live.document.edge.message
-                now = [perform.connected, perform.phase, perform.standing, perform.holders, edge]
+                now = [perform.connected, perform.recording.phase, perform.standing, perform.holders, edge]
                 said["missing"] = [what, perform.sender.states, toasts, now]
                 raise TimeoutError(what)
             ctx.yield_()
@@ -83,9 +83,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
 
     def recording(seconds: float) -> bool:
         # On a loaded machine the edge may be silent for long enough to end a recording.
-        if perform.phase == "idle" and perform.connected:
-            perform.record()
-        return perform.recorder.seconds > seconds
+        if perform.recording.phase == "idle" and perform.connected:
+            perform.recording.record()
+        return perform.recording.recorder.seconds > seconds
 
     click("room Perform")
     ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
@@ -102,8 +102,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     said["edit_s"] = time.monotonic() - began
     click("count in")
     click("record")
-    until(lambda: perform.recorder.seconds > 0.8, "a second of recording")
-    said["growing"] = list(perform.clip)
+    until(lambda: perform.recording.recorder.seconds > 0.8, "a second of recording")
+    said["growing"] = list(perform.recording.clip)
     shot("recording")
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.r))
     ctx.yield_()
@@ -116,17 +116,17 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     said["undone"] = [sorted(editor.project.characters), editor.history.redo_name]
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.mod_shift) | int(imgui.Key.z))
     ctx.yield_()
-    before = [perform.recorder.newest_ns, len(editor.project.takes)]
+    before = [perform.recording.recorder.newest_ns, len(editor.project.takes)]
     until(lambda: recording(0.8), "a second recording")
     edge.kill()
-    until(lambda: perform.phase == "idle", "the end of the recording")
+    until(lambda: perform.recording.phase == "idle", "the end of the recording")
     said["kept"] = [len(editor.project.takes) - before[1], [t.text for t in editor.toasts.shown]]
     shot("gone")
     edge.start()
     until(lambda: perform.connected and perform.holders and "arm" in perform.standing, "all of it again")
     said["undone both"] = editor.history.names[-2:]
     until(lambda: recording(0.8), "a third recording")
-    perform.record()
+    perform.recording.record()
     said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
     layered(ctx, window, until)
     ctx.item_click("perform/arm  ·  held##stands arm")
@@ -154,10 +154,10 @@ def layered(ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Cal
             until(lambda: len(live.document.characters["arm"].pivots) == bones, "the cut arm there")  # noqa: B023
         ctx.key_press(int(imgui.Key.p))
         until(lambda: "arm" in {one.character for one in perform.holders}, "who holds the arm")
-        perform.record()
-        until(lambda: perform.recorder.seconds > seconds, "a recording of the arm")  # noqa: B023
+        perform.recording.record()
+        until(lambda: perform.recording.recorder.seconds > seconds, "a recording of the arm")  # noqa: B023
         seen.append([sorted(perform.hidden), [one.character.id for one in perform.scene.actors]])
-        perform.record()
+        perform.recording.record()
         counts.append(len({layer.take for layer in editor.project.shapes["arm"].layers}))
     said["layered"], said["shown once"] = counts, seen
 

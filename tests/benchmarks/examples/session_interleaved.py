@@ -146,9 +146,9 @@ def recorded(workspace: Workspace, name: str, parts: str, seconds: float = 4.5) 
     yield from until(lambda: name in {one.character for one in perform.holders}, f"who holds the {name}")
     before = editor.project.characters.get(name)
     yield Key("ctrl+r")
-    yield from until(lambda: perform.recorder.seconds > seconds, "the recording")
+    yield from until(lambda: perform.recording.recorder.seconds > seconds, "the recording")
     yield Key("ctrl+r")
-    yield from until(lambda: perform.phase == "idle", "the end of the recording")
+    yield from until(lambda: perform.recording.phase == "idle", "the end of the recording")
     if editor.project.characters.get(name) is before:
         raise AssertionError(f"nothing of the {name} was recorded")
 
@@ -196,6 +196,6 @@ def typed(text: str) -> Actions:
 
 def at_rest(workspace: Workspace) -> Actions:
     """Waits until the performer has begun to stand still with lifted arms."""
-    recorder = workspace.perform.recorder
+    recorder = workspace.perform.recording.recorder
     second = lambda: ((recorder.newest_ns or 0) * 1e-9 - 1.0) % LENGTH  # noqa: E731
     yield from until(lambda: 0.4 < second() < 1.5, "the performer at rest")

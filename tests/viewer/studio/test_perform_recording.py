@@ -103,19 +103,19 @@ def until(session: PerformSession, done: Callable[[], object]) -> None:
 
 def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: PerformSession) -> None:
     editor = session.editor
-    session.span = (0.3, 0.9)
-    session.record()
-    until(session, lambda: session.phase == "recording")
-    until(session, lambda: session.phase == "idle")
+    session.recording.span = (0.3, 0.9)
+    session.recording.record()
+    until(session, lambda: session.recording.phase == "recording")
+    until(session, lambda: session.recording.phase == "idle")
     part = editor.project.graphs["chair"].parts[0]
     assert part.offset == pytest.approx(0.3, abs=0.05)
     assert editor.project.length_of(part) == pytest.approx(0.6, abs=0.1)
     editor.undo()
-    session.loops = True
-    session.record()
+    session.recording.loops = True
+    session.recording.record()
     until(session, lambda: len(editor.history.names) > 1)
-    assert session.phase == "recording", "the next one is under way"
-    session.stop()
+    assert session.recording.phase == "recording", "the next one is under way"
+    session.recording.stop()
 
 
 def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSession) -> None:
@@ -125,18 +125,18 @@ def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSe
         heard(CALLS, CallMessage(word, "left pedal"))
 
     called("stop")
-    assert session.phase == "idle"
+    assert session.recording.phase == "idle"
     called("again")
-    assert session.phase == "idle", "nothing was recorded yet"
+    assert session.recording.phase == "idle", "nothing was recorded yet"
     called("record")
-    until(session, lambda: session.recorder.seconds > 0.4)
+    until(session, lambda: session.recording.recorder.seconds > 0.4)
     called("again")
-    assert session.recorder.seconds == 0.0
-    until(session, lambda: session.recorder.seconds > 0.4)
+    assert session.recording.recorder.seconds == 0.0
+    until(session, lambda: session.recording.recorder.seconds > 0.4)
     called("stop")
-    assert session.phase == "idle" and session.editor.history.names[-1] == "record take 1"
+    assert session.recording.phase == "idle" and session.editor.history.names[-1] == "record take 1"
     called("again")
-    assert session.phase == "counting" and "chair" not in session.editor.project.characters
-    until(session, lambda: session.recorder.seconds > 0.4)
+    assert session.recording.phase == "counting" and "chair" not in session.editor.project.characters
+    until(session, lambda: session.recording.recorder.seconds > 0.4)
     called("record")
-    assert session.phase == "idle" and session.editor.history.names[-1] == "record take 1"
+    assert session.recording.phase == "idle" and session.editor.history.names[-1] == "record take 1"

@@ -158,7 +158,7 @@ class StudioWindow:
             mend = "Use --film out.mp4 to render without a window, or start where there is a display."
             raise ResourceError(str(error).rstrip("."), where="window", mend=mend) from None
         except BaseException:
-            self.workspace.perform.stop()
+            self.workspace.perform.recording.stop()
             self.workspace.store.autosave_now()
             raise
         finally:
@@ -197,7 +197,7 @@ class StudioWindow:
         """Whether nothing moves, so that few pictures a second are enough."""
         perform, editor = self.workspace.perform, self.workspace.editor
         still = perform.live is None or perform.live.quiet
-        return still and not editor.playing and perform.phase == "idle" and self.step is None
+        return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
 
     @property
     def _edits_puppet(self) -> bool:
@@ -382,7 +382,9 @@ class StudioWindow:
         """Do what a key means: of the window itself, or of the workspace."""
         if key == "f11":
             self._windowed = toggle_full_screen(glfw_window_hello_imgui(), self._windowed)
-        elif key == "escape" and self.opening.escape_ends and self.workspace.perform.phase == "idle":
+        elif (
+            key == "escape" and self.opening.escape_ends and self.workspace.perform.recording.phase == "idle"
+        ):
             self.workspace.ask("quit")
         else:
             self.workspace.input.key(key)

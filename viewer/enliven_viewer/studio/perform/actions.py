@@ -100,13 +100,31 @@ PERFORM_ACTIONS = (
         why_not=PerformSession.lacks_to_take_off,
     ),
     PerformAction(
-        "Record, or end the recording", "ctrl+r", PerformSession.record, why_not=PerformSession.lacks_edge
+        "Record, or end the recording",
+        "ctrl+r",
+        lambda session: session.recording.record(),
+        why_not=PerformSession.lacks_edge,
     ),
     PerformAction(
-        "Record again from where it began", "", PerformSession.again, why_not=PerformSession.lacks_edge
+        "Record again from where it began",
+        "",
+        lambda session: session.recording.again(),
+        why_not=PerformSession.lacks_edge,
     ),
-    PerformAction("Recordings begin here", "i", lambda session: session.mark(0), ("Perform",), live=False),
-    PerformAction("Recordings end here", "o", lambda session: session.mark(1), ("Perform",), live=False),
+    PerformAction(
+        "Recordings begin here",
+        "i",
+        lambda session: session.recording.mark(0),
+        ("Perform",),
+        live=False,
+    ),
+    PerformAction(
+        "Recordings end here",
+        "o",
+        lambda session: session.recording.mark(1),
+        ("Perform",),
+        live=False,
+    ),
     PerformAction("Possess alone", "p", _live(LiveStage.possess), _HERE),
     PerformAction("Possess beside others", "j", _live(lambda live: live.possess("join")), _HERE),
     PerformAction("Hold with these parts as well", "e", _live(lambda live: live.possess("extend")), _HERE),

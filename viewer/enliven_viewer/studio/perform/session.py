@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from enliven.document import Project
-from enliven.errors import EnlivenError, InputError
-from enliven.takes import with_performed
+from enliven.errors import EnlivenError
 from enliven.wire import CALLS, Topic
 from enliven_viewer.link import EdgeClient, EdgeFeed, StageLink, TakeFeed
 from enliven_viewer.live import LiveStage
@@ -19,20 +17,12 @@ from enliven_viewer.studio.perform.addresses import Addresses
 from enliven_viewer.studio.perform.holders import Holder
 from enliven_viewer.studio.perform.nearby import NearbyEdge
 from enliven_viewer.studio.perform.recorder import LiveRecorder
+from enliven_viewer.studio.perform.recording import StageRecording
 from enliven_viewer.studio.perform.sender import StageSender
 from enliven_viewer.studio.perform.twins import Telling, Twins
 
 ROOMS = ("Perform", "Animate", "Model", "Play")
 """The workspaces: which panels are in reach; what is loaded never changes with them."""
-_COUNT = 3.0
-"""Seconds of the count-in: one beat each."""
-_GONE = 4.0
-"""Seconds for which an edge has been called silent that end a recording: a weak link comes back sooner."""
-_SHORTEST = 0.05
-"""Seconds of the shortest span: less is a slip of the hand."""
-_RECORD = "record "
-"""What the name of an edit begins with that is a recording."""
-Phase = Literal["idle", "counting", "recording"]
 
 
 class PerformSession:
@@ -47,12 +37,7 @@ class PerformSession:
         live: what is followed; None without a link.
         scene: what is live, as it is shown beside the project's characters; None without a link.
         there: the character that was chosen in the list of those on the stage, if it is not the project's.
-        phase: whether a recording is counted in or under way.
-        replaces: whether a recording takes the place of what the bones that moved play already.
-        count_in: whether three beats come before a recording.
-        hold_still: seconds for which all performers hold still that end a recording; 0: that ends none.
-        span: the first and the last second of the project that are recorded; None: from the playhead on.
-        loops: whether the span is recorded again and again, each time as a recording of its own.
+        recording: from the stage onto the timeline.
         address: what is typed into the field.
     """
 
@@ -64,18 +49,13 @@ class PerformSession:
         self.scene: Scene | None = None
         self.there = ""
         self._twins = Twins(editor)
-        self.recorder = LiveRecorder()
+        self.recording = StageRecording(
+            *(editor, lambda: self.live, lambda: self.connected, self._may, self.lacks_edge)
+        )
         self.sender = StageSender(editor.toasts.say)
-        self.phase: Phase = "idle"
-        self.replaces = False
-        self.count_in, self.hold_still = True, 0.0
-        self.span: tuple[float, float] | None = None
-        self.loops = False
         self.address = ""
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
-        self._left = self._silent = 0.0
-        self._start = 0.0
         self._framed: tuple[str, ...] = ()
 
     # The link ---------------------------------------------------------------------------------------------
@@ -118,7 +98,7 @@ class PerformSession:
 
     def disconnect(self) -> None:
         """Let the edge go; what was recorded until now is kept."""
-        self.stop()
+        self.recording.stop()
         if self.live is not None:
             self.live.close()
         if self._nearby is not None:
@@ -127,7 +107,7 @@ class PerformSession:
         self.there = ""
         self.editor.beside_box = None
         self.sender.forget()
-        self.recorder = LiveRecorder()
+        self.recording.recorder = LiveRecorder()
 
     @property
     def known(self) -> tuple[str, ...]:
@@ -152,7 +132,7 @@ class PerformSession:
     @property
     def holders(self) -> tuple[Holder, ...]:
         """Who holds what now."""
-        return self.recorder.holders.now if self.connected else ()
+        return self.recording.recorder.holders.now if self.connected else ()
 
     @property
     def performers(self) -> tuple[int, ...]:
@@ -196,11 +176,12 @@ class PerformSession:
         if self._client is not None:
             if self.editor.draft is None:
                 self.sender.advance(self._client.stage, self.editor.project)
-            self._go_on(seconds)
+            self.recording.advance(seconds)
         if self.live is None:
             return
-        performs, heard = self.room in ("Perform", "Play"), self.phase != "idle" or not self.editor.playing
-        telling = Telling(performs and self.connected, heard, self.replaces, self.live.held)
+        performs = self.room in ("Perform", "Play")
+        heard = self.recording.phase != "idle" or not self.editor.playing
+        telling = Telling(performs and self.connected, heard, self.recording.replaces, self.live.held)
         self.scene = self._twins.shown(self.live.scene, telling)
         self.editor.beside_box = self.scene.box
         if performs and self.live.present != self._framed and self.live.scene.box:
@@ -215,38 +196,18 @@ class PerformSession:
 
     def _began_again(self) -> None:
         """Take the edge's new clock, and put on its empty stage what stood there."""
-        self.recorder.restarted()
+        self.recording.recorder.restarted()
         if self._client is not None:
             self.sender.again(self._client.stage, self.editor.project)
 
     def _heard(self, topic: Topic, value: Any) -> None:
         """Do what a pedal or a voice asks for, and let the recorder hear everything else."""
         if topic is not CALLS:
-            self.recorder.heard(topic, value)
+            self.recording.recorder.heard(topic, value)
         elif value.word == "again":
-            self.again()
-        elif value.word == "record" or self.phase != "idle":
-            self.record()
-
-    def _go_on(self, seconds: float) -> None:
-        """Go on with the count-in or the recording."""
-        if self.phase == "counting":
-            self._left -= seconds
-            if self._left <= 0.0:
-                self._begin()
-        elif self.phase == "recording":
-            # What plays keeps step with the sensor's clock, however many pictures a second there are.
-            self.editor.growing = self.editor.time = self._start + self.recorder.seconds
-            self._silent = 0.0 if self.connected else self._silent + seconds
-            if self.hold_still and self.recorder.still > self.hold_still:
-                self.stop(self.recorder.stillness.since_ns)
-            elif self.span is not None and self.recorder.seconds >= self.span[1] - self._start:
-                self._span_ended(self.span)
-            elif self.recorder.cut or self._silent > _GONE:
-                self.stop()
-                self.editor.toasts.say(
-                    "The edge is gone, so the recording ended", "What was done until then is kept."
-                )
+            self.recording.again()
+        elif value.word == "record" or self.recording.phase != "idle":
+            self.recording.record()
 
     # Characters on the stage ------------------------------------------------------------------------------
 
@@ -278,109 +239,6 @@ class PerformSession:
         """Take a character from the stage: the chosen one where none is named."""
         if self._may("" if name else self.lacks_to_take_off()) and self.stage is not None:
             self.sender.remove(self.stage, name or self.editor.selection.character or "")
-
-    # Recording --------------------------------------------------------------------------------------------
-
-    @property
-    def counted(self) -> int:
-        """The beat of the count-in: 3, 2, 1; 0 where none is counted."""
-        return int(self._left) + 1 if self.phase == "counting" else 0
-
-    @property
-    def clip(self) -> tuple[float, float] | None:
-        """First and last second, on the timeline, of what is being recorded; None where nothing is."""
-        return (self._start, self.editor.growing) if self.phase == "recording" else None
-
-    def record(self) -> None:
-        """Count in and record, or end it."""
-        if self.phase != "idle":
-            self.stop()
-        elif self._may(self.lacks_edge()):
-            self.phase, self._left = "counting", _COUNT if self.count_in else 0.0
-
-    def again(self) -> None:
-        """Begin anew where the recording began: what is being recorded is dropped, the last one undone."""
-        if self.phase == "idle":
-            if not (self.editor.history.undo_name or "").startswith(_RECORD):
-                self.editor.toasts.say("There is no recording to take again", "Record first.")
-                return
-            self.editor.undo()
-        elif self.phase == "recording":
-            self.recorder.end()
-            self.editor.growing = 0.0
-        self.phase = "idle"
-        self.editor.scrub(self._start)
-        self.record()
-
-    def mark(self, end: int) -> None:
-        """Make the playhead the begin (0) or the end (1) of what is recorded; no span where none is left."""
-        first, last = self.span or (0.0, self.editor.length)
-        span = (self.editor.time, last) if end == 0 else (first, self.editor.time)
-        self.span = span if span[1] - span[0] > _SHORTEST else None
-
-    def stop(self, until_ns: int | None = None) -> None:
-        """End the count-in, or the recording: it becomes takes and layers of the project, as one edit.
-
-        Args:
-            until_ns: the sensor's clock up to which it is kept; None: all of it.
-        """
-        phase, self.phase = self.phase, "idle"
-        if phase != "recording":
-            return
-        editor = self.editor
-        performed, start = self.recorder.end(), self._start
-        performed = performed if until_ns is None else performed.until(until_ns)
-        begin, replaces = performed.since_ns - round(start * 1e9), self.replaces
-        editor.growing, editor.playing = 0.0, False
-        made: list[str] = []
-
-        def change(project: Project) -> Project:
-            after, names = with_performed(project, performed, begin, replaces=replaces)
-            if not names:
-                what, mend = "nothing moved", "Step in front of the sensor, or take hold of a character."
-                raise InputError(what, where="recording", mend=mend)
-            made.extend(names)
-            return after
-
-        if editor.edit(f"{_RECORD}{performed.name}", change, over_locks=True):
-            told = [name for name in made if name in editor.project.characters] or made
-            editor.toasts.say(
-                f"Recorded {', '.join(told)}", "Ctrl+Z takes it back; record again to add to it."
-            )
-            editor.scrub(start)
-            editor.playing = True
-
-    def _span_ended(self, span: tuple[float, float]) -> None:
-        """Keep what was recorded of the span; where it loops, the next one begins at once."""
-        begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
-        self.stop(begun)
-        if self.loops:
-            self._begin()
-
-    def _begin(self) -> None:
-        """Begin to record, while the project plays from where the playhead is."""
-        editor, live = self.editor, self.live
-        assert live is not None
-        self.phase, self._silent = "recording", 0.0
-        usual = editor.time if editor.time < editor.length - _SHORTEST else 0.0
-        self._start = editor.growing = usual if self.span is None else self.span[0]
-        self.recorder.begin(self._name(), self._delay_ns())
-        editor.time, editor.playing = self._start, True
-        live.playhead.go_live()
-
-    def _delay_ns(self) -> int:
-        """Nanoseconds from a performer's movement until it is here, as measured; 0 where it is not known."""
-        edge = self.live.document.edge if self.live is not None else None
-        if edge is None or edge.sensor_to_pose_ms is None:
-            return 0
-        return round(1e6 * (edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)))
-
-    def _name(self) -> str:
-        known = self.editor.project.takes
-        number = 1
-        while any(one == f"take {number}" or one.startswith(f"take {number} ") for one in known):
-            number += 1
-        return f"take {number}"
 
     def _may(self, lacking: str) -> bool:
         """Whether nothing is lacking; says what is."""

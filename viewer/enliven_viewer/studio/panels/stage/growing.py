@@ -12,7 +12,7 @@ from enliven_viewer.theme import BAD, INK
 
 def draw_growing(workspace: Workspace, layout: TimelineLayout, origin: ImVec2) -> bool:
     """Draw it below the last lane; returns whether something is recorded."""
-    clip = workspace.perform.clip
+    clip = workspace.perform.recording.clip
     if clip is None:
         return False
     lanes, draw = layout.lanes(), imgui.get_window_draw_list()

@@ -101,14 +101,14 @@ def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> float:  #
 
 def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """Draw the beat of the count-in in the middle, or how long is recorded at the top."""
-    if perform.counted:
-        text = str(perform.counted)
+    if perform.recording.counted:
+        text = str(perform.recording.counted)
         x = area.x + (area.width - _wide(text, _COUNT)) / 2
         y = area.y + area.height * 0.4 - _COUNT / 2
         draw.add_text(imgui.get_font(), _COUNT, ImVec2(x + 3, y + 3), packed((0.0, 0.0, 0.0, 0.5)), text)
         draw.add_text(imgui.get_font(), _COUNT, ImVec2(x, y), packed(INK), text)
-    elif perform.phase == "recording":
-        text = f"Recording   {time_text(perform.recorder.seconds)}"
+    elif perform.recording.phase == "recording":
+        text = f"Recording   {time_text(perform.recording.recorder.seconds)}"
         wide = _wide(text, 20.0)
         x, y = area.x + (area.width - wide) / 2, area.y + 18
         draw.add_rect_filled(

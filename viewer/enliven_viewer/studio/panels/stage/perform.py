@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.live import PARTS, time_text
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
-from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.perform import PerformSession, StageRecording
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD, GOOD, QUIET, WAIT, Colour
@@ -29,7 +29,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         _stage(workspace, perform)
         if perform.live is None:
             return
-        _recording(workspace, perform)
+        _recording(workspace, perform.recording)
         if imgui.button("\uf030  Scan a thing...", _WHOLE):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
@@ -119,50 +119,50 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     told("A figure that waves and walks, for trying things out")
 
 
-def _recording(workspace: Workspace, perform: PerformSession) -> None:
+def _recording(workspace: Workspace, recording: StageRecording) -> None:
     heading("Record")
-    if perform.phase == "recording":
+    if recording.phase == "recording":
         with tinted(BAD, imgui.Col_.button):
-            if imgui.button(f"Stop   {time_text(perform.recorder.seconds)}", _RECORD):
-                perform.stop()
-    elif perform.phase == "counting":
+            if imgui.button(f"Stop   {time_text(recording.recorder.seconds)}", _RECORD):
+                recording.stop()
+    elif recording.phase == "counting":
         if imgui.button("Cancel", _RECORD):
-            perform.stop()
+            recording.stop()
     else:
         if imgui.button("\uf111  Record", _RECORD):
-            perform.record()
+            recording.record()
         told("What you do becomes motion on the timeline, while what is there plays  (Ctrl+R)")
     workspace.remember("record")
-    perform.count_in = imgui.checkbox("Count in: three, two, one", perform.count_in)[1]
+    recording.count_in = imgui.checkbox("Count in: three, two, one", recording.count_in)[1]
     workspace.remember("count in")
-    perform.replaces = imgui.checkbox("In place of what moves there", perform.replaces)[1]
+    recording.replaces = imgui.checkbox("In place of what moves there", recording.replaces)[1]
     told("On: the parts that you move lose the motion they had. Off: yours is added to it")
     workspace.remember("replaces")
-    _ends(workspace, perform)
+    _ends(workspace, recording)
 
 
-def _ends(workspace: Workspace, perform: PerformSession) -> None:
+def _ends(workspace: Workspace, recording: StageRecording) -> None:
     """What ends a recording by itself: stillness, or the end of the marked span."""
-    held, still = perform.hold_still, bool(perform.hold_still)
+    held, still = recording.hold_still, bool(recording.hold_still)
     changed, still = imgui.checkbox("Stop when all hold still", still)
     workspace.remember("hold still")
     told("The still end is left out")
     if changed:
-        perform.hold_still = _STILL if still else 0.0
+        recording.hold_still = _STILL if still else 0.0
     if still:
         imgui.set_next_item_width(-1)
-        perform.hold_still = imgui.slider_float("##still", held or _STILL, 0.5, 5.0, "for %.1f s")[1]
+        recording.hold_still = imgui.slider_float("##still", held or _STILL, 0.5, 5.0, "for %.1f s")[1]
         workspace.remember("still for")
-    if perform.span is None:
+    if recording.span is None:
         quiet("I and O mark where recordings begin and end.")
         return
-    first, last = perform.span
+    first, last = recording.span
     imgui.text_unformatted(f"From {time_text(first)} to {time_text(last)}")
     imgui.same_line(imgui.get_content_region_avail().x - 40)
     if imgui.small_button("Clear##span"):
-        perform.span = None
+        recording.span = None
     workspace.remember("clear span")
-    perform.loops = imgui.checkbox("Over and over", perform.loops)[1]
+    recording.loops = imgui.checkbox("Over and over", recording.loops)[1]
     workspace.remember("loops")
     told("The marked time is recorded again and again, each time as a take of its own, until you stop")
 

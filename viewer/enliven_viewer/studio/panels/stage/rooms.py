@@ -42,6 +42,6 @@ def draw_rooms(workspace: Workspace) -> None:
         wide = imgui.calc_text_size(room).x
         at = ImVec2(x + (tab - wide) / 2, (high - imgui.get_text_line_height()) / 2)
         draw.add_text(at, packed(ACCENT if lit else INK), room)
-        if room == "Perform" and perform.phase == "recording":
+        if room == "Perform" and perform.recording.phase == "recording":
             draw.add_circle_filled(ImVec2(at.x - 9, high / 2), 4.0, packed(BAD))
     imgui.end_main_menu_bar()
