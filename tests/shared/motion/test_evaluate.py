@@ -255,8 +255,8 @@ def test_without_legs_the_whole_extent_is_the_size():
     clip = random_clip(rng, walker)
     scale = travel_scale(still_shape("snake", flat), clip)
     for s in (flat, walker):
-        radius = np.linalg.norm((s.positions - s.positions.mean(0))[:, [0, 2]], axis=1).max()
-        scale *= np.hypot(2 * radius, np.ptp(s.positions[:, 1])) ** (-1 if s is flat else 1)
+        wide = max(np.hypot(*(a - b)[[0, 2]]) for a in s.positions for b in s.positions)
+        scale *= np.hypot(wide, np.ptp(s.positions[:, 1])) ** (-1 if s is flat else 1)
     assert scale == pytest.approx(1.0)
     c, s = np.cos(0.7), np.sin(0.7)
     aside = type(snake)(snake.names, snake.parents, flat.positions @ [[c, 0, -s], [0, 1, 0], [s, 0, c]])

@@ -16,7 +16,7 @@ from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven.rotation import conjugate, multiply, normalized, to_rotation_vector
-from enliven.wire import convert, convert_characters, envelope, quaternions, requests, streams, topics
+from enliven.wire import convert, convert_characters, envelope, quaternions, requests, scans, streams, topics
 from enliven.wire.envelope import Malformed, OtherVersion
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.sockets import Endpoint, parse_endpoint
@@ -46,6 +46,10 @@ EXAMPLES = [
     streams.MatchesMessage(
         "spider", "choosing", 3, 7, 0, [streams.PackedMatch("2-1", 4, 1.5, b"\2\1", bytes(18))], 45, 0.5
     ),
+    scans.ScanMessage(
+        3, "scanning", "lost", 7, 30, 1.5, False, 2.5, 0.4, view=[0.0, 1.0, 2.0, 0.0, 0.5, 0.0]
+    ),
+    scans.ScanPieceMessage(3, (-1, 0, 2), 64, 0.008, bytes(18), b"\0\1\2", bytes(6), bytes(9)),
     streams.CallMessage("again", "left pedal"),
     streams.StageMessage(5, [streams.Revision("chair", 2), streams.Revision("lamp", 1)]),
     streams.PropsMessage(5, bytes(4), b"\0\1", bytes(12), bytes(6), bytes(12), bytes(8), "2 of 2 down"),

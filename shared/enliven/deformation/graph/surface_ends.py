@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int
 from enliven.deformation.graph.surface import SurfaceNet, net_of
@@ -82,6 +81,8 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
     Raises:
         InputError: for a mesh without area.
     """
+    from scipy.spatial import cKDTree  # 0.05 s to load, which an edge's start does without
+
     found = limb_ends(mesh, most)
     used = np.unique(mesh.faces)
     return np.asarray(used[cKDTree(mesh.vertices[used]).query(found.points[found.ends])[1]], np.int64)
@@ -145,6 +146,8 @@ def _ways(net: SurfaceNet) -> csr_matrix:
         shells, label = connected_components(graph, directed=False)
         if shells == 1:
             return graph
+        from scipy.spatial import cKDTree
+
         inside = label == label[np.bincount(label)[label].argmin()]
         distance, other = cKDTree(net.points[~inside]).query(net.points[inside])
         first = int(distance.argmin())

@@ -24,7 +24,9 @@ _LOW = 0.15
 def height_of(skeleton: Skeleton) -> tuple[float, float]:
     """Metres at rest: of the root over the lowest joint (the legs), and of the whole, however turned."""
     at, height = skeleton.positions, skeleton.positions[:, 1]
-    wide = 2.0 * float(np.linalg.norm((at - at.mean(0))[:, [0, 2]], axis=1).max())
+    # The farthest two joints: neither a turn about the upright nor a node within a bone changes it.
+    across = at[:, None, [0, 2]] - at[None, :, [0, 2]]
+    wide = float(np.linalg.norm(across, axis=2).max())
     return float(height[0] - height.min()), float(np.hypot(np.ptp(height), wide))
 
 
