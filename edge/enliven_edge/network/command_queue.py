@@ -20,6 +20,8 @@ _KNOWN_AFTER = 1.0
 """Seconds of connection before a viewer may use the reserve, so that reconnecting does not help a flood."""
 _FEW = 4
 """Waiting orders up to which a viewer may use the reserve: a person gives one at a time, a flood many."""
+_OWED = 15
+"""Frames of time at most that are owed after a slow order: half a second, or the next one seems unheard."""
 _SAVED = 50
 """Frames of unused time that are saved up, so that a few orders in one frame need not wait."""
 
@@ -31,7 +33,8 @@ class CommandQueue:
 
     Args:
         budget: seconds a call of :meth:`work`, beside some that earlier calls did not need. A command that
-            takes longer is carried out, and the calls after it do nothing until that is made up for.
+            takes longer is carried out, and the calls after it do nothing until that is made up for, or some
+            have passed. What counts is the processor's time: other threads are not the viewer's doing.
     """
 
     def __init__(self, budget: float) -> None:
@@ -59,11 +62,11 @@ class CommandQueue:
         ]
         while (found := self._next()) is not None:
             peer, budget = found
-            start = time.perf_counter()
+            start = time.thread_time()
             do(self._waiting[peer].popleft())
-            took = time.perf_counter() - start
+            took = time.thread_time() - start
             peer.charge(took)
-            self._budgets[budget] -= took
+            self._budgets[budget] = max(self._budgets[budget] - took, -_OWED * self._shares[budget])
             if not self._waiting[peer]:
                 del self._waiting[peer]
 
