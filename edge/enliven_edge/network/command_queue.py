@@ -34,7 +34,7 @@ class CommandQueue:
     Args:
         budget: seconds a call of :meth:`work`, beside some that earlier calls did not need. A command that
             takes longer is carried out, and the calls after it do nothing until that is made up for, or some
-            have passed. What counts is the processor's time: other threads are not the viewer's doing.
+            have passed.
     """
 
     def __init__(self, budget: float) -> None:
@@ -62,9 +62,9 @@ class CommandQueue:
         ]
         while (found := self._next()) is not None:
             peer, budget = found
-            start = time.thread_time()
+            start = time.perf_counter()
             do(self._waiting[peer].popleft())
-            took = time.thread_time() - start
+            took = time.perf_counter() - start
             peer.charge(took)
             self._budgets[budget] = max(self._budgets[budget] - took, -_OWED * self._shares[budget])
             if not self._waiting[peer]:
