@@ -44,6 +44,8 @@ PACE = 0.25
 """Seconds of a performer in a second of the clock on the wall: every picture of the film is drawn in time."""
 _PATIENCE = 4000
 """Pictures in which anything has happened, the edge's start and its kernels included."""
+_LEVEL = 0.4
+"""Rise of an arm over its run below which it is aside of the head."""
 
 
 def creature() -> Float:
@@ -164,6 +166,7 @@ def _remodelled(workspace: Workspace) -> Actions:
     if not editor.playing:
         yield Key("space")
     yield Key("c")
+    yield from until(lambda: aside("creature", "a1", editor), "the arm aside of the head")
     yield Drag(across("creature", "a1", editor), 0.15)
     yield from until(lambda: len(editor.project.shapes) > 1, "the cut")
     yield Wait(1.0)
@@ -174,6 +177,15 @@ def _remodelled(workspace: Workspace) -> Actions:
     yield from until(lambda: len(editor.project.shapes) == 1, "the merge")
     yield Say("All motion is kept")
     yield Wait(3.0)
+
+
+def aside(shape: str, joint: str, editor: Editor) -> bool:
+    """Whether the bone that ends at a joint is seen level, so that a stroke across it meets nothing else."""
+    standing = editor.posed(shape)
+    number = standing.character.handles.index(joint)
+    ends = np.array([standing.on_bone(number, along) for along in (0.0, 1.0)])
+    right, down = np.abs(np.diff(editor.lens.project(ends)[0], axis=0)[0])
+    return bool(down < _LEVEL * right)
 
 
 def across(shape: str, joint: str, editor: Editor) -> tuple[Place, Place]:
