@@ -175,6 +175,7 @@ class EmbeddedActor(Actor):
     def warm_up(self) -> None:
         """Possesses a copy for a few frames, so that no frame waits for a compiler."""
         rehearsal = EmbeddedActor(self.character, self.graph, self.settings)
+        rehearsal._rules = self._rules  # which found what it is like already
         body = Body(0, standing_figure(), np.ones(J))
         rehearsal.perform([body], 0)
         rehearsal.cues([body])
