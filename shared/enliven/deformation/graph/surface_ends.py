@@ -14,6 +14,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from enliven.arrays import Float, Int
+from enliven.deformation.graph.geodesic_kernels import spread
 from enliven.deformation.graph.surface import SurfaceNet, net_of
 from enliven.errors import InputError
 from enliven.kernels import njit
@@ -90,10 +91,11 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
 
 def _spread_out(ways: csr_matrix, count: int) -> Float:
     """(S, C) metres along the surface from some points that are far from each other."""
-    rows = [dijkstra(ways, indices=0)]
-    near = rows.pop()
+    net = ways.indptr.astype(np.int64), ways.indices, ways.data
+    near, _ = spread(*net, np.array([0]))
+    rows = list[Float]()
     for _ in range(min(count, ways.shape[0])):
-        rows.append(dijkstra(ways, indices=int(near.argmax())))
+        rows.append(spread(*net, np.array([near.argmax()]))[0])
         near = rows[0] if len(rows) == 1 else np.minimum(near, rows[-1])
     return np.array(rows)
 
