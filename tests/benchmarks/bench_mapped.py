@@ -1,4 +1,4 @@
-"""Which arms and legs are found in ten human-like meshes that nobody tuned on, and how long that takes.
+"""Measures which arms and legs are found in ten human-like meshes, and how long that takes.
 
 The peer is what `how = "mapped"` did before: extremities are head, hands and feet by height alone.
 """
@@ -20,7 +20,7 @@ PEER = "extremities by height alone"
 
 
 def figures() -> Iterator[Figure]:
-    """Limbs found, bodies of which nothing is said to be uncertain, and processor time."""
+    """Limbs found, bodies found without a doubt, and processor time."""
     found, before, certain, times = 0, 0, 0, []
     for make in BODIES.values():
         known = make()

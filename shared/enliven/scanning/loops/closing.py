@@ -21,7 +21,7 @@ from enliven.scanning.settings import LoopSettings, ScanSettings
 _NEXT = 2
 """Pieces after each that the tracking laid onto it already: no loops."""
 _GRID = 8
-"""Points across and down an image of which it is asked whether another image shows them."""
+"""Points across and down an image that are sought in another image, to measure how much both show."""
 _ASIDE = 0.5
 """Cosine, 60 degrees, between two axes below which the cameras see different sides of things."""
 _NEAREST = 0.1
