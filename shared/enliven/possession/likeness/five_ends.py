@@ -46,7 +46,7 @@ _HEAD_ALONG = 4.0
 _UPRIGHT = 6.0
 """Cost of a trunk at a right angle to the vertical."""
 _LOOKED_AT = 60
-"""Choices whose trunk and head are measured too: those that cost least by their ways along the surface."""
+"""Choices that are measured at trunk and head too: those that cost least by their ways along the surface."""
 _OTHER = 0.2
 """Share of the longest way by which an end of another choice is elsewhere."""
 
