@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from enliven.errors import InputError, ResourceError
+from enliven.files import need_folder
 
 if TYPE_CHECKING:
     from enliven.meshes import Mesh
@@ -74,6 +75,7 @@ def scan(
     from enliven_edge.commands.scan_job import ScanJob, corners_of, keep_of, scanner_of
     from enliven_edge.scanning import put_on_stage, stage_command
 
+    need_folder(output, sheet)
     _checked(output, recording, sensor, overwrite or output == add)
     meant = keep_of(whole, corners_of(box), before, within)
     if before is not None and add is not None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from enliven.errors import InputError
-from enliven.files import read_file, write_file
+from enliven.files import need_folder, read_file, write_file
 from enliven.meshes.gltf_json import gltf_tree
 from enliven.meshes.heads import check_obj, check_ply
 from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
@@ -115,4 +115,5 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
         )
     from enliven.meshes.scenes import scene_bytes  # loads trimesh, which only files need
 
+    need_folder(path)
     write_file(path, scene_bytes(mesh, path.suffix.lower()[1:]))

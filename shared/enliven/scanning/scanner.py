@@ -129,7 +129,7 @@ class Scanner:
         return self._fuse(frame, view, found.world_from_camera, found, up)
 
     def place(self, frame: DepthFrame, world_from_camera: Float) -> ScanStep:
-        """Fuse the image of a camera whose pose is known, as one of a scan that was kept."""
+        """Fuse an image at the pose of its camera, where that is known, as of a scan that was kept."""
         pose = np.array(world_from_camera, float)
         return self._fuse(frame, self._prepared(frame), pose, None, None)
 

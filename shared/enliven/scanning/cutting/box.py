@@ -33,7 +33,7 @@ def upright_frame(ground: Ground, focus: Float) -> Float:
 
 @dataclass(frozen=True)
 class CutBox:
-    """A box whose sides are level or upright.
+    """A box of level and upright sides.
 
     Attributes:
         low, high: (3,) metres, its corners in the upright frame.
