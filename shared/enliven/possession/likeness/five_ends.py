@@ -199,4 +199,4 @@ def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
 def _pairs(apart: Float) -> Float:
     """(K,) how far the farther end of a pair is from that of another, (K, 2, 2), whichever is which."""
     straight, crossed = apart[:, [0, 1], [0, 1]], apart[:, [0, 1], [1, 0]]
-    return np.where(straight.sum(1) < crossed.sum(1), straight.max(1), crossed.max(1))
+    return np.asarray(np.where(straight.sum(1) < crossed.sum(1), straight.max(1), crossed.max(1)))
