@@ -28,8 +28,8 @@ def find_person_in_mesh(mesh: Mesh) -> BodyInMesh | None:
         InputError: for a mesh without area.
     """
     found = limb_ends(mesh, nodes=_NODES)
-    best = five_ends(found)
-    if best is None or best.cost > _STRANGE:
+    best = five_ends(found, _STRANGE)
+    if best is None:
         return None
     low, high = mesh.bounds
     if best.points[1:3, 1].max() < low[1] + _ON_FLOOR * (high[1] - low[1]):
