@@ -3,7 +3,7 @@
     python tests/benchmarks/scanning/scan_films.py            all of them
     python tests/benchmarks/scanning/scan_films.py chair      those with one of the words in the name
 
-What grows is drawn as the window draws it. Without the recordings of ENLIVEN_DATA only what is made up is filmed.
+What grows is drawn as the window draws it. Without the recordings of ENLIVEN_DATA only made-up ones are.
 Another film is a function that returns a :class:`Film`, and a line of :func:`films`.
 """
 
