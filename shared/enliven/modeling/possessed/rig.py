@@ -72,7 +72,8 @@ class GraphRig(RigEdits):
             for part in shape.parts
         )
         mesh = replace(shape.mesh, vertices=larger(shape.mesh.vertices))
-        return shape.with_changes(positions=larger(shape.positions), mesh=mesh, parts=parts)
+        over = tuple(replace(layer, size=layer.size * factor) for layer in shape.over)
+        return shape.with_changes(positions=larger(shape.positions), mesh=mesh, parts=parts, over=over)
 
     def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
         """Rest and motion alike."""
@@ -90,7 +91,15 @@ class GraphRig(RigEdits):
             parts.append(replace(part, turn=turn, axes=rest, place=place, mirrored=flipped, ride=ride))
         mesh = moved_mesh(shape.mesh, centre, axes, centre)
         positions = centre + axes.vectors(shape.positions - centre)
-        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts))
+        over = tuple(
+            replace(
+                layer,
+                axes=normalized(multiply(axes.turn, flip.rotations(layer.axes))),
+                mirrored=not layer.mirrored,
+            )
+            for layer in shape.over
+        )
+        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), over=over)
 
     def as_graph(
         self, project: Project, shape: GraphShape, times: Float, stream_id: str
@@ -100,4 +109,4 @@ class GraphRig(RigEdits):
         linear, positions = (np.stack(each) for each in zip(*poses, strict=True))
         stream = PoseStream(stream_id, linear, positions, float(times[1] - times[0]))
         part = GraphPart(stream_id, np.arange(len(shape.positions)), offset=float(times[0]))
-        return shape.with_playing(part), stream, ""
+        return shape.with_changes(parts=(part,), over=()), stream, ""
