@@ -90,6 +90,8 @@ class Solved(Playing):
     if TYPE_CHECKING:
 
         @property
+        def nodes(self) -> Int: ...
+        @property
         def possession(self) -> Possession | None: ...
 
     def needs(self) -> tuple[tuple[str, str], ...]:

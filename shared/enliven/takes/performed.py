@@ -28,6 +28,7 @@ from enliven.document import (
 )
 from enliven.formats.rig import playing
 from enliven.frames import BodyFrame
+from enliven.modeling.edits import as_take
 from enliven.modeling.possessed import between, even_times
 from enliven.motion.layers import bind_chain, set_travel
 from enliven.rotation import IDENTITY, continuous, from_matrix
@@ -88,19 +89,23 @@ class Performed:
 
 
 def with_performed(
-    project: Project, performed: Performed, begin: int, *, replaces: bool = False
+    project: Project, performed: Performed, begin: int, *, replaces: bool = False, beside: str = ""
 ) -> tuple[Project, tuple[str, ...]]:
     """Returns a project with takes and layers of what was performed, and the ids of what is new in it.
+
+    The layers are one of several alternatives (:mod:`enliven.modeling.edits.alternatives`), or the first of
+    new ones.
 
     Args:
         begin: nanoseconds, the sensor's clock at 0 seconds of the project.
         replaces: whether what moved is not heard as it played before, from the recording's begin to its end;
             else both play.
+        beside: the name of the alternatives of which it is one more; empty: of its own.
 
     Raises:
         InputError: where the poses of a character do not fit together.
     """
-    made = list[str]()
+    made, before = list[str](), project
     whole = [frame for frame in performed.frames if frame.time_ns >= performed.since_ns]
     for clip in clips_of_frames(whole, performed.name, TakeSettings()):
         project = project.with_takes(replace(clip, id=unused(clip.id, project.takes)))
@@ -122,7 +127,7 @@ def with_performed(
         else:
             project, name = _added(project, key, performed, begin)
             made.append(name)
-    return project, tuple(dict.fromkeys(made))
+    return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(made))
 
 
 def _punch(project: Project, performed: Performed, key: Key, begin: int) -> Punch:
@@ -139,7 +144,8 @@ def _keeps(
     if not plays(project, one):
         return False
     punch = _punch(project, performed, key, begin)
-    return not replaces or any(punch(project, layer) is not None for layer in one.playing)
+    kept = any(layer.muted for layer in one.playing)  # alternatives, which may be heard again
+    return not replaces or kept or punch.leaves(project, one.playing)
 
 
 def _moves(poses: Sequence[Pose]) -> bool:
@@ -171,7 +177,7 @@ def _layered(
     )
     project = project.with_takes(take)
     punch = Punch.of(project, float(grid[0]), float(grid[-1]))
-    left = replaces and any(punch(project, layer) is not None for layer in shape.layers)
+    left = replaces and punch.leaves(project, shape.layers)
     for chain in chains:
         if replaces:
             project = punch_bones(project, shape.id, chain, punch)
@@ -221,7 +227,8 @@ def _played_by(
     if replaces:
         punch = Punch.of(project, layer.offset, layer.end(take.duration))
         left = [kept for one in puppet.layers if (kept := punch(project, one)) is not None]
-        layers = (*left, replace(layer, **punch.played) if left else layer)
+        played = punch.played if punch.leaves(project, puppet.layers) else {}
+        layers = (*left, replace(layer, **played))
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
 

@@ -33,8 +33,8 @@ _NEAR = 2e-3
 
 
 def plays(project: Project, shape: GraphShape) -> bool:
-    """Whether a possessed mesh moves by itself, so that something can be performed over it."""
-    return any(not one.muted and project.streams[one.take].duration > 0.0 for one in shape.playing)
+    """Whether a possessed mesh was performed before, so that something can be performed over that."""
+    return any(project.streams[one.take].duration > 0.0 for one in shape.playing)
 
 
 class OverNodes:

@@ -41,9 +41,13 @@ class Punch:
     def __call__(self, project: Project, layer: _Layer) -> _Layer | None:
         """Returns a layer that is not heard within the span and plays elsewhere as before; None: nowhere.
 
+        One that is muted stays as it is.
+
         What held a frame beyond its ends has clips that stand there. Within the span it fades over
         :data:`FADE`, or its own ease where it does not hold.
         """
+        if layer.muted:
+            return layer
         ease = min(FADE if layer.hold else layer.ease, self._half)
         low, high = self.begin + ease, self.end - ease
         before, after = list[Segment](), list[Segment]()
@@ -65,6 +69,10 @@ class Punch:
         made = layer.with_clips(_in_order(kept), project.length_of(layer))
         changes: dict[str, Any] = {"loop": False, "hold": False, "ease": ease}
         return replace(made, **changes)  # type: ignore[type-var]
+
+    def leaves(self, project: Project, layers: Sequence[Playing]) -> bool:
+        """Whether something of what layers play is heard beside the span."""
+        return any(not one.muted and self(project, one) is not None for one in layers)
 
     @property
     def played(self) -> dict[str, Any]:
@@ -127,7 +135,9 @@ def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Pu
     instead = dict[str, str]()
     for layer in shape.layers:
         left = punch(project, layer) if layer.id in names else None
-        if left is not None:
+        if left is layer:
+            instead[layer.id] = layer.id
+        elif left is not None:
             instead[layer.id] = unused(layer.id, known)
             known[instead[layer.id]] = None
             layers.append(replace(left, id=instead[layer.id]))

@@ -87,18 +87,20 @@ def _seated(workspace: Workspace) -> Actions:
     if not editor.playing:
         yield Key("space")
     yield Key("q")
-    yield Click(OnPuppet("chair", highest(editor, "chair")))
+    yield Click(Widget("character chair"))
+    yield Key("1")
+    yield Wait(0.6)
     yield Key("c")
     low, high = extent(editor, "chair")
     level, depth = low[1] + _SEAT, (low[2] + high[2]) / 2
-    yield Drag((Spot(low[0] - 0.15, level, depth), Spot(high[0] + 0.15, level, depth)), 0.4)
+    yield Drag((Spot(high[0] + 0.15, level, depth), Spot(low[0] - 0.15, level, depth)), 0.4)
     yield from until(lambda: len(editor.project.characters) > 2, "the cut")
     back = list(editor.project.characters)[-1]
     if extent(editor, back)[0][1] < extent(editor, "chair")[0][1]:
         raise AssertionError("the seat was cut off the back, and not the back off the seat")
     yield Wait(0.8)
     yield Key("q")
-    yield Click(OnPuppet(back, highest(editor, back)))
+    yield Click(Widget(f"character {back}"))
     yield Key("delete")
     yield Say("...and give it a cactus instead")
     yield Key("3")
@@ -137,8 +139,3 @@ def lowest(editor: Editor, name: str) -> tuple[int, Float]:
     vertices = editor.posed(name).vertices
     number = int(vertices[:, 1].argmin())
     return number, vertices[number]
-
-
-def highest(editor: Editor, name: str) -> int:
-    """The number of its highest vertex."""
-    return int(editor.posed(name).vertices[:, 1].argmax())
