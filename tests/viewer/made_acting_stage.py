@@ -10,6 +10,7 @@ from made_studio_puppets import project_with
 from strokes import limb
 
 from enliven.document.possessed import graph_shape_at_rest
+from enliven.document.project import Project
 from enliven.formats.project import write_project
 from enliven.modeling.edits import scale_character
 from enliven.modeling.puppet import add_key_pose
@@ -90,6 +91,8 @@ def ready_for(workspace: Workspace, action: Action) -> None:
         workspace.outliner.lock("star", on=True)
     if action.id.startswith("clip."):
         editor.scrub(0.5)
+    if action.id.startswith("takes."):
+        editor.edit("two takes", two_takes)
     if action.id == "clip.blend":
         workspace.commands.clips.do("split")
         editor.scrub(0.4)
@@ -97,6 +100,15 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id == "motion.unkey":
         editor.scrub(0.5)
         workspace.commands.keys.set()
+
+
+def two_takes(project: Project) -> Project:
+    """The limb's wave as a take of which another one is kept beside."""
+    shape = project.shape("limb")
+    first = replace(shape.layers[0], recorded="take 1", alternatives="take 1")
+    other = {"layer_id": "again", "muted": True, "recorded": "take 2", "alternatives": "take 1"}
+    project = project.with_characters(shape.with_changes(layers=(first, *shape.layers[1:])))
+    return bind_chain(project, "limb", (0, 1), "wave", (0, 1), **other)
 
 
 def pixel_on(workspace: Workspace, name: str) -> tuple[float, float]:

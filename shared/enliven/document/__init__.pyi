@@ -27,6 +27,7 @@ from .layers import FEET as FEET, STILL as STILL, Layer as Layer, Ref as Ref, Sp
 from .locomotion import Kind as Kind, LocomotionSettings as LocomotionSettings, Switch as Switch
 from .pin import ContactSettings as ContactSettings, Pin as Pin
 from .possessed import (
+    GraphLayer as GraphLayer,
     GraphPart as GraphPart,
     GraphShape as GraphShape,
     PoseStream as PoseStream,

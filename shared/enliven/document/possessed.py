@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -79,8 +79,36 @@ class Ride:
         freeze(self, "turn", "place")
 
 
+class Solved(Playing):
+    """What plays a stream that was solved from performers, and can be solved from them again.
+
+    Attributes:
+        possession: what the stream was solved from; None: from nothing.
+    """
+
+    source = "streams"
+    if TYPE_CHECKING:
+
+        @property
+        def nodes(self) -> Int: ...
+        @property
+        def possession(self) -> Possession | None: ...
+
+    def needs(self) -> tuple[tuple[str, str], ...]:
+        """Its stream, and the bodies that it was solved from."""
+        solved = self.possession
+        return (*super().needs(), *(() if solved is None else (("bodies", solved.take),)))
+
+    def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
+        """The same with other ids of its stream and its bodies."""
+        solved, named = self.possession, super().with_takes_named(names)
+        if solved is None:
+            return named
+        return replace(named, possession=replace(solved, take=names["bodies", solved.take]))  # type: ignore[call-arg]
+
+
 @dataclass(frozen=True, eq=False)
-class GraphPart(Playing):
+class GraphPart(Solved):
     """Nodes that play one stream.
 
     Attributes:
@@ -96,8 +124,6 @@ class GraphPart(Playing):
         muted: true lets it stand still, as at its stream's first frame.
         possession: what the stream was solved from, and can be solved from again; None: from nothing.
     """
-
-    source = "streams"
 
     take: str
     nodes: Int
@@ -122,17 +148,55 @@ class GraphPart(Playing):
             what = f"it plays node {self.nodes.max()} of {known} that were solved"
             raise InputError(what, where=f"part {self.take!r}", mend="Possess the mesh again.")
 
-    def needs(self) -> tuple[tuple[str, str], ...]:
-        """Its stream, and the bodies that it was solved from."""
-        solved = self.possession
-        return (*super().needs(), *(() if solved is None else (("bodies", solved.take),)))
 
-    def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
-        """The same part with other ids of its stream and its bodies."""
-        solved, named = self.possession, super().with_takes_named(names)
-        if solved is None:
-            return named
-        return replace(named, possession=replace(solved, take=names["bodies", solved.take]))
+@dataclass(frozen=True, eq=False)
+class GraphLayer(Solved):
+    """What was performed over the motion of a graph shape: how far each node goes from its rest.
+
+    With the base taking a point near a node from rest to the world by B, and the layer taking it within the
+    rest by D, the node takes it by B D; of several layers the first is the outermost.
+
+    Attributes:
+        take: the id of the stream: where the nodes were, and their linear maps, with the mesh standing as it
+            does at rest.
+        nodes: (K,) int64 which of the stream's nodes.
+        own: (K,) int64 the nodes of the shape that they move.
+        rest: (N, 3) metres, the stream's nodes at rest.
+        axes, size, mirrored: how the shape's rest was turned, scaled and reflected since: a displacement d
+            becomes size axes S d, as of :class:`GraphPart`.
+        weight: from 0 to 1, how much of it is played.
+        muted: true leaves it out.
+        possession: of :class:`Solved`.
+    """
+
+    take: str
+    nodes: Int
+    own: Int
+    rest: Float
+    axes: Float = field(default_factory=lambda: IDENTITY)
+    size: float = 1.0
+    mirrored: bool = False
+    weight: float = 1.0
+    muted: bool = False
+    possession: Possession | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, "nodes", "own", kind=np.int64)
+        freeze(self, "rest", "axes")
+        where = f"layer {self.take!r}"
+        self.check_time(where)
+        fits = self.nodes.shape == self.own.shape and self.nodes.size > 0 and self.rest.shape[1:] == (3,)
+        if not (fits and self.nodes.max() < len(self.rest)):
+            what = f"{self.nodes.shape} nodes of {self.rest.shape} move {self.own.shape}"
+            raise InputError(what, where=where, mend="Record it again.")
+        if not (self.size > 0.0 and 0.0 <= self.weight <= 1.0):
+            what = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
+            raise InputError(what, where=where, mend="Give a size above 0, and a weight from 0 to 1.")
+
+    @property
+    def id(self) -> str:
+        """What it is called: as its stream."""
+        return self.take
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +210,7 @@ class GraphShape(RigBase):
         mesh: the surface at rest.
         skin: the four nodes that each vertex follows.
         parts: what the nodes play; their numbers of nodes sum to N. A part rides on one before it.
+        over: what was performed over that, the outermost first.
         ends: (5, 3) metres at rest, the ends of head, left and right hand, left and right foot, where an
             artist named them; else none.
 
@@ -159,12 +224,14 @@ class GraphShape(RigBase):
     mesh: Mesh
     skin: SkinWeights
     parts: tuple[GraphPart, ...]
+    over: tuple[GraphLayer, ...] = ()
     ends: Float = field(default_factory=lambda: np.empty((0, 3)))
 
     def __post_init__(self) -> None:
         freeze(self, "positions", "ends")
         object.__setattr__(self, "edges", frozen(np.reshape(self.edges, (-1, 2)), np.int32))
         object.__setattr__(self, "parts", tuple(self.parts))
+        object.__setattr__(self, "over", tuple(self.over))
         problem = _problem_of(self)
         if problem:
             raise InputError(problem, where=self.where, mend="Build the shape again.")
@@ -174,18 +241,35 @@ class GraphShape(RigBase):
     played = "parts"
     drawn_by = ("mesh", "skin", "positions")
 
+    @property
+    def playing(self) -> tuple[Solved, ...]:
+        """Its parts, and what was performed over them."""
+        return (*self.parts, *self.over)
+
+    def with_playing(self, *layers: Playing) -> GraphShape:
+        """The same with other parts and layers."""
+        parts = tuple(one for one in layers if isinstance(one, GraphPart))
+        over = tuple(one for one in layers if isinstance(one, GraphLayer))
+        return self.with_changes(parts=parts, over=over)
+
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Refuse takes that are not there, or that are of something else."""
         super().check(held)
-        for part in self.parts:
-            known = held["streams"][part.take].positions.shape[1]
-            if part.nodes.size and not 0 <= part.nodes.min() <= part.nodes.max() < known:
-                raise InputError(f"it plays nodes of {part.take!r} that are not there", where=self.where)
+        for one in (*self.parts, *self.over):
+            known = held["streams"][one.take].positions.shape[1]
+            if one.nodes.size and not 0 <= one.nodes.min() <= one.nodes.max() < known:
+                raise InputError(f"it plays nodes of {one.take!r} that are not there", where=self.where)
 
     def without_layer(self, number: int) -> GraphShape:
-        """Refused: the nodes of a part play its stream and nothing else."""
-        mend = "Mute it, or cut that part off."
-        raise InputError("its nodes have no other motion", where=self.where, mend=mend)
+        """The same without something that was performed over it; refused for a part.
+
+        Raises:
+            InputError: for a part: its nodes play its stream and nothing else.
+        """
+        if number < len(self.parts):
+            mend = "Mute it, or cut that part off."
+            raise InputError("its nodes have no other motion", where=self.where, mend=mend)
+        return super().without_layer(number)
 
     def at_rest(self, mesh: Mesh | None) -> tuple[GraphShape, tuple[PoseStream, ...]]:
         """A possessed mesh that stands still; its skin is made anew from the mesh on the stage."""
@@ -272,4 +356,9 @@ def _problem_of(shape: GraphShape) -> str:
     for part, start in zip(shape.parts, shape.starts, strict=False):
         if part.ride is not None and not 0 <= part.ride.node < start:
             return f"a part rides on node {part.ride.node}, which does not come before it"
+    for layer in shape.over:
+        if not 0 <= layer.own.min() <= layer.own.max() < count or len(set(layer.own.tolist())) < len(
+            layer.own
+        ):
+            return f"layer {layer.take!r} moves a node that is not there, or one twice"
     return ""

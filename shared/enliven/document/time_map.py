@@ -71,6 +71,8 @@ class TimeMap:
         hold: whether the frame at an end stands beyond it; otherwise nothing is played there, as if muted.
         ease: seconds of the lane over which a layer that does not hold comes in and goes out.
         smooth: seconds over which the take is smoothed as it is played; 0 plays it as recorded.
+        recorded: the name of the recording that it came from; empty: from none.
+        alternatives: the name of the takes of which that is one; one of them is heard, on all characters.
     """
 
     offset: float = 0.0
@@ -80,6 +82,8 @@ class TimeMap:
     hold: bool = True
     ease: float = 0.0
     smooth: float = 0.0
+    recorded: str = ""
+    alternatives: str = ""
 
     def check_time(self, where: str) -> None:
         """Refuse numbers that cannot be played.

@@ -3,8 +3,9 @@
     project, names = with_performed(project, performed, begin)     # begin: the sensor's clock at 0 seconds
 
 Each performer becomes a take. A character of the project that was performed plays what was done: a rigged
-shape as layers on the bones that moved, on top of what it plays or in its place; a possessed mesh as motion
-of its nodes that can be solved again; a puppet as a layer of its performer's take. Others are added.
+shape as layers on the bones that moved, a possessed mesh as motion of its nodes that can be solved again, a
+puppet as a layer of its performer's take: on top of what plays, or in its place for as long as was recorded.
+Others are added.
 """
 
 from __future__ import annotations
@@ -27,12 +28,15 @@ from enliven.document import (
 )
 from enliven.formats.rig import playing
 from enliven.frames import BodyFrame
+from enliven.modeling.edits import as_take
 from enliven.modeling.possessed import between, even_times
-from enliven.motion.layers import bind_chain, clear_chain, set_travel
+from enliven.motion.layers import bind_chain, set_travel
 from enliven.rotation import IDENTITY, continuous, from_matrix
 from enliven.takes.body_takes import holds_among
 from enliven.takes.live_layer import composed, own_chain, own_turns
+from enliven.takes.performed_over import plays, with_layer_over
 from enliven.takes.possessed import with_performance
+from enliven.takes.punching import Punch, punch_bones
 from enliven.takes.recorded import TakeSettings, clips_of_frames
 from enliven.takes.rigged import rigged_of
 from enliven.wire import HoldMessage
@@ -85,18 +89,23 @@ class Performed:
 
 
 def with_performed(
-    project: Project, performed: Performed, begin: int, *, replaces: bool = False
+    project: Project, performed: Performed, begin: int, *, replaces: bool = False, beside: str = ""
 ) -> tuple[Project, tuple[str, ...]]:
     """Returns a project with takes and layers of what was performed, and the ids of what is new in it.
 
+    The layers are one of several alternatives (:mod:`enliven.modeling.edits.alternatives`), or the first of
+    new ones.
+
     Args:
         begin: nanoseconds, the sensor's clock at 0 seconds of the project.
-        replaces: whether the bones that moved lose the layers that they had; else both play.
+        replaces: whether what moved is not heard as it played before, from the recording's begin to its end;
+            else both play.
+        beside: the name of the alternatives of which it is one more; empty: of its own.
 
     Raises:
         InputError: where the poses of a character do not fit together.
     """
-    made = list[str]()
+    made, before = list[str](), project
     whole = [frame for frame in performed.frames if frame.time_ns >= performed.since_ns]
     for clip in clips_of_frames(whole, performed.name, TakeSettings()):
         project = project.with_takes(replace(clip, id=unused(clip.id, project.takes)))
@@ -110,10 +119,33 @@ def with_performed(
         elif isinstance(one, Puppet) and character.kind == "points":
             project = _played_by(project, one, performed, whole, begin, replaces=replaces)
             made.append(one.id)
+        elif isinstance(one, GraphShape) and _keeps(project, one, performed, key, begin, replaces=replaces):
+            holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
+            punch = _punch(project, performed, key, begin) if replaces else None
+            project = with_layer_over(project, one, key, character, poses, begin, holds, punch)
+            made.append(one.id)
         else:
             project, name = _added(project, key, performed, begin)
             made.append(name)
-    return project, tuple(dict.fromkeys(made))
+    return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(made))
+
+
+def _punch(project: Project, performed: Performed, key: Key, begin: int) -> Punch:
+    """Returns the span of what a character did, in seconds of the project."""
+    poses = performed.poses[key]
+    first, last = (1e-9 * (one.time_ns - begin) for one in (poses[0], poses[-1]))
+    return Punch.of(project, first, last)
+
+
+def _keeps(
+    project: Project, one: GraphShape, performed: Performed, key: Key, begin: int, *, replaces: bool
+) -> bool:
+    """Whether a possessed mesh goes on playing something of what it plays."""
+    if not plays(project, one):
+        return False
+    punch = _punch(project, performed, key, begin)
+    kept = any(layer.muted for layer in one.playing)  # alternatives, which may be heard again
+    return not replaces or kept or punch.leaves(project, one.playing)
 
 
 def _moves(poses: Sequence[Pose]) -> bool:
@@ -144,13 +176,16 @@ def _layered(
         float(grid[1] - grid[0]),
     )
     project = project.with_takes(take)
+    punch = Punch.of(project, float(grid[0]), float(grid[-1]))
+    left = replaces and punch.leaves(project, shape.layers)
     for chain in chains:
         if replaces:
-            project = clear_chain(project, shape.id, chain)
+            project = punch_bones(project, shape.id, chain, punch)
         layer = unused(f"{take.id}: {shape.skeleton.names[chain[-1]]}", project.layer_names)
         how = {"basis": IDENTITY, "layer_id": layer, "offset": float(grid[0])}
-        project = bind_chain(project, shape.id, chain, take.id, chain, **how)
-    if travels and chains and (replaces or shape.travel is None):
+        played = punch.played if left else {}
+        project = bind_chain(project, shape.id, chain, take.id, chain, **how, **played)
+    if travels and chains and ((replaces and not left) or shape.travel is None):
         last = project.shape(shape.id).layers[-len(chains)].id
         project = set_travel(project, shape.id, last, scale=1.0)
     return project
@@ -188,7 +223,12 @@ def _played_by(
     take = replace(clips[0], id=unused(clips[0].id, project.takes))
     first = next(frame.time_ns for frame in alone if frame.bodies)
     layer = PuppetLayer(take.id, offset=(first - begin) * 1e-9)
-    layers = (layer,) if replaces else (*puppet.layers, layer)
+    layers: tuple[PuppetLayer, ...] = (*puppet.layers, layer)
+    if replaces:
+        punch = Punch.of(project, layer.offset, layer.end(take.duration))
+        left = [kept for one in puppet.layers if (kept := punch(project, one)) is not None]
+        played = punch.played if punch.leaves(project, puppet.layers) else {}
+        layers = (*left, replace(layer, **played))
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
 

@@ -290,9 +290,20 @@ def interleaved(workspace: Workspace, folder: Path) -> Actions:
     yield from sitting(workspace, folder)
 
 
-FILMED: dict[str, Callable[[Workspace, Path], Actions]] = {"cactus": cactus, "interleaved": interleaved}
+def possessed(workspace: Workspace, folder: Path) -> Actions:
+    """A chair is possessed, performed over, merged with a puppet while both play, performed again."""
+    from session_possessed import possessed as sitting
+
+    yield from sitting(workspace, folder)
+
+
+FILMED: dict[str, Callable[[Workspace, Path], Actions]] = {
+    "cactus": cactus,
+    "interleaved": interleaved,
+    "possessed": possessed,
+}
 """Sessions that need the window: they look at what is on the screen."""
-PACES = {"interleaved": STEP / 0.25}
+PACES = {"interleaved": STEP / 0.25, "possessed": STEP / 0.25}
 """Seconds that a picture takes at least, of sessions with an edge, which plays by the clock on the wall."""
 
 

@@ -7,64 +7,15 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strokes import limb
+from performed_arm import ARM, BEGIN, BONES, FRAMES, STEP, performed, waving
 
-from enliven.document.character import Pose
 from enliven.document.project import Project, same
-from enliven.document.rigged import Shape, character_of
 from enliven.frames import BodyFrame
-from enliven.modeling.sketching.sketch import shape_from_stroke
-from enliven.motion.layers.evaluate import ShapePose, pose_from, pose_of
+from enliven.motion.layers.evaluate import pose_from, pose_of
 from enliven.person.body import Body
-from enliven.rotation import from_rotation_vector, multiply, rotate
 from enliven.takes.live_layer import LiveLayer
-from enliven.takes.performed import Performed, with_performed
+from enliven.takes.performed import with_performed
 from enliven.wire import HoldMessage
-
-STEP = 33_333_333
-FRAMES = 12
-BEGIN = 7_000_000_000
-
-
-def arm() -> Shape:
-    """A sketched limb of several bones, a little bent by hand."""
-    shape = shape_from_stroke(limb(np.array([[0.0, 0.4], [0.0, 1.4]]), np.array([0.08, 0.05])), id="arm")
-    bent = np.array(
-        [from_rotation_vector(np.array([0.1 * k, 0.0, 0.05])) for k in range(len(shape.skeleton))]
-    )
-    return shape.with_changes(modeling=bent)
-
-
-ARM = arm()
-BONES = len(ARM.skeleton)
-
-
-def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> Performed:
-    """What an edge would publish of the arm: ``own`` (F, N, 4) turns of the bones, the root moved aside."""
-    parents = ARM.skeleton.parents
-    poses = []
-    for frame, turned in enumerate(own):
-        turns, joints = np.empty((BONES, 4)), np.empty((BONES, 3))
-        for j, parent in enumerate(parents):
-            local = multiply(ARM.modeling[j], turned[j])
-            turns[j] = local if parent < 0 else multiply(turns[parent], local)
-            rest = ARM.skeleton.positions
-            step = np.zeros(3) if parent < 0 else rotate(turns[j], rest[j] - rest[parent])
-            joints[j] = (rest[0] + [2.0 + root * frame, 0.0, 0.0]) if parent < 0 else joints[parent] + step
-        seen = pose_from(ARM, ShapePose(turns, joints), 0.0)
-        poses.append(Pose("arm", BEGIN + frame * STEP, seen.linear, seen.positions))
-    key = ("arm", 3)
-    return Performed(name, BEGIN, characters={key: character_of(ARM)}, poses={key: poses})
-
-
-def waving(bones: dict[int, float]) -> np.ndarray:
-    """(F, N, 4) turns in which some bones swing by so many radians."""
-    own = np.tile([1.0, 0.0, 0.0, 0.0], (FRAMES, BONES, 1))
-    for bone, size in bones.items():
-        for frame in range(FRAMES):
-            own[frame, bone] = from_rotation_vector(np.array([0.0, 0.3, 1.0]) * size * np.sin(frame))
-    return own
-
 
 BENDS = st.dictionaries(st.integers(1, BONES - 1), st.floats(0.2, 1.0), min_size=1, max_size=BONES - 1)
 

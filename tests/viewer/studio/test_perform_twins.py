@@ -95,3 +95,23 @@ def test_a_possessed_one_is_live_while_it_is_held_and_else_plays() -> None:
     assert live(False) and live(True, held={name})
     assert not live(True), "it plays while others are recorded"
     assert not live(True, heard=False, held={name}), "what was recorded is looked at"
+
+
+def test_a_possessed_one_that_is_held_plays_with_what_is_done_on_top() -> None:
+    project, name = possessed_chair(20)
+    editor = Editor(project=project)
+    editor.time = 0.4
+    character = editor.posed(name).drawn
+    assert character is not None
+    rest = character.rest_pose()
+    bent = replace(rest, positions=rest.positions + ASIDE)
+    top = character.pivots[:, 1].argmax()
+    bent.positions[top] += [0.1, 0.0, 0.0]
+    twins, plays = Twins(editor), editor.posed(name).pose
+    held = Telling(held={name})
+    (shown,) = twins.shown(Scene((SceneCharacter(character, bent),)), held).actors
+    apart = np.linalg.norm(shown.pose.positions - plays.positions, axis=1)
+    assert apart[top] == pytest.approx(0.1, abs=5e-3) and np.delete(apart, top).max() < 5e-3
+    instead = replace(held, replaces=True)
+    (shown,) = twins.shown(Scene((SceneCharacter(character, bent),)), instead).actors
+    np.testing.assert_array_equal(shown.pose.positions, bent.positions)

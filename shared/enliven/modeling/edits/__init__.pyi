@@ -1,3 +1,11 @@
+from .alternatives import (
+    alternatives_of as alternatives_of,
+    as_take as as_take,
+    choose_take as choose_take,
+    drop_take as drop_take,
+    keep_take as keep_take,
+    takes_beside as takes_beside,
+)
 from .characters import (
     change_layers as change_layers,
     copy_character as copy_character,

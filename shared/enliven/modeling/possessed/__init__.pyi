@@ -1,5 +1,10 @@
 from .even_steps import between as between, even_times as even_times, stream_of as stream_of
-from .pose import graph_pose as graph_pose, graph_vertices as graph_vertices, pose_of_graph as pose_of_graph
+from .pose import (
+    graph_pose as graph_pose,
+    graph_vertices as graph_vertices,
+    over_base as over_base,
+    pose_of_graph as pose_of_graph,
+)
 from .rig import GraphRig as GraphRig
 from .solving import (
     as_solved as as_solved,

@@ -76,7 +76,10 @@ class GraphRig(RigEdits):
         )
         mesh = replace(shape.mesh, vertices=larger(shape.mesh.vertices))
         ends = larger(shape.ends)
-        return shape.with_changes(positions=larger(shape.positions), mesh=mesh, parts=parts, ends=ends)
+        over = tuple(replace(layer, size=layer.size * factor) for layer in shape.over)
+        return shape.with_changes(
+            positions=larger(shape.positions), mesh=mesh, parts=parts, over=over, ends=ends
+        )
 
     def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
         """Rest and motion alike."""
@@ -96,7 +99,15 @@ class GraphRig(RigEdits):
         positions = centre + axes.vectors(shape.positions - centre)
         ends = centre + axes.vectors(shape.ends - centre)
         ends = ends[_OTHER_SIDE] if len(ends) else ends
-        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), ends=ends)
+        over = tuple(
+            replace(
+                layer,
+                axes=normalized(multiply(axes.turn, flip.rotations(layer.axes))),
+                mirrored=not layer.mirrored,
+            )
+            for layer in shape.over
+        )
+        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), over=over, ends=ends)
 
     def as_graph(
         self, project: Project, shape: GraphShape, times: Float, stream_id: str
@@ -106,4 +117,4 @@ class GraphRig(RigEdits):
         linear, positions = (np.stack(each) for each in zip(*poses, strict=True))
         stream = PoseStream(stream_id, linear, positions, float(times[1] - times[0]))
         part = GraphPart(stream_id, np.arange(len(shape.positions)), offset=float(times[0]))
-        return shape.with_playing(part), stream, ""
+        return shape.with_changes(parts=(part,), over=()), stream, ""

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document import GraphPart, GraphShape, Project, Ride, SkinWeights, unused
+from enliven.document import GraphLayer, GraphPart, GraphShape, Project, Ride, SkinWeights, unused
 from enliven.errors import InputError
 from enliven.modeling.mesh import (
     CutSurface,
@@ -95,6 +95,7 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
         mesh,
         skin,
         (*host.parts, *parts),
+        (*host.over, *(replace(layer, own=layer.own + first) for layer in moved.over)),
     )
     return project.without(graft.id).with_characters(merged)
 
@@ -117,6 +118,7 @@ def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
         piece.mesh,
         SkinWeights(number[piece.skin.indices].astype(np.uint16), piece.skin.weights),
         tuple(part for part in parts if len(part.nodes)),
+        tuple(_layer_with(layer, kept, number) for layer in shape.over if kept[layer.own].any()),
     )
 
 
@@ -129,6 +131,12 @@ def _part_with(part: GraphPart, kept: Bool, number: Int) -> GraphPart:
     """A part with some of its nodes, and its ride under the node's new number."""
     ride = None if part.ride is None else replace(part.ride, node=int(number[part.ride.node]))
     return replace(part, nodes=part.nodes[kept], ride=ride)
+
+
+def _layer_with(layer: GraphLayer, kept: Bool, number: Int) -> GraphLayer:
+    """What was performed over a shape, for those of its nodes that are kept, by their new numbers."""
+    left = kept[layer.own]
+    return replace(layer, nodes=layer.nodes[left], own=number[layer.own[left]])
 
 
 def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | str | None) -> tuple[int, int]:
@@ -155,7 +163,8 @@ def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> Graph
             ride = replace(ride, turn=normalized(multiply(ride.turn, back)))
         parts.append(replace(part, axes=normalized(multiply(axes, part.axes)), ride=ride))
     mesh = replace(shape.mesh, vertices=vertices)
-    return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts))
+    over = tuple(replace(one, axes=normalized(multiply(axes, one.axes))) for one in shape.over)
+    return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), over=over)
 
 
 def _carried(part: GraphPart, ride: Ride, first: int) -> GraphPart:

@@ -50,6 +50,7 @@ class Editor:
         self.show_bones, self.show_meshes = True, True
         self.keying = False  # whether posing a bone sets a key at the playhead
         self.growing = 0.0  # seconds on the timeline where a recording has come to
+        self.marked: tuple[float, float] | None = None  # the seconds in which recordings begin and end
         self.beside_box: Box | None = None  # around what stands beside the project, live
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
@@ -111,7 +112,7 @@ class Editor:
         """Another project, with no past."""
         self.history, self.draft = History(project), None
         self.puppets.accept()
-        self.selection, self.time, self.playing = Selection(), 0.0, False
+        self.selection, self.time, self.playing, self.marked = Selection(), 0.0, False, None
         self.frame_all()
 
     @property

@@ -6,8 +6,8 @@ from dataclasses import fields
 
 from imgui_bundle import imgui
 
-from enliven.document import FEET, Layer, Project, RigBase, Shape
-from enliven.modeling.edits import change_layers, lock_feet, remove_layer
+from enliven.document import FEET, Layer, Playing, Project, RigBase, Shape
+from enliven.modeling.edits import change_layers, lock_feet, remove_layer, takes_beside
 from enliven.motion.layers import set_travel
 from enliven_viewer.studio.panels.fields import Change, slider, switch, told
 from enliven_viewer.studio.panels.style import heading, quiet
@@ -54,6 +54,7 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
         return
     workspace.remember("remove layer")
     quiet(f"take {layer.take}")
+    _takes(workspace, layer)
     held = {field.name for field in fields(layer)}  # type: ignore[arg-type]
     if layer.source != "takes":
         held.discard("mirrored")  # of what was recorded it says where it is
@@ -69,6 +70,23 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     if isinstance(layer, Layer):
         _chain(workspace, editor.project.shape(name), layer, number)
         _feet(workspace, name, layer, number)
+
+
+def _takes(workspace: Workspace, layer: Playing) -> None:
+    """The takes that were recorded beside one another: which is heard, and a button that deletes each."""
+    takes = workspace.commands.takes
+    beside = takes_beside(workspace.editor.project, layer.alternatives)
+    if len(beside) < 2:
+        return
+    quiet("takes of this lane")
+    for recorded, heard in beside.items():
+        if imgui.radio_button(f"{recorded}##heard", heard) and not heard:
+            takes.choose(recorded)
+        workspace.remember(f"hear {recorded}")
+        imgui.same_line(imgui.get_content_region_avail().x - 44)
+        if imgui.small_button(f"Delete##{recorded}"):
+            takes.drop(recorded)
+        workspace.remember(f"drop {recorded}")
 
 
 def _changing(name: str, number: int, field: str) -> Change:

@@ -9,7 +9,7 @@ from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage import draw_growing
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.panels.timeline_lanes import LanePainter
-from enliven_viewer.studio.panels.timeline_markers import draw_markers
+from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_span
 from enliven_viewer.studio.panels.timeline_puppets import draw_details, tell_details
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.timeline import LABELS, RULER
@@ -20,7 +20,10 @@ _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
 """Icons of Font Awesome 4, on the buttons of the transport."""
 _SPLIT, _FLAG, _MAGNET, _ALL = "\uf0c4", "\uf024", "\uf076", "\uf07e"
 """Icons of Font Awesome 4: split, marker, snapping, and all of the project."""
-_CLICKED = ("bar", "mute", "lock", "fold", "solo", "name", "marker", "pose", "suggested", "held", "found")
+_CLICKED = (
+    *("bar", "mute", "lock", "fold", "solo", "name", "marker", "marked", "takes"),
+    *("pose", "suggested", "held", "found"),
+)
 """Handles over which the pointer is a hand."""
 _WHEEL = 40.0
 """Pixels that the timeline moves for a notch of the wheel with Shift."""
@@ -43,6 +46,7 @@ def draw_timeline(workspace: Workspace, area: Area) -> None:
         draw.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
         _lanes(workspace, origin, size)
         _ruler(workspace, origin, size)
+        draw_span(workspace, origin, size)
         draw_markers(workspace, origin, size)
         _playhead(workspace, origin, size)
         draw.pop_clip_rect()
@@ -153,7 +157,7 @@ def _turned(workspace: Workspace, x: float, size: ImVec2) -> None:
 
 
 def _cursor(kind: str) -> None:
-    if kind in ("edge", "begin", "blend", "switch"):
+    if kind in ("edge", "begin", "blend", "switch", "from", "to"):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
     elif kind in _CLICKED:
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)

@@ -19,6 +19,7 @@ from enliven_viewer.studio.timeline import (
     LABELS,
     LANE,
     POSES,
+    TAKES,
     ClipPictures,
     Lane,
     TimelineLayout,
@@ -82,9 +83,16 @@ class LanePainter:
         with small():
             tint = packed(INK if locked else QUIET, 0.9 if locked else 0.45)
             draw.add_text(ImVec2(origin.x + 28, middle + 2), tint, _LOCK if locked else _UNLOCK)
-        draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(origin.x + LABELS - 14, top + LANE), True)
+        which, takes = layout.takes(lane)
+        room = LABELS - 14 - (TAKES if takes > 1 else 0.0)
+        draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(origin.x + room, top + LANE), True)
         draw.add_text(ImVec2(origin.x + 46, middle), packed(ACCENT if chosen else INK, faded), lane.label)
         draw.pop_clip_rect()
+        if takes > 1:
+            opened = layer.alternatives in timeline.opened
+            with small():
+                said = f"{which}/{takes} {_OPEN if opened else _FOLDED}"
+                draw.add_text(ImVec2(origin.x + room + 3, middle + 2), packed(INK, 0.9), said)
         draw.push_clip_rect(ImVec2(origin.x + LABELS - 10, top), ImVec2(right, top + LANE), True)
         if layer.loop:
             low = ImVec2(origin.x + lane.right, top + 4)

@@ -7,9 +7,9 @@ from imgui_bundle import ImVec2, imgui
 from enliven.modeling.edits import remove_marker, rename_marker
 from enliven_viewer.studio.panels.fields import name_field
 from enliven_viewer.studio.panels.style import packed, small
-from enliven_viewer.studio.timeline import LABELS, RULER
+from enliven_viewer.studio.timeline import LABELS, RULER, SPAN
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import CHAIN, DARK, INK
+from enliven_viewer.theme import BAD, CHAIN, DARK, INK
 
 _POPUP = "marker name"
 
@@ -33,6 +33,21 @@ def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     if timeline.marker and not imgui.is_popup_open(_POPUP):
         imgui.open_popup(_POPUP)
     _named(workspace)
+
+
+def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+    """Draw the span in which recordings begin and end: a band on the ruler with its ends, and the lanes."""
+    draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
+    if layout.marked is None:
+        return
+    low, high = (origin.x + max(layout.x(end), LABELS - 1) for end in layout.marked)
+    top, bottom = origin.y + RULER - SPAN, origin.y + RULER
+    draw.add_rect_filled(ImVec2(low, bottom), ImVec2(high, origin.y + size.y), packed(BAD, 0.07))
+    draw.add_rect_filled(ImVec2(low, top), ImVec2(high, bottom), packed(BAD, 0.75), 2.0)
+    for at, way in ((low, 1.0), (high, -1.0)):
+        draw.add_line(ImVec2(at, origin.y + 2), ImVec2(at, origin.y + size.y), packed(BAD, 0.9), 1.5)
+        grip = (ImVec2(at, origin.y + 2), ImVec2(at + 7 * way, origin.y + 2), ImVec2(at, origin.y + 10))
+        draw.add_triangle_filled(*grip, packed(BAD))
 
 
 def _named(workspace: Workspace) -> None:

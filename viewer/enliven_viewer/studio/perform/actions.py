@@ -112,6 +112,12 @@ PERFORM_ACTIONS = (
         why_not=PerformSession.lacks_edge,
     ),
     PerformAction(
+        "Record beside what was recorded last",
+        "ctrl+shift+r",
+        lambda session: session.recording.again(beside=True),
+        why_not=PerformSession.lacks_recording,
+    ),
+    PerformAction(
         "Recordings begin here",
         "i",
         lambda session: session.recording.mark(0),

@@ -7,6 +7,7 @@ from typing import Literal
 
 from enliven.document import Project
 from enliven.errors import InputError
+from enliven.modeling.edits import alternatives_of, choose_take
 from enliven.takes import with_performed
 from enliven_viewer.live import LiveStage
 from enliven_viewer.studio.editor import Editor
@@ -20,6 +21,8 @@ _SHORTEST = 0.05
 """Seconds of the shortest span: less is a slip of the hand."""
 _RECORD = "record "
 """What the name of an edit begins with that is a recording."""
+_SILENCE = "silence "
+"""What the name of an edit begins with that silences takes, for one that is recorded beside them."""
 Phase = Literal["idle", "counting", "recording"]
 
 
@@ -39,8 +42,7 @@ class StageRecording:
         replaces: whether a recording takes the place of what the bones that moved play already.
         count_in: whether three beats come before a recording.
         hold_still: seconds for which all performers hold still that end a recording; 0: that ends none.
-        span: the first and the last second of the project that are recorded; None: from the playhead on.
-        loops: whether the span is recorded again and again, each time as a recording of its own.
+        loops: whether the span is recorded again and again, each time as one more alternative.
     """
 
     def __init__(
@@ -56,8 +58,8 @@ class StageRecording:
         self.phase: Phase = "idle"
         self.replaces = False
         self.count_in, self.hold_still = True, 0.0
-        self.span: tuple[float, float] | None = None
         self.loops = False
+        self._beside = ""
         self._live, self._connected, self._may, self._lacks = live, connected, may, lacks
         self._left = self._silent = self._start = 0.0
 
@@ -91,6 +93,15 @@ class StageRecording:
         """First and last second, on the timeline, of what is being recorded; None where nothing is."""
         return (self._start, self.editor.growing) if self.phase == "recording" else None
 
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """The first and the last second of the project that are recorded; None: from the playhead on."""
+        return self.editor.marked
+
+    @span.setter
+    def span(self, span: tuple[float, float] | None) -> None:
+        self.editor.marked = span
+
     def record(self) -> None:
         """Count in and record, or end it."""
         if self.phase != "idle":
@@ -98,19 +109,41 @@ class StageRecording:
         elif self._may(self._lacks()):
             self.phase, self._left = "counting", _COUNT if self.count_in else 0.0
 
-    def again(self) -> None:
-        """Begin anew where the recording began: what is being recorded is dropped, the last one undone."""
+    def again(self, *, beside: bool = False) -> None:
+        """Begin anew where the recording began: what is being recorded is dropped, the last one undone.
+
+        Args:
+            beside: whether the last one is kept, silent, as an alternative of what is recorded now.
+        """
         if self.phase == "idle":
-            if not (self.editor.history.undo_name or "").startswith(_RECORD):
+            if not self.recorded:
                 self.editor.toasts.say("There is no recording to take again", "Record first.")
                 return
-            self.editor.undo()
+            alternatives = alternatives_of(self.editor.project, self.recorded)
+            if beside:
+                self._silence(alternatives)
+            else:
+                self._beside = alternatives if alternatives != self.recorded else ""
+                self.editor.undo()
         elif self.phase == "recording":
             self.recorder.end()
             self.editor.growing = 0.0
         self.phase = "idle"
         self.editor.scrub(self._start)
         self.record()
+
+    @property
+    def recorded(self) -> str:
+        """The name of the recording that the last edit was; empty where that was another."""
+        name = self.editor.history.undo_name or ""
+        return name.removeprefix(_RECORD) if name.startswith(_RECORD) else ""
+
+    def _silence(self, alternatives: str) -> None:
+        """Let none of some takes be heard, for one more that is recorded."""
+        self.editor.edit(
+            f"{_SILENCE}{alternatives}", lambda p: choose_take(p, alternatives, ""), over_locks=True
+        )
+        self._beside = alternatives
 
     def mark(self, end: int) -> None:
         """Make the playhead the begin (0) or the end (1) of what is recorded; no span where none is left."""
@@ -125,7 +158,10 @@ class StageRecording:
             until_ns: the sensor's clock up to which it is kept; None: all of it.
         """
         phase, self.phase = self.phase, "idle"
+        beside, self._beside = self._beside, ""
         if phase != "recording":
+            if beside and (self.editor.history.undo_name or "").startswith(_SILENCE):
+                self.editor.undo()
             return
         editor = self.editor
         performed, start = self.recorder.end(), self._start
@@ -135,7 +171,7 @@ class StageRecording:
         made: list[str] = []
 
         def change(project: Project) -> Project:
-            after, names = with_performed(project, performed, begin, replaces=replaces)
+            after, names = with_performed(project, performed, begin, replaces=replaces, beside=beside)
             if not names:
                 what, mend = "nothing moved", "Step in front of the sensor, or take hold of a character."
                 raise InputError(what, where="recording", mend=mend)
@@ -155,6 +191,8 @@ class StageRecording:
         begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
         self.stop(begun)
         if self.loops:
+            if alternatives := alternatives_of(self.editor.project, self.recorded):
+                self._silence(alternatives)
             self._begin()
 
     def _begin(self) -> None:

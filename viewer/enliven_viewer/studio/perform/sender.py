@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from enliven.document import Project, Puppet, RigBase
+from enliven.document import GraphShape, Project, Puppet, RigBase
 from enliven.formats.project import project_of_mesh, texture_bytes
 from enliven.wire import MAX_TEXTURE_BYTES, Answer, Done, Refused
 from enliven_viewer.link import StageLink
@@ -58,6 +58,9 @@ class StageSender:
         now = time.monotonic()
         for name, sent in list(self._sent.items()):
             one = project.characters.get(name)
+            if one is not None and _stands_alike(one, sent):
+                self._sent[name] = one
+                continue
             if one is None or one is sent or self.states[name].startswith("refused"):
                 self._seen.pop(name, None)
                 continue
@@ -98,3 +101,9 @@ class StageSender:
             self._tell(f"{name} is not taken from the stage", answer.reason)
         else:
             self._tell(f"{name} is gone from the stage", "")
+
+
+def _stands_alike(one: RigBase, sent: RigBase) -> bool:
+    """Whether an edit of a possessed mesh changed what it plays alone: the stage has it at rest."""
+    kinds = isinstance(one, GraphShape) and isinstance(sent, GraphShape)
+    return kinds and all(getattr(one, each) is getattr(sent, each) for each in one.drawn_by)

@@ -217,6 +217,11 @@ class PerformSession:
             return ""
         return "The stage is silent. Look whether its camera's program runs"
 
+    def lacks_recording(self) -> str:
+        """Why nothing can be recorded beside the last recording, and what to do about it."""
+        last = self.recording.recorded or self.recording.phase == "recording"
+        return self.lacks_edge() or ("" if last else "There is no recording to take again. Record first")
+
     def lacks_to_put(self) -> str:
         """Why the chosen character cannot be put on the stage, and what to do about it."""
         one = self.editor.chosen()

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Project, RigBase, Shape
+from enliven.document import Character, GraphShape, Project, RigBase, Shape
 from enliven.matching import Board
-from enliven.takes import LiveLayer
+from enliven.takes import LiveLayer, LiveOver, plays
 from enliven_viewer.render import Scene, SceneCharacter
 from enliven_viewer.studio.editor import Editor
 
@@ -45,6 +45,7 @@ class Twins:
     editor: Editor
     hidden: frozenset[str] = frozenset()
     _layers: dict[str, tuple[_Key, LiveLayer]] = field(default_factory=dict)
+    _overs: dict[str, tuple[Project, Character, LiveOver]] = field(default_factory=dict)
 
     def shown(self, scene: Scene, told: Telling) -> Scene:
         """The scene without twins: a rigged one plays in its place on the stage, with what is done on top."""
@@ -62,11 +63,15 @@ class Twins:
                 hidden.add(name)
                 if name in boards:
                     boards[name] = _carried(boards[name], one, actor, joints)
+            elif isinstance(one, GraphShape) and self._over(one, actor, told):
+                actors.append(self._performed_over(one, actor))
+                hidden.add(name)
             elif _alone(one, actor, told, playing=self.editor.playing):
                 actors.append(actor)
                 hidden.add(name)
         self.hidden = frozenset(hidden)
         self._layers = {name: kept for name, kept in self._layers.items() if name in hidden}
+        self._overs = {name: kept for name, kept in self._overs.items() if name in hidden}
         return replace(scene, actors=tuple(actors), boards=boards)
 
     def _layered(self, shape: Shape, actor: SceneCharacter, told: Telling) -> tuple[SceneCharacter, Float]:
@@ -80,11 +85,32 @@ class Twins:
         pose, joints = known[1].pose(actor.pose, self.editor.time, heard=told.heard)
         return replace(actor, pose=pose), joints
 
+    def _over(self, one: GraphShape, actor: SceneCharacter, told: Telling) -> bool:
+        """Whether what is done with a possessed mesh comes on top of what it plays."""
+        performed = one.id in told.held and told.heard and not told.replaces
+        return performed and _same(one, actor) and plays(self.editor.project, one)
+
+    def _performed_over(self, one: GraphShape, actor: SceneCharacter) -> SceneCharacter:
+        """A possessed mesh as it plays, with what is done live on top."""
+        known = self._overs.get(one.id)
+        if known is None or known[0] is not self.editor.project or known[1] is not actor.character:
+            made = LiveOver(self.editor.project, one.id, actor.character)
+            known = self._overs[one.id] = self.editor.project, actor.character, made
+        pose = known[2].pose(actor.pose, self.editor.time)
+        drawn = self.editor.posed(one.id).drawn
+        assert drawn is not None
+        # Cues name nodes of the mesh on the stage, which are others.
+        return replace(actor, character=drawn, pose=pose, cues=None)
+
+
+def _same(one: RigBase, actor: SceneCharacter) -> bool:
+    """Whether the stage has the surface that the project has."""
+    return one.mesh is not None and len(one.mesh.vertices) == len(actor.character.vertices)
+
 
 def _alone(one: RigBase, actor: SceneCharacter, told: Telling, *, playing: bool) -> bool:
     """Whether the live one is shown, and not the project's: it is held, or nothing plays."""
-    same = one.mesh is not None and len(one.mesh.vertices) == len(actor.character.vertices)
-    return told.heard and (not playing or (same and one.id in told.held))
+    return told.heard and (not playing or (_same(one, actor) and one.id in told.held))
 
 
 def _carried(board: Board, shape: Shape, actor: SceneCharacter, joints: Float) -> Board:

@@ -7,6 +7,8 @@ from .layout import (
     MUTE as MUTE,
     RULER as RULER,
     SOLO as SOLO,
+    SPAN as SPAN,
+    TAKES as TAKES,
     Lane as Lane,
     TimelineLayout as TimelineLayout,
 )

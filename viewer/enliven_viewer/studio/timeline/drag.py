@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from enliven.document import Project, Switch
-from enliven.modeling.edits import change_layers, move_marker
+from enliven.document import Playing, Project, Switch
+from enliven.modeling.edits import change_layers, choose_take, move_marker
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline.clip_drag import ClipDrag
 from enliven_viewer.studio.timeline.clip_pictures import ClipPictures
-from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
+from enliven_viewer.studio.timeline.layout import Lane, LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_drag import DRAGGED, PuppetRows
 from enliven_viewer.studio.timeline.snapping import places_of, snapped
 
@@ -20,6 +20,9 @@ _BEYOND = 1.25
 """Times the project's length that the track shows at most: room to drag the last clip's end."""
 _ZOOM = 0.85
 """Share of the seconds that are shown after one notch of the wheel."""
+_SHORTEST = 0.1
+"""Seconds of the marked span at least: there is time to begin and to end."""
+_SPAN = ("from", "to", "marked")
 _CLIP = ("bar", "begin", "edge", "blend")
 
 
@@ -31,6 +34,7 @@ class TimelineInput:
         width, scrolled: pixels of the area, and by which the lanes are moved up.
         start, span: seconds of the project at the track's left, and that it shows; a span of 0 shows all.
         folded: characters with one row for all of their lanes.
+        opened: alternatives of which every take has a lane.
         locked: lanes that no drag changes: the character and the first layer of each.
         snapping: whether what is dragged sticks to clips, markers, the playhead and frames.
         stuck: the second that the drag sticks to now, or None.
@@ -43,6 +47,7 @@ class TimelineInput:
         self.editor = editor
         self.width, self.scrolled, self.start, self.span = 1000.0, 0.0, 0.0, 0.0
         self.folded, self.locked = frozenset[str](), frozenset[tuple[str, int]]()
+        self.opened = frozenset[str]()
         self.snapping, self.clip, self.marker = True, 0, ""
         self.stuck: float | None = None
         self.rows, self.pictures = PuppetRows(editor), ClipPictures()
@@ -55,8 +60,8 @@ class TimelineInput:
     def layout(self) -> TimelineLayout:
         """The layout at this moment."""
         editor = self.editor
-        how = (self.scrolled, self.rows.details, self.start, self.span, self.folded)
-        return TimelineLayout(editor.project, editor.length, self.width, *how)
+        how = (self.scrolled, self.rows.details, self.start, self.span, self.folded, self.opened)
+        return TimelineLayout(editor.project, editor.length, self.width, *how, editor.marked)
 
     @property
     def busy(self) -> bool:
@@ -88,6 +93,12 @@ class TimelineInput:
         locked = (handle.character, handle.number) in self.locked
         if handle.kind == "lock":
             self.locked = self.locked ^ {(handle.character, handle.number)}
+        elif handle.kind == "takes":
+            self.opened = self.opened ^ {self._layer(handle).alternatives}
+        elif handle.kind == "mute" and self._layer(handle).muted and layout.takes(self._bar(handle))[1] > 1:
+            layer = self._layer(handle)
+            of, name = layer.alternatives, layer.recorded
+            self.editor.edit(f"hear {name}", lambda project: choose_take(project, of, name))
         elif handle.kind == "mute":
             muted = not self.editor.project.characters[handle.character].playing[handle.number].muted
             self.editor.edit("mute" if muted else "unmute", _changing(handle, muted=muted))
@@ -103,6 +114,15 @@ class TimelineInput:
                 self._switches = tuple(self.rows.details.switches(handle.number))
             self.rows.press(handle, layout, x)
 
+    def _layer(self, handle: LaneHandle) -> Playing:
+        """The first layer of the lane that is pressed."""
+        return self.editor.project.characters[handle.character].playing[handle.number]
+
+    def _bar(self, handle: LaneHandle) -> Lane:
+        """The lane that is pressed."""
+        here = (handle.character, handle.layers)
+        return next(one for one in self.layout.bars() if (one.character.id, one.layers) == here)
+
     def _press_head(self, handle: LaneHandle) -> None:
         """Fold a character's lanes, choose it, or let it play alone and again with the others."""
         if handle.kind == "fold":
@@ -116,6 +136,8 @@ class TimelineInput:
         if self._handle.kind == "ruler":
             self.editor.scrubbing = True
             self.editor.scrub(self._held_layout.time(x))
+        elif self._handle.kind in _SPAN:
+            self.editor.marked = self._span_to(x)
         elif self._dragged is not None and x != self._from:
             if self.editor.puppets.posing:
                 self.editor.puppets.accept()
@@ -185,6 +207,26 @@ class TimelineInput:
             if (one.character.id, one.layers) == (handle.character, handle.layers) and one.kind != "head"
         )
         return self.rows.dragged(handle, layout.second(lane, x), self._switches)
+
+    def _span_to(self, x: float) -> tuple[float, float] | None:
+        """The marked span with an end, or all of it, dragged to a pixel; as it was where none is left."""
+        layout, kind = self._held_layout, self._handle.kind
+        span = layout.marked
+        if span is None:
+            return None
+        moved = layout.time(x) - layout.time(self._from)
+        ends = {"from": (span[0],), "to": (span[1],)}.get(kind, span)
+        if self.snapping:
+            places = places_of(layout, self.editor.time, self._handle)
+            times = [end + moved for end in ends]
+            more, self.stuck = snapped(layout, times, places, self.editor.settings.frame_step)
+            moved += more
+        if kind == "marked":
+            moved = max(moved, -span[0])
+            return span[0] + moved, span[1] + moved
+        if kind == "from":
+            return min(max(span[0] + moved, 0.0), span[1] - _SHORTEST), span[1]
+        return span[0], max(span[1] + moved, span[0] + _SHORTEST)
 
     def _marker_moved(self, handle: LaneHandle, moved: float) -> Edit:
         layout = self._held_layout

@@ -28,6 +28,10 @@ MUTE = 22.0
 """Pixels of an icon at the left of a label: the eye that mutes, the lock after it, what folds a character."""
 SOLO = 20.0
 """Pixels at the right of a character's label that let it play alone."""
+TAKES = 34.0
+"""Pixels at the right of a label in which stands which of its takes is heard; a click opens them."""
+SPAN = 8.0
+"""Pixels, height of the band on the ruler that shows where recordings begin and end."""
 MARK = 6.0
 """Pixels around a marker on the ruler that take hold of it."""
 _FEW = 12
@@ -41,8 +45,9 @@ class LaneHandle:
     """The part of the timeline under the pointer.
 
     Attributes:
-        kind: "ruler", "marker"; of a lane "bar", "begin" and "edge" (a clip and its ends), "blend", "mute",
-            "lock", "label"; of a character "fold", "solo", "name"; "nothing"; or of a row of details.
+        kind: "ruler", "marker", "from", "to" and "marked" (the marked span's ends, and it); of a lane "bar",
+            "begin" and "edge" (a clip and its ends), "blend", "mute", "lock", "takes" (opens its
+            alternatives), "label"; of a character "fold", "solo", "name"; "nothing"; or of a row of details.
         character, layers: of what it is a part.
         item: which of the clips, or of those in a row of details.
         seconds: of the layer's take, at the pixel.
@@ -118,6 +123,8 @@ class TimelineLayout:
         start: the second at the track's left.
         span: seconds that the track shows; 0: all.
         folded: the characters with one row for all of their lanes.
+        opened: the alternatives of which every take has a lane; of others the one that is heard has.
+        marked: the seconds in which recordings begin and end, or None.
     """
 
     project: Project
@@ -128,6 +135,8 @@ class TimelineLayout:
     start: float = 0.0
     span: float = 0.0
     folded: frozenset[str] = frozenset()
+    opened: frozenset[str] = frozenset()
+    marked: tuple[float, float] | None = None
 
     @property
     def track(self) -> float:
@@ -202,12 +211,35 @@ class TimelineLayout:
         groups: dict[tuple[object, ...], list[int]] = {}
         for key, character in self.project.characters.items():
             playing = character.playing
+            hidden = self._unheard(playing)
             for number, layer in enumerate(playing):
+                if number in hidden:
+                    continue
                 few = sum(other.take == layer.take for other in playing) <= _FEW
                 alone = number if few and layer.source == "takes" else -1
                 how = (layer.take, layer.muted, layer.when())
                 groups.setdefault((key, *how, alone), []).append(number)
         return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
+
+    def takes(self, lane: Lane) -> tuple[int, int]:
+        """Which of its alternatives a lane is, from 1, and how many there are on its character."""
+        layer = lane.layer
+        beside = [one for one in lane.character.playing if one.alternatives == layer.alternatives]
+        names = list(dict.fromkeys(one.recorded for one in beside))
+        return names.index(layer.recorded) + 1, len(names) if layer.alternatives else 1
+
+    def _unheard(self, playing: Sequence[Playing]) -> set[int]:
+        """The layers that have no lane: takes that are not heard, where their alternatives are not opened."""
+        beside: dict[str, dict[str, list[int]]] = {}
+        for number, layer in enumerate(playing):
+            if layer.alternatives and layer.alternatives not in self.opened:
+                beside.setdefault(layer.alternatives, {}).setdefault(layer.recorded, []).append(number)
+        hidden = set[int]()
+        for takes in beside.values():
+            heard = [name for name, some in takes.items() if not all(playing[k].muted for k in some)]
+            shown = heard[-1] if heard else list(takes)[-1]
+            hidden.update(k for name, some in takes.items() if name != shown for k in some)
+        return hidden
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:
         """Times to mark on the ruler, and whether each is numbered; numbers stand 60 pixels apart or more."""
@@ -220,7 +252,7 @@ class TimelineLayout:
     def handle_at(self, x: float, y: float) -> LaneHandle:
         """The handle under a pixel."""
         if y < RULER:
-            return self._on_ruler(x)
+            return self._on_ruler(x, y)
         for lane in self.lanes():
             if lane.top <= y < lane.top + lane.height:
                 kind, item = self._at(lane, x)
@@ -229,10 +261,17 @@ class TimelineLayout:
                     return LaneHandle(kind, lane.character.id, lane.layers, item, second)
         return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
 
-    def _on_ruler(self, x: float) -> LaneHandle:
+    def _on_ruler(self, x: float, y: float) -> LaneHandle:
         near = [(abs(at - x), one.id) for one, at in self.markers() if abs(at - x) <= MARK]
         if near:
             return LaneHandle("marker", name=min(near)[1])
+        if self.marked is not None:
+            low, high = (self.x(end) for end in self.marked)
+            away, kind = min((abs(high - x), "to"), (abs(low - x), "from"))
+            if away <= EDGE:
+                return LaneHandle(kind)
+            if low < x < high and y >= RULER - SPAN:
+                return LaneHandle("marked")
         return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
 
     def _at(self, lane: Lane, x: float) -> tuple[str, int]:
@@ -244,6 +283,8 @@ class TimelineLayout:
         if lane.kind != "bar" and self.details is not None:
             return self.details.at(self, lane, x)
         if x < LABELS - END:
+            if x >= LABELS - END - TAKES and self.takes(lane)[1] > 1:
+                return "takes", 0
             return ("mute" if x < MUTE else "lock" if x < 2 * MUTE else "label"), 0
         return self._on_clips(lane, x)
 

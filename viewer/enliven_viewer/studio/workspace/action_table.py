@@ -19,6 +19,7 @@ from enliven_viewer.studio.workspace.clip_actions import clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, add_sample, exportable
 from enliven_viewer.studio.workspace.input import ViewportInput
+from enliven_viewer.studio.workspace.take_commands import take_actions
 
 _ALONE = (
     "file.session",
@@ -55,6 +56,7 @@ def _every(
     yield from _shape(commands)
     yield from _tools(user_input)
     yield from clip_actions(commands.clips)
+    yield from take_actions(commands.takes)
     yield from _view(commands)
     yield from _cameras(commands)
     yield from view_actions(commands.editor)

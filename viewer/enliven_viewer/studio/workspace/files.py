@@ -13,7 +13,7 @@ from enliven.example_sessions import read_session, write_session
 from enliven.exporters import exporter_of, performance_of, suffixes
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, fit_height, load_mesh
-from enliven.modeling.edits import move_character, paste_character, rig_of
+from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
 from enliven.modeling.puppet import make_puppet
 from enliven.samples import cactus_project, load_sample
 from enliven.takes import clips_of_recording, read_possessed, read_take
@@ -172,12 +172,15 @@ def _add_session(editor: Editor, path: Path) -> None:
 def _add_played(editor: Editor, said: str, source: Project, character: str, notes: tuple[str, ...]) -> None:
     """A character of another project, with what it plays."""
     made: list[str] = []
+    box, low = editor.box(), vertices_of(source, character, 0.0)[:, 0].min()
 
     def add(project: Project) -> Project:
         project = project.with_takes(*(t for t in source.takes.values() if t.id not in project.takes))
         project, name = paste_character(project, source, character)
         made.append(name)
-        return project
+        if box is None:
+            return project
+        return move_character(project, name, [float(box[1][0] - low) + _BESIDE, 0.0, 0.0])
 
     if editor.edit(f"open {said}", add):
         editor.choose(made[-1])

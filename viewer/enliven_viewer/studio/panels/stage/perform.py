@@ -133,6 +133,11 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
             recording.record()
         told("What you do becomes motion on the timeline, while what is there plays  (Ctrl+R)")
     workspace.remember("record")
+    if recording.phase == "idle" and recording.recorded:
+        if imgui.button(f"Again, and keep {recording.recorded}", _WHOLE):
+            recording.again(beside=True)
+        workspace.remember("again beside")
+        told("Both are kept: the lane on the timeline says which is heard, and lets you choose")
     recording.count_in = imgui.checkbox("Count in: three, two, one", recording.count_in)[1]
     workspace.remember("count in")
     recording.replaces = imgui.checkbox("In place of what moves there", recording.replaces)[1]
@@ -164,7 +169,7 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
     workspace.remember("clear span")
     recording.loops = imgui.checkbox("Over and over", recording.loops)[1]
     workspace.remember("loops")
-    told("The marked time is recorded again and again, each time as a take of its own, until you stop")
+    told("The marked time is recorded again and again until you stop; all are kept, the last is heard")
 
 
 def _characters(workspace: Workspace, perform: PerformSession) -> None:

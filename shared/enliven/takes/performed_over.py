@@ -1,0 +1,186 @@
+"""What was performed over a possessed mesh that plays already: a layer within its rest, live or recorded.
+
+The mesh that stood on a stage has nodes and a place of its own. What it did is seen from the mesh itself: the
+rigid motion that most of its nodes share is taken off, so that what a performer did not hold stands still.
+The rest goes onto the nodes of the project's mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Int
+from enliven.document import (
+    Character,
+    GraphLayer,
+    GraphShape,
+    Pose,
+    PoseStream,
+    Project,
+    unused,
+)
+from enliven.modeling.possessed import between, even_times, graph_pose, over_base
+from enliven.takes.body_takes import RecordedHolds
+from enliven.takes.punching import Punch
+
+_ROUNDS = 12
+"""Rounds of reweighted least squares: the last ones move a chair by less than a millimetre."""
+_NEAR = 2e-3
+"""Metres of distance below which weights no longer grow: the steps of poses on the wire."""
+
+
+def plays(project: Project, shape: GraphShape) -> bool:
+    """Whether a possessed mesh was performed before, so that something can be performed over that."""
+    return any(project.streams[one.take].duration > 0.0 for one in shape.playing)
+
+
+class OverNodes:
+    """Takes poses of a mesh on a stage onto the nodes of a shape of a project, within its rest.
+
+    Args:
+        shape: the project's.
+        character: the mesh as it stood on the stage.
+    """
+
+    def __init__(self, shape: GraphShape, character: Character) -> None:
+        pivots = np.asarray(character.pivots, np.float64)
+        surface = np.asarray(character.vertices, np.float64)
+        self._same = _similarity(surface, np.asarray(shape.mesh.vertices))
+        self._rest = shape.positions
+        self._at = self._same.back(shape.positions)
+        nearest = cKDTree(surface).query(self._at)[1]
+        self._nodes: Int = character.skin.indices[nearest].astype(np.int64)
+        self._weights: Float = character.skin.weights[nearest].astype(np.float64)
+        apart, node = cKDTree(pivots).query(self._at)
+        here = apart < _NEAR  # a node that both have moves as itself, not as the surface around it
+        self._nodes[here], self._weights[here] = node[here, None], np.array([1.0, 0.0, 0.0, 0.0])
+        self._pivots, self._scale = pivots, 0.0
+
+    def __call__(self, linear: Float, positions: Float) -> tuple[Float, Float]:
+        """Returns linear maps (F, K, 3, 3) and how far the nodes go (F, K, 3), metres of the shape's rest.
+
+        Args:
+            linear, positions: (F, N, 3, 3) and (F, N, 3) metres, of the nodes on the stage, in the world.
+        """
+        if not self._scale:  # as it was placed: a performer bends a mesh, and swells it nowhere
+            self._scale = float(np.cbrt(np.median(np.abs(np.linalg.det(linear[0])))))
+        turns, places = shared_motion(positions / self._scale, self._pivots)
+        back = np.swapaxes(turns, 1, 2)
+        linear = back[:, None] @ (linear / self._scale)
+        positions = (positions / self._scale - places[:, None]) @ turns
+        arms = (self._at[:, None] - self._pivots[self._nodes])[None, ..., None]
+        went = (linear[:, self._nodes] @ arms)[..., 0] + positions[:, self._nodes]
+        weights = self._weights[None, ..., None]
+        apart = (went * weights).sum(2) - self._at
+        maps = (linear[:, self._nodes] * weights[..., None]).sum(2)
+        turn = self._same.turn
+        return turn @ maps @ turn.T, self._same.size * apart @ turn.T
+
+
+class LiveOver:
+    """Plays a possessed mesh of a project with a live pose on top: what a recording of it will look like."""
+
+    def __init__(self, project: Project, shape_id: str, character: Character) -> None:
+        self._project, self._shape = project, project.graph(shape_id)
+        self._within = OverNodes(self._shape, character)
+
+    def pose(self, live: Pose, seconds: float) -> Pose:
+        """Returns the pose of the project's mesh at a time of the project, metres in the world."""
+        each = (np.asarray(one, np.float64)[None] for one in (live.linear, live.positions))
+        maps, apart = self._within(*each)
+        base = graph_pose(self._project, self._shape, seconds)
+        linear, positions = over_base(base, maps[0], apart[0])
+        return Pose(self._shape.id, live.time_ns, linear.astype(np.float32), positions.astype(np.float32))
+
+
+def with_layer_over(
+    project: Project,
+    shape: GraphShape,
+    key: tuple[str, int],
+    character: Character,
+    poses: list[Pose],
+    begin: int,
+    holds: RecordedHolds | None,
+    punch: Punch | None,
+) -> Project:
+    """Returns a project in which a possessed mesh has what was performed over it as one layer more.
+
+    Args:
+        key: the id and the revision of the character on the stage.
+        begin: nanoseconds, the sensor's clock at 0 seconds of the project.
+        punch: the span in which nothing else of it is heard; None: all of it is.
+
+    Raises:
+        InputError: where the poses do not fit together.
+    """
+    kept, seconds, grid = even_times(character, poses, begin)
+    values = ([pose.linear for pose in kept], [pose.positions for pose in kept])
+    linear, positions = (between(np.array(each, np.float64), seconds, grid) for each in values)
+    maps, apart = OverNodes(shape, character)(linear, positions)
+    stream = PoseStream(
+        unused(f"{shape.id} over", project.streams), maps, shape.positions + apart, float(grid[1] - grid[0])
+    )
+    possession = None if holds is None else holds.possession(key, character, poses)
+    if holds is not None and possession is not None:
+        project = project.with_bodies(holds.take)
+    nodes = np.arange(len(shape.positions))
+    span = punch or Punch.of(project, float(grid[0]), float(grid[-1]))
+    layer = GraphLayer(
+        stream.id, nodes, nodes, shape.positions, possession=possession, offset=float(grid[0]), **span.played
+    )
+    if punch is not None:
+        parts = (punch(project, part) or replace(part, muted=True) for part in shape.parts)
+        over = (punch(project, one) for one in shape.over)
+        shape = shape.with_changes(parts=tuple(parts), over=tuple(one for one in over if one is not None))
+    shape = shape.with_changes(over=(*shape.over, layer))
+    return project.with_streams(stream).with_characters(shape)
+
+
+def shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
+    """Returns the turns (F, 3, 3) and moves (F, 3) that take rest (N, 3) to most of positions (F, N, 3).
+
+    It is the rigid motion with the least sum of distances, by least squares with weights anew (Weiszfeld's
+    way): nodes that go elsewhere, fewer than half, hardly count.
+    """
+    weights = np.ones(positions.shape[:2])
+    turns, moves = np.zeros((len(positions), 3, 3)), np.zeros((len(positions), 3))
+    for _ in range(_ROUNDS):
+        share = weights / weights.sum(1, keepdims=True)
+        middle = np.einsum("fn,fni->fi", share, positions)
+        centre = share @ rest
+        spread = np.einsum("fn,fni,nj->fij", share, positions, rest) - middle[:, :, None] * centre[:, None]
+        u, _, vt = np.linalg.svd(spread)
+        u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
+        turns = u @ vt
+        moves = middle - np.einsum("fij,fj->fi", turns, centre)
+        apart = positions - rest @ np.swapaxes(turns, 1, 2) - moves[:, None]
+        weights = 1.0 / np.maximum(np.linalg.norm(apart, axis=2), _NEAR)
+    return turns, moves
+
+
+@dataclass(frozen=True)
+class _Similarity:
+    """x becomes size turn x + move."""
+
+    size: float
+    turn: Float
+    move: Float
+
+    def back(self, points: Float) -> Float:
+        return np.asarray((points - self.move) @ self.turn / self.size)
+
+
+def _similarity(first: Float, second: Float) -> _Similarity:
+    """What takes the vertices of one mesh to those of the other (Umeyama 1991); nothing where they differ."""
+    if first.shape != second.shape:
+        return _Similarity(1.0, np.eye(3), np.zeros(3))
+    middles = first.mean(0), second.mean(0)
+    a, b = first - middles[0], second - middles[1]
+    size = float(np.sqrt((b**2).sum() / max((a**2).sum(), 1e-12)))
+    u, _, vt = np.linalg.svd(b.T @ a)
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    turn = u @ vt
+    return _Similarity(size, turn, middles[1] - size * turn @ middles[0])

@@ -1,0 +1,154 @@
+"""Punching in: what is recorded takes the place of what plays, from its begin to its end and no further."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+from enliven.document import Playing, Project, Ref, Segment, unused
+
+FADE = 0.1
+"""Seconds over which a recording and what it replaces go over into one another: no jump is seen, and no beat
+of a performance is lost."""
+_STANDS = 1e-9
+"""Seconds of a take for a second of a lane where one frame stands: a clip has a speed that is not 0."""
+_SHORTEST = 1e-3
+"""Seconds of a clip at least: below it no frame of a take is seen."""
+_Layer = TypeVar("_Layer", bound=Playing)
+
+
+@dataclass(frozen=True)
+class Punch:
+    """The span of a recording.
+
+    Attributes:
+        begin, end: seconds of the project.
+        until: seconds of the project up to which it is played at all.
+    """
+
+    begin: float
+    end: float
+    until: float
+
+    @classmethod
+    def of(cls, project: Project, begin: float, end: float) -> Punch:
+        """Returns a span of a project, which is played to the end of all that it has."""
+        ends = (project.end_of(one) for one in project.characters.values())
+        return cls(begin, end, max([end, *ends]))
+
+    def __call__(self, project: Project, layer: _Layer) -> _Layer | None:
+        """Returns a layer that is not heard within the span and plays elsewhere as before; None: nowhere.
+
+        One that is muted stays as it is.
+
+        What held a frame beyond its ends has clips that stand there. Within the span it fades over
+        :data:`FADE`, or its own ease where it does not hold.
+        """
+        if layer.muted:
+            return layer
+        ease = min(FADE if layer.hold else layer.ease, self._half)
+        low, high = self.begin + ease, self.end - ease
+        before, after = list[Segment](), list[Segment]()
+        for one in self._clips(layer, project.length_of(layer), ease):
+            if min(one.end, low) - one.begin > _SHORTEST:
+                before.append(replace(one, end=min(one.end, low)))
+            start = max(one.begin, high)
+            if one.end - start > _SHORTEST:
+                after.append(replace(one, begin=start, first=one.second(start)))
+        # What is heard in a fade alone is heard nowhere.
+        first = min(self.begin, self.until) - _SHORTEST
+        heard = any(one.begin < first and one.end > _SHORTEST for one in before) and first > 0.0
+        kept = before if heard else []
+        last = self.end + _SHORTEST
+        heard = any(one.end > last and one.begin < self.until - _SHORTEST for one in after)
+        kept = [*kept, *(after if heard and self.until > last else [])]
+        if not kept:
+            return None
+        made = layer.with_clips(_in_order(kept), project.length_of(layer))
+        changes: dict[str, Any] = {"loop": False, "hold": False, "ease": ease}
+        return replace(made, **changes)  # type: ignore[type-var]
+
+    def leaves(self, project: Project, layers: Sequence[Playing]) -> bool:
+        """Whether something of what layers play is heard beside the span."""
+        return any(not one.muted and self(project, one) is not None for one in layers)
+
+    @property
+    def played(self) -> dict[str, Any]:
+        """How a recording plays that is heard in the span alone."""
+        return {"hold": False, "ease": min(FADE, self._half)}
+
+    @property
+    def _half(self) -> float:
+        return (self.end - self.begin) / 2.0
+
+    def _clips(self, layer: Playing, length: float, ease: float) -> list[Segment]:
+        """The clips of a layer with those that repeat and those that stand, in the order of time."""
+        clips = list(layer.clips(length))
+        if layer.loop:
+            lasts = layer.lasting(length)
+            start, ease = clips[0].begin, ease + _SHORTEST
+            first = math.floor((-ease - start) / lasts) if layer.hold and lasts > 0.0 else 0
+            rounds = range(first, math.ceil((self.until + ease - start) / lasts)) if lasts > 0.0 else (0,)
+            clips = [
+                replace(one, begin=one.begin + k * lasts, end=one.end + k * lasts)
+                for k in rounds
+                for one in clips
+            ]
+        if layer.loop or not layer.hold:
+            return clips
+        before = Segment(min(0.0, clips[0].begin) - ease - _SHORTEST, clips[0].begin, clips[0].first, _STANDS)
+        made = [before]
+        for one, end in zip(clips, [*(c.begin for c in clips[1:]), self.until + ease], strict=True):
+            made.append(one)
+            if end > one.end + _SHORTEST:
+                made.append(Segment(one.end, end, one.last, _STANDS))
+        return made
+
+
+def _in_order(clips: Sequence[Segment]) -> list[Segment]:
+    """Clips that the span cut at one place while they were blended end, and begin, one after the other."""
+    made = list[Segment]()
+    for one in clips:
+        if made and one.end <= made[-1].end:
+            one = replace(one, end=made[-1].end + _SHORTEST)
+        if made and one.begin <= made[-1].begin:
+            start = made[-1].begin + _SHORTEST
+            one = replace(one, begin=start, first=one.second(start))
+        made.append(one)
+    return made
+
+
+def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Punch) -> Project:
+    """Returns a project in which the layers on the bones of a chain are not heard in a span.
+
+    Other bones keep them; a layer that is not heard at all any more leaves the bones, and its take stays.
+
+    Args:
+        chain: joints of the shape, each hanging on the one before.
+    """
+    shape = project.shape(shape_id)
+    bones = chain[1:] if len(chain) > 1 else chain
+    names = {ref.layer for bone in bones for span in shape.spans[bone] for ref in span.refs}
+    spans, layers, known = list(shape.spans), list(shape.layers), dict(project.layer_names)
+    instead = dict[str, str]()
+    for layer in shape.layers:
+        left = punch(project, layer) if layer.id in names else None
+        if left is layer:
+            instead[layer.id] = layer.id
+        elif left is not None:
+            instead[layer.id] = unused(layer.id, known)
+            known[instead[layer.id]] = None
+            layers.append(replace(left, id=instead[layer.id]))
+    for bone in bones:
+        spans[bone] = tuple(
+            replace(span, refs=tuple(_renamed(ref, instead) for ref in span.refs if ref.layer in instead))
+            for span in spans[bone]
+        )
+    shape = shape.with_changes(spans=tuple(spans), layers=tuple(layers))
+    return project.with_characters(shape)
+
+
+def _renamed(ref: Ref, names: dict[str, str]) -> Ref:
+    return replace(ref, layer=names[ref.layer])

@@ -1,0 +1,141 @@
+"""A chair is possessed, performed over, given a cactus for a back while both play, and performed again.
+
+The performer of the interleaved sitting, and the real program of an edge. The chair has no skeleton, and the
+cactus moves by example poses: what comes of the two is a mesh with nodes, which plays all that both did.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from made_performer import write_performer
+from real_edge import RealEdge
+from session_interleaved import PACE, joined, recorded, until
+from studio_driver import Action, Click, Do, Drag, Key, OnPuppet, Say, Spot, Wait, Widget
+
+from enliven.arrays import Float
+from enliven.document import GraphShape
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.workspace.files import add_sample
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+Actions = Iterator[Action]
+_SEAT = 0.5
+"""Metres over the floor at which the chair is cut: over its seat."""
+_SUNK = 0.06
+"""Metres by which the cactus's pot stands in the seat: two surfaces that only touch have no union."""
+
+
+def possessed(workspace: Workspace, folder: Path) -> Actions:
+    """The whole sitting."""
+    write_performer(folder / "person.mcap")
+    edge = RealEdge("--recording", str(folder / "person.mcap"), "--loop", "--speed", str(PACE))
+    with contextlib.closing(edge):
+        yield from _sitting(workspace, edge)
+
+
+def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
+    editor = workspace.editor
+    yield from joined(workspace, edge)
+    yield Say("The legs of a person are the legs of a chair")
+    yield from recorded(workspace, "chair", "3")
+    yield Say("It plays at once")
+    yield Wait(3.0)
+    yield Say("Recorded over: the back, while the legs walk")
+    yield Key("home")
+    yield from recorded(workspace, "chair", "2")
+    assert len(chair(editor).over) == 1, "the second recording took the place of the first"
+    yield Say("Legs and back, layer over layer")
+    yield Wait(3.5)
+    yield Say("A puppet comes to it")
+    yield Key("ctrl+2")
+    yield Do(_cactus)
+    yield Key("f")
+    yield Key("1")
+    yield Wait(0.6)
+    yield Say("...and plays what the performer did")
+    yield Click(Widget("takes"))
+    yield Wait(0.3)
+    yield Click(Widget("pick take 1"))
+    yield Wait(2.5)
+    yield from _seated(workspace)
+    yield Say("Perform again, on what came of the two")
+    yield Key("ctrl+enter")
+    states = workspace.perform.sender.states
+    yield from until(lambda: states.get("chair") == "on the stage", "it on the stage")
+    yield Key("ctrl+1")
+    yield Key("home")
+    yield from recorded(workspace, "chair", "2")
+    assert len(chair(editor).over) == 2, "what was performed last is no layer"
+    yield Say("One sitting, one window")
+    yield Key("ctrl+2")
+    yield Key("f")
+    yield Wait(5.0)
+
+
+def _cactus(workspace: Workspace) -> None:
+    add_sample(workspace.editor, "cactus")
+
+
+def _seated(workspace: Workspace) -> Actions:
+    """The chair's back is cut off while all plays, and the cactus merged onto its seat."""
+    editor = workspace.editor
+    yield Say("Cut the back off while both play")
+    if not editor.playing:
+        yield Key("space")
+    yield Key("q")
+    yield Click(Widget("character chair"))
+    yield Key("1")
+    yield Wait(0.6)
+    yield Key("c")
+    low, high = extent(editor, "chair")
+    level, depth = low[1] + _SEAT, (low[2] + high[2]) / 2
+    yield Drag((Spot(high[0] + 0.15, level, depth), Spot(low[0] - 0.15, level, depth)), 0.4)
+    yield from until(lambda: len(editor.project.characters) > 2, "the cut")
+    back = list(editor.project.characters)[-1]
+    if extent(editor, back)[0][1] < extent(editor, "chair")[0][1]:
+        raise AssertionError("the seat was cut off the back, and not the back off the seat")
+    yield Wait(0.8)
+    yield Key("q")
+    yield Click(Widget(f"character {back}"))
+    yield Key("delete")
+    yield Say("...and give it a cactus instead")
+    yield Key("3")
+    yield Key("f")
+    yield Wait(0.8)
+    yield Key("g")
+    (pot, foot), (low, high) = lowest(editor, "cactus"), extent(editor, "chair")
+    target = np.array([0.0, high[1] - _SUNK, (low[2] + high[2]) / 2])
+    yield Drag((OnPuppet("cactus", pot), Spot(foot[0], target[1], target[2])), 1.2)
+    yield Key("1")
+    yield Key("f")
+    yield Wait(0.8)
+    pot, foot = lowest(editor, "cactus")
+    low, high = extent(editor, "chair")
+    yield Drag((OnPuppet("cactus", pot), Spot((low[0] + high[0]) / 2, foot[1], foot[2])), 1.2, shift=True)
+    yield from until(lambda: list(editor.project.characters) == ["chair"], "the merge")
+    yield Say("Chair and cactus are one; all motion is kept")
+    yield Key("f")
+    yield Key("space")
+    yield Wait(4.0)
+
+
+def chair(editor: Editor) -> GraphShape:
+    """The possessed chair."""
+    return editor.project.graph("chair")
+
+
+def extent(editor: Editor, name: str) -> tuple[Float, Float]:
+    """(3,) and (3,) metres, the corners of a character's box as it is seen now."""
+    vertices = editor.posed(name).vertices
+    return vertices.min(0), vertices.max(0)
+
+
+def lowest(editor: Editor, name: str) -> tuple[int, Float]:
+    """The number of a character's lowest vertex as it is seen now, and (3,) metres, where that is."""
+    vertices = editor.posed(name).vertices
+    number = int(vertices[:, 1].argmin())
+    return number, vertices[number]

@@ -1,0 +1,139 @@
+"""What is done with the takes that are alternatives of one another: heard, kept alone, dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from enliven.document import Project
+from enliven.modeling.edits import choose_take, delete_take, drop_take, keep_take, takes_beside
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.editor import Editor
+
+_NONE = "Nothing was taken again there. Record beside what was recorded last, and choose its lane."
+
+
+class TakeCommands:
+    """The takes of the chosen lane, or of the only one that has several."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+
+    @property
+    def alternatives(self) -> str:
+        """The name of the takes that are meant; empty where nothing was taken again."""
+        project, chosen = self.editor.project, self.editor.selection
+        one = project.characters.get(chosen.character or "")
+        if one is not None and chosen.layer is not None and chosen.layer < len(one.playing):
+            return one.playing[chosen.layer].alternatives
+        found = {
+            layer.alternatives
+            for each in ([one] if one is not None else project.characters.values())
+            for layer in each.playing
+            if len(takes_beside(project, layer.alternatives)) > 1
+        }
+        return found.pop() if len(found) == 1 else ""
+
+    @property
+    def heard(self) -> str:
+        """The take that is heard of those; empty where none is."""
+        known = takes_beside(self.editor.project, self.alternatives)
+        return next((name for name, heard in known.items() if heard), "")
+
+    def lacks(self) -> str:
+        """Why none can be chosen, and what to do about it."""
+        return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NONE
+
+    def step(self, way: int) -> None:
+        """Let the next one be heard, or with a way of -1 the one before."""
+        names = list(takes_beside(self.editor.project, self.alternatives))
+        place = names.index(self.heard) if self.heard in names else -way
+        self.choose(names[(place + way) % len(names)])
+
+    def choose(self, recorded: str) -> None:
+        """Let one of them be heard."""
+        meant = self.alternatives
+        if self.editor.edit(f"hear {recorded}", lambda project: choose_take(project, meant, recorded)):
+            self._follow(meant, recorded)
+
+    def keep(self) -> None:
+        """Keep the one that is heard, and drop the others."""
+        meant, heard = self.alternatives, self.heard
+        if self.editor.edit(f"keep {heard}", lambda project: keep_take(project, meant, heard)):
+            self._follow(meant, heard)
+
+    def drop(self, recorded: str = "") -> None:
+        """Drop one of them, or the one that is heard."""
+        meant, gone = self.alternatives, recorded or self.heard
+        if self.editor.edit(f"delete {gone}", lambda project: drop_take(project, meant, gone)):
+            self.editor.toasts.say(f"{gone} is deleted", "Ctrl+Z brings it back.")
+            self._follow(meant, self.heard)
+
+    def unused(self) -> list[str]:
+        """The takes that nothing plays."""
+        project = self.editor.project
+        used = set[str]().union(*(one.needed()["takes"] for one in project.characters.values()))
+        return [name for name in project.takes if name not in used]
+
+    def delete(self, *names: str) -> None:
+        """Delete takes that nothing plays."""
+
+        def change(project: Project) -> Project:
+            for name in names:
+                project = delete_take(project, name)
+            return project
+
+        told = names[0] if len(names) == 1 else f"{len(names)} takes"
+        if self.editor.edit(f"delete {told}", change):
+            self.editor.toasts.say(f"Deleted {told}", "Ctrl+Z brings it back.")
+
+    def _follow(self, alternatives: str, recorded: str) -> None:
+        """Choose the lane of a take, where a lane of its alternatives was chosen."""
+        editor = self.editor
+        one = editor.project.characters.get(editor.selection.character or "")
+        if one is None or editor.selection.layer is None:
+            return
+        mine = [
+            number
+            for number, layer in enumerate(one.playing)
+            if layer.alternatives == alternatives and layer.recorded == recorded
+        ]
+        editor.select(layer=mine[0] if mine else None)
+
+
+def take_actions(takes: TakeCommands) -> Iterator[Action]:
+    """Choose among the takes of a lane, and delete takes."""
+
+    def lacks_unused() -> str:
+        return "" if takes.unused() else "Every take is played. Remove its clips first."
+
+    yield Action(
+        "takes.next",
+        "Clip",
+        "Hear the next take",
+        ("alt+right",),
+        lambda: takes.step(1),
+        takes.lacks,
+        about="Of those that were recorded beside one another.",
+        apart=True,
+    )
+    yield Action(
+        "takes.before", "Clip", "Hear the take before", ("alt+left",), lambda: takes.step(-1), takes.lacks
+    )
+    yield Action(
+        "takes.keep",
+        "Clip",
+        "Keep this take alone",
+        (),
+        takes.keep,
+        takes.lacks,
+        about="The others of its lane are deleted.",
+    )
+    yield Action("takes.drop", "Clip", "Delete this take", ("alt+delete",), takes.drop, takes.lacks)
+    yield Action(
+        "takes.tidy",
+        "Clip",
+        "Delete the takes that nothing plays",
+        (),
+        lambda: takes.delete(*takes.unused()),
+        lacks_unused,
+    )
