@@ -44,6 +44,13 @@ def scan(
         float | None,
         typer.Option(min=0.3, max=10, help="Metres; with what is farther left out, the thing may be turned."),
     ] = None,
+    moved: Annotated[
+        bool,
+        typer.Option(help="The thing is turned and put down meanwhile; all its sides end in one mesh."),
+    ] = False,
+    thing: Annotated[
+        int, typer.Option(min=1, help="Which of several things on the floor; 1 was looked at most.")
+    ] = 1,
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Stop after so many seconds of the sensor's clock.")
     ] = None,
@@ -64,22 +71,37 @@ def scan(
     What stands on the floor where the camera looked is cut out, put upright and written in metres. Where the
     camera is lost, nothing is added; look again at what was scanned already, and it goes on. With --within,
     the camera may stand still, and the thing or the person turn: only how they move to one another counts.
+    With --moved, scan the thing as it stands, then lay it on its back or its side, and go on.
 
     \b
       enliven scan --sensor realsense -o chair.glb --sheet chair.png
       enliven scan --sensor realsense -o chair.glb --edge 192.168.1.20
       enliven scan --sensor realsense -o me.glb --within 1.5
+      enliven scan --sensor realsense -o chair.glb --moved
       enliven scan --recording TAKE.mcap -o room.glb --whole --voxel 10 --reach 5
     """
-    from enliven.scanning import Scanner, ScanSettings, VolumeSettings
-    from enliven_edge.scanning import ScanDiary, finished, put_on_stage, stage_command, write_scan
+    from enliven.scanning import CutOutSettings, Scanner, ScanSettings, ScanStep, VolumeSettings
+    from enliven.scanning.objects import MovedScanner
+    from enliven_edge.scanning import (
+        ScanDiary,
+        finished,
+        put_on_stage,
+        said_of_things,
+        stage_command,
+        write_scan,
+    )  # fmt: skip
 
     _checked(output, recording, sensor, overwrite)
+    if moved and (whole or within is not None):
+        what = "--moved does not go with --whole or --within"
+        raise InputError(what, where="scan", mend="Leave one of them out.")
     if edge is not None:
         stage_command()  # what is missing for it is said before the scan
     console, diary = Console(), ScanDiary()
     if within is None:
-        scanner = Scanner(ScanSettings(volume=VolumeSettings(voxel=voxel * 1e-3, reach=reach)))
+        volume, cut = VolumeSettings(voxel=voxel * 1e-3, reach=reach), CutOutSettings(number=thing)
+        settings = ScanSettings(volume=volume, cut_out=cut)
+        scanner = MovedScanner(settings) if moved else Scanner(settings)
     else:
         volume = VolumeSettings(voxel=voxel * 1e-3, reach=min(reach, within), far=within)
         scanner = Scanner(ScanSettings(volume=volume, least_depth=_LEAST_ALONE))
@@ -91,7 +113,8 @@ def scan(
             first_ns = frame.time_ns if first_ns is None else first_ns
             if seconds is not None and frame.time_ns - first_ns >= seconds * 1e9:
                 break
-            diary.add(scanner.add(frame), frame.time_ns)
+            step = scanner.add(frame)
+            diary.add(step if isinstance(step, ScanStep) else step.told, frame.time_ns)
             progress.update(task, count=diary.frames, description=f"Scanning, {diary.now}")
     diary.refuse(where)
     kept = "all" if whole else "thing" if within is None else "alone"
@@ -106,7 +129,8 @@ def scan(
     typer.echo(f"{output}: {said}")
     if edge is not None:
         put_on_stage(output, edge)
-    for sentence in diary.advice():
+    things = said_of_things(scanner) if kept == "thing" else []
+    for sentence in [*things, *diary.advice()]:
         typer.echo(f"Note: {sentence}")
 
 

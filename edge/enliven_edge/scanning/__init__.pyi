@@ -11,3 +11,4 @@ from .growing import GrowingSurface as GrowingSurface
 from .live_scan import LiveScan as LiveScan
 from .missing import NextView as NextView, next_view as next_view
 from .sheet import sheet_of as sheet_of
+from .things import said_of_things as said_of_things

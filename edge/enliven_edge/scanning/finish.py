@@ -13,6 +13,7 @@ import typer
 from enliven.errors import InputError, ResourceError
 from enliven.meshes import WRITABLE, save_mesh
 from enliven.scanning import Decimated, Scanner, decimated, find_ground, largest_part, levelled
+from enliven.scanning.objects import MovedScanner
 
 PROJECT = ".enliven"
 """Ending of a project; the scan is a character in it that can be possessed."""
@@ -24,7 +25,7 @@ Kept = Literal["thing", "alone", "all"]
 """What is kept of a scan: what stands on the floor; the largest part, of which no floor was seen; or all."""
 
 
-def finished(scanner: Scanner, kept: Kept, triangles: int, name: str) -> Decimated:
+def finished(scanner: Scanner | MovedScanner, kept: Kept, triangles: int, name: str) -> Decimated:
     """Returns what was scanned, on y = 0, of at most so many triangles; 0 keeps all.
 
     Raises:

@@ -93,6 +93,7 @@ class Scanner:
         self.history = FrameHistory(self.settings.loops.history)
         self._ups: list[Float | None] = []
         self._camera: tuple[Intrinsics, DepthPreparation] | None = None
+        self.view: DepthView | None = None
         self._pose, self._before = np.eye(4), np.eye(4)
         self._state = ScanState.EMPTY
 
@@ -107,7 +108,7 @@ class Scanner:
         Args:
             up: (3,) unit vector, camera frame, that points up as its accelerometer feels it, or None.
         """
-        view = self._prepared(frame)
+        view = self.view = self.prepared(frame)
         if view.known < self.settings.least_depth:
             return ScanStep(ScanState.EMPTY, self._pose)
         if not self.poses:
@@ -155,7 +156,7 @@ class Scanner:
         """Returns the volumes and keyframes of all images that are still there, at other poses."""
         volumes, keyframes = self._empty_volumes(), Keyframes()
         for count, (number, frame) in enumerate(self.history.frames()):
-            view = self._prepared(frame)
+            view = self.prepared(frame)
             for volume in volumes:
                 volume.integrate(view, poses[number])
                 if count % _CLEANED == _CLEANED - 1:
@@ -176,7 +177,7 @@ class Scanner:
         surface, cut = self.surface(), self.settings.cut_out
         return cut_out(surface, find_ground(surface, settings=cut), focus_of([p for _, p in self.poses]), cut)
 
-    def _prepared(self, frame: DepthFrame) -> DepthView:
+    def prepared(self, frame: DepthFrame) -> DepthView:
         """Returns the view of a frame."""
         if self._camera is None:
             v = self.settings.volume

@@ -6,7 +6,7 @@ from pathlib import Path
 import typer
 from typer.testing import CliRunner
 
-from enliven.scanning import VolumeSettings
+from enliven.scanning import ObjectSettings, RegistrationSettings, VolumeSettings
 from enliven_edge.commands.scan import scan
 
 ROOT = Path(__file__).parents[3]
@@ -20,6 +20,7 @@ def test_its_options_are_those_of_the_command():
     named = set(re.findall(r"--[a-z]+", PAGE)) - {"--help"}
     assert {"--voxel", "--reach", "--whole", "--sheet", "--seconds", "--sensor", "--recording"} <= named
     assert {"--triangles", "--edge", "--within"} <= named
+    assert {"--moved", "--thing"} <= named
     assert all(option in said for option in named)
 
 
@@ -35,7 +36,7 @@ def test_its_refusals_are_in_the_code():
     )
     table = PAGE.split("## What is refused")[1].split("## In a program")[0]
     quoted = re.findall(r"`([^`-][^`]*)`", table)
-    assert len(quoted) == 6
+    assert len(quoted) == 7
     for sentence in quoted:
         assert re.sub(r"\d+", "", sentence).split("  ")[0] in re.sub(r"\{[^}]*\}", "", code), sentence
 
@@ -45,3 +46,13 @@ def test_its_numbers_are_the_defaults():
     assert "Voxels of 4 mm" in PAGE and settings.voxel == 0.004
     assert "4 voxels before a surface and\n   3 behind it" in PAGE
     assert (settings.truncation, settings.behind, settings.reach) == (4.0, 3.0, 2.2)
+
+
+def test_its_numbers_of_the_search_are_the_defaults():
+    moved, found = ObjectSettings(), RegistrationSettings()
+    assert "off by 15 mm, or\n   tilted by 15 mrad" in PAGE and (moved.lifted, moved.tilted) == (0.015, 0.015)
+    assert (
+        "from 900 turns" in PAGE and "24 best answers" in PAGE and (found.turns, found.looked_at) == (900, 24)
+    )
+    assert "half of its points agree, at most one in 25" in PAGE
+    assert (found.agreeing, found.through, moved.looks) == (0.5, 0.04, 10) and "from ten images on" in PAGE
