@@ -140,7 +140,7 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
     # What the cut took off its feet is given back to them.
     feet = vertices[:, 1] < s.clearance + 1e-9
     vertices[feet, 1] = 0.0
-    return _closed(replace(thing, vertices=vertices), feet, s)
+    return close_holes(replace(thing, vertices=vertices), feet, s)
 
 
 def whole_part(mesh: Mesh, ground: Ground, settings: CutOutSettings | None = None) -> Mesh:
@@ -150,7 +150,7 @@ def whole_part(mesh: Mesh, ground: Ground, settings: CutOutSettings | None = Non
     """
     part = levelled(largest(mesh), ground)
     part.vertices[:, 1] -= part.vertices[:, 1].min()
-    return _closed(part, np.zeros(len(part.vertices), bool), settings or CutOutSettings())
+    return close_holes(part, np.zeros(len(part.vertices), bool), settings or CutOutSettings())
 
 
 def parts_about(
@@ -161,7 +161,7 @@ def parts_about(
     That is the one with the most surface near the point; small ones, and those far away, are left out.
     """
     s = settings or CutOutSettings()
-    above = _above(mesh, ground, s.clearance)
+    above = above_plane(mesh, ground.normal, ground.offset + s.clearance)
     if not len(above.faces):
         return []
     label = np.asarray(shells(above.faces, len(above.vertices)))[above.faces[:, 0]]
@@ -198,9 +198,9 @@ def levelled(mesh: Mesh, ground: Ground) -> Mesh:
     return replace(mesh, vertices=vertices)
 
 
-def _above(mesh: Mesh, ground: Ground, clearance: float) -> Mesh:
-    """Returns the mesh above the ground, cut along a plane ``clearance`` metres above it."""
-    heights = ground.heights(mesh.vertices) - clearance
+def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
+    """Returns the part of a mesh where normal (3,) . x > offset, cut along that plane."""
+    heights = np.asarray(mesh.vertices @ normal - offset)
     inside = heights[mesh.faces] > 0
     count = inside.sum(1)
     # The corner that is alone on its side comes first.
@@ -227,8 +227,8 @@ def _above(mesh: Mesh, ground: Ground, clearance: float) -> Mesh:
     return submesh(whole, np.ones(len(faces), bool))
 
 
-def _closed(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
-    """Returns the mesh with its soles, and with fans over holes of short rims."""
+def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
+    """Returns the mesh with short rims closed, and those of which all vertices are ``feet`` (V,)."""
     rims = rims_of(mesh.faces)
     soles = [rim for rim in rims if feet[rim].all()]
     vertices, faces = [mesh.vertices], [mesh.faces.astype(np.int64)]

@@ -21,6 +21,9 @@ from enliven.modeling.rig import Player, Posed, RigEdits
 from enliven.modeling.rigged import Axes, moved_mesh
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
+_OTHER_SIDE = [0, 2, 1, 4, 3]
+"""The order of the five ends of a mesh in its mirror image: left is right."""
+
 
 class GraphRig(RigEdits):
     """A deformation graph that plays what was recorded of it."""
@@ -72,7 +75,8 @@ class GraphRig(RigEdits):
             for part in shape.parts
         )
         mesh = replace(shape.mesh, vertices=larger(shape.mesh.vertices))
-        return shape.with_changes(positions=larger(shape.positions), mesh=mesh, parts=parts)
+        ends = larger(shape.ends)
+        return shape.with_changes(positions=larger(shape.positions), mesh=mesh, parts=parts, ends=ends)
 
     def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
         """Rest and motion alike."""
@@ -90,7 +94,9 @@ class GraphRig(RigEdits):
             parts.append(replace(part, turn=turn, axes=rest, place=place, mirrored=flipped, ride=ride))
         mesh = moved_mesh(shape.mesh, centre, axes, centre)
         positions = centre + axes.vectors(shape.positions - centre)
-        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts))
+        ends = centre + axes.vectors(shape.ends - centre)
+        ends = ends[_OTHER_SIDE] if len(ends) else ends
+        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), ends=ends)
 
     def as_graph(
         self, project: Project, shape: GraphShape, times: Float, stream_id: str

@@ -11,6 +11,7 @@ from enliven.arrays import Float
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.scanning.ground import cut_out, find_ground, focus_of, whole_part
+from enliven.scanning.loops import FrameHistory
 from enliven.scanning.objects.free_space import SeenDepth
 from enliven.scanning.objects.joining import joined_object
 from enliven.scanning.objects.registration import Scanned, registered
@@ -122,9 +123,24 @@ class MovedScanner:
         for rest in self.rests:
             rest.scanner.close_loops()
 
-    def surface(self) -> Mesh:
-        """Returns the surface of the first room with the object in it, metres, world."""
-        return self.rests[0].scanner.surface()
+    @property
+    def history(self) -> FrameHistory:
+        """The images of the first rest."""
+        return self.rests[0].scanner.history
+
+    @property
+    def poses(self) -> list[tuple[int, Float]]:
+        """Times, nanoseconds, and (4, 4) poses of the camera in the images of the first rest."""
+        return self.rests[0].scanner.poses
+
+    @property
+    def full(self) -> bool:
+        """Whether the memory for voxels is full."""
+        return any(rest.scanner.full for rest in self.rests)
+
+    def surface(self, since: int = 0) -> Mesh:
+        """Returns the surface of the first room with the object in it, as :meth:`Scanner.surface` does."""
+        return self.rests[0].scanner.surface(since)
 
     def thing(self) -> Mesh:
         """Returns the object as it stood first, of all its rests: upright, on y = 0, metres.
