@@ -31,6 +31,13 @@ def scan(
         float | None,
         typer.Option(min=0.3, max=10, help="Metres; with what is farther left out, the thing may be turned."),
     ] = None,
+    moved: Annotated[
+        bool,
+        typer.Option(help="The thing is turned and put down meanwhile; all its sides end in one mesh."),
+    ] = False,
+    thing: Annotated[
+        int, typer.Option(min=1, help="Which of several things on the floor; 1 was looked at most.")
+    ] = 1,
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Stop after so many seconds of the sensor's clock.")
     ] = None,
@@ -62,17 +69,20 @@ def scan(
     What stands on the floor where the camera looked is cut out, put upright and written in metres. Where the
     camera is lost, nothing is added; look again at what was scanned already, and it goes on. With --within,
     the camera may stand still, and the thing or the person turn: only how they move to one another counts.
+    With --moved, scan the thing as it stands, then lay it on its back or its side, and go on.
 
     \b
       enliven scan --sensor realsense -o chair.glb --sheet chair.png
       enliven scan --sensor realsense -o chair.glb --edge 192.168.1.20
       enliven scan --sensor realsense -o me.glb --within 1.5
+      enliven scan --sensor realsense -o chair.glb --moved
       enliven scan --recording TAKE.mcap -o room.glb --whole --voxel 10 --reach 5
       enliven scan --recording TAKE.mcap -o lamp.glb --box=-0.3,0.7,-0.2,0.1,1.3,0.2
       enliven scan --recording WITH.mcap --before EMPTY.mcap -o chair.glb
       enliven scan --recording MORE.mcap --add chair.glb -o chair.glb
     """
-    from enliven_edge.commands.scan_job import ScanJob, corners_of, keep_of, scanner_of
+    from enliven.scanning.objects import MovedScanner
+    from enliven_edge.commands.scan_job import ScanJob, corners_of, keep_of, refuse_with_moved, scanner_of
     from enliven_edge.scanning import put_on_stage, stage_command
 
     need_folder(output, sheet)
@@ -82,7 +92,10 @@ def scan(
         raise InputError("--before and --add do not go together", where="scan", mend="Give one of them.")
     if edge is not None:
         stage_command()  # what is missing for it is said before the scan
-    scanner = scanner_of(voxel, reach, within, memory)
+    scanner = scanner_of(voxel, reach, within, memory, thing)
+    if moved:
+        refuse_with_moved(whole, box, before, add, within)
+        scanner = MovedScanner(scanner.settings)
     job = ScanJob(scanner, recording, sensor or "", setting or [], seconds, before or add, keep)
     made = job.run(meant, triangles, output)
     if sheet is not None:

@@ -15,7 +15,8 @@ from rich.console import Console
 from enliven.arrays import Float
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
-from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
+from enliven.scanning import CutOutSettings, Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings
+from enliven.scanning.objects import MovedScanner
 from enliven_edge.commands.progress import frame_progress, interruptible
 from enliven_edge.scanning import (
     Keep,
@@ -26,6 +27,7 @@ from enliven_edge.scanning import (
     kept_beside,
     recorded_images,
     refuse_unseen,
+    said_of_things,
     scan_first,
     sensor_images,
     write_scan,
@@ -35,7 +37,7 @@ _LEAST_ALONE = 0.01
 """Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
 
 
-def scanner_of(voxel: float, reach: float, within: float | None, memory: int) -> Scanner:
+def scanner_of(voxel: float, reach: float, within: float | None, memory: int, thing: int = 1) -> Scanner:
     """Returns a scanner.
 
     Args:
@@ -43,10 +45,11 @@ def scanner_of(voxel: float, reach: float, within: float | None, memory: int) ->
         reach: metres up to which surfaces are kept.
         within: metres beyond which all is left out, or None.
         memory: megabytes of the finest voxels, and of each coarser kind of them.
+        thing: number of the thing on the floor that is meant, 1 for the one that is looked at most.
     """
     volume = VolumeSettings(voxel=voxel * 1e-3, reach=reach, memory=memory)
     if within is None:
-        return Scanner(ScanSettings(volume=volume))
+        return Scanner(ScanSettings(volume=volume, cut_out=CutOutSettings(number=thing)))
     near = replace(volume, reach=min(reach, within), far=within)
     return Scanner(ScanSettings(volume=near, least_depth=_LEAST_ALONE))
 
@@ -88,6 +91,21 @@ def keep_of(
     return Keep("all" if whole else "thing" if within is None else "alone")
 
 
+def refuse_with_moved(
+    whole: bool, box: str, before: Path | None, add: Path | None, within: float | None
+) -> None:
+    """Refuses what does not go together with a thing that is moved while it is scanned.
+
+    Raises:
+        InputError: where something of it is asked for.
+    """
+    options = ("--whole", whole), ("--box", box), ("--before", before), ("--add", add), ("--within", within)
+    for name, given in options:
+        if given:
+            mend = "Leave one of them out."
+            raise InputError(f"--moved and {name} do not go together", where="scan", mend=mend)
+
+
 @dataclass
 class ScanJob:
     """One scan of a command.
@@ -100,7 +118,7 @@ class ScanJob:
         keeps: whether the images are kept beside what is made.
     """
 
-    scanner: Scanner
+    scanner: Scanner | MovedScanner
     recording: Path | None
     sensor: str
     options: list[str]
@@ -127,6 +145,7 @@ class ScanJob:
             self.diary.refuse(self._where)
             meant = replace(keep, before=before) if keep.what == "new" else keep
             made = finished(self.scanner, meant, triangles, output.stem)
+            self._notes += said_of_things(self.scanner) if keep.what == "thing" else []
         except InputError as error:
             if self.recording is not None or not self._kept(output, 0):
                 raise
@@ -155,10 +174,11 @@ class ScanJob:
         """Fuses all images; returns how many of an earlier scan come before them."""
         with interruptible() as stop, frame_progress(Console()) as progress:
             task, before = progress.add_task("Scanning", total=None, count=0), 0
-            if self.first is not None:
+            if self.first is not None and isinstance(self.scanner, Scanner):
                 before = scan_first(self.scanner, self.first, stop)
             for frame in itertools.takewhile(self._in_time(), self._images(stop)):
-                self.diary.add(self.scanner.add(frame), frame.time_ns)
+                step = self.scanner.add(frame)
+                self.diary.add(step if isinstance(step, ScanStep) else step.told, frame.time_ns)
                 progress.update(task, count=self.diary.frames, description=f"Scanning, {self.diary.now}")
                 if self.scanner.full:
                     break

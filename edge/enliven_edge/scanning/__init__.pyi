@@ -20,3 +20,4 @@ from .live_scan import LiveScan as LiveScan
 from .missing import NextView as NextView, next_view as next_view
 from .sheet import sheet_of as sheet_of
 from .sources import recorded_images as recorded_images, sensor_images as sensor_images
+from .things import said_of_things as said_of_things

@@ -30,6 +30,7 @@ from enliven.scanning import (
     largest_part,
     upright_frame,
 )
+from enliven.scanning.objects import MovedScanner
 
 PROJECT = ".enliven"
 """Ending of a project; the scan is a character in it that can be possessed."""
@@ -76,7 +77,7 @@ class Made:
     said: str = ""
 
 
-def finished(scanner: Scanner, keep: Keep, triangles: int, name: str) -> Made:
+def finished(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: str) -> Made:
     """Returns what is kept of a scan, of at most so many triangles; 0 keeps all.
 
     Raises:
@@ -88,7 +89,7 @@ def finished(scanner: Scanner, keep: Keep, triangles: int, name: str) -> Made:
     return Made(made.mesh, made.most, said)
 
 
-def _meant(scanner: Scanner, keep: Keep) -> tuple[Mesh, str]:
+def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
     """Returns what is kept, of all triangles, and what to say of it."""
     cut = scanner.settings.cut_out
     if keep.what == "thing":
@@ -124,7 +125,7 @@ def _parts(out: CutOut, whole: Mesh, where: str) -> str:
     return f"{where}: {parts}, {out.area:.2f} of {whole.area:.2f} square metres"
 
 
-def _known(scanner: Scanner, before: int) -> Iterator[KnownImage]:
+def _known(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]:
     """Yields the images of the place before, as many as tell it."""
     numbers = [number for number in scanner.history.numbers if number < before]
     chosen = numbers[:: max(len(numbers) // _BEFORE, 1)]

@@ -11,6 +11,7 @@ from pathlib import Path
 from enliven.errors import InputError
 from enliven.recording import Recorder, Recording
 from enliven.scanning import Scanner
+from enliven.scanning.objects import MovedScanner
 from enliven_edge.scanning.sources import recorded_images
 
 KEPT = ".scan.mcap"
@@ -26,8 +27,10 @@ def kept_beside(path: Path) -> Path:
     return path.with_name(path.stem + KEPT)
 
 
-def keep_scan(scanner: Scanner, path: Path, since: int = 0) -> None:
+def keep_scan(scanner: Scanner | MovedScanner, path: Path, since: int = 0) -> None:
     """Writes the images of a scan with their poses, as a recording that any program of this project opens.
+
+    Of an object that was moved it is the scan until then.
 
     Args:
         since: number of the first one.

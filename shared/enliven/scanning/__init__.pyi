@@ -14,6 +14,7 @@ from .ground import (
     focus_of as focus_of,
     largest_part as largest_part,
     levelled as levelled,
+    parts_about as parts_about,
 )
 from .decimation import Decimated as Decimated, decimated as decimated
 from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
@@ -35,6 +36,8 @@ from .settings import (
     DepthNoiseModel as DepthNoiseModel,
     ScanSettings as ScanSettings,
     VolumeSettings as VolumeSettings,
+    ObjectSettings as ObjectSettings,
+    RegistrationSettings as RegistrationSettings,
     TrackingSettings as TrackingSettings,
 )
 from .volume import Fused as Fused, DistanceVolume as DistanceVolume

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from enliven.arrays import Float32, Int, UInt8, UInt16
+from enliven.arrays import Bool, Float32, Int, UInt8, UInt16
 from enliven.camera import Intrinsics, project, rays
 from enliven.kernels import njit
 from enliven.scanning.kernel_arguments import PointArrays
@@ -65,6 +65,22 @@ class DepthView:
     def known(self) -> float:
         """Share of the half-size pixels that show a surface."""
         return float(np.count_nonzero(self.worth)) / self.worth.size
+
+
+def only(view: DepthView, keep: Bool) -> DepthView:
+    """Returns a view of some half-size pixels (h, w).
+
+    Of the others it tells only that there is nothing before them: fused, they carve and make no surface.
+    """
+    height, width = view.weights.shape
+    wide = keep.repeat(2, 0).repeat(2, 1)[:height, :width]
+    return replace(
+        view,
+        weights=view.weights * wide,
+        points=view.points * keep[..., None],
+        normals=view.normals * keep[..., None],
+        worth=view.worth * keep,
+    )
 
 
 class DepthPreparation:

@@ -23,6 +23,8 @@ _FLAT = 0.97
 """Cosine, 14 degrees, between a floor's normal and those of its faces at least: noise tilts them."""
 _RIVAL = 0.5
 """Share of the largest plane's area from which a lower one is the floor, and that one a table."""
+_ASIDE = 0.05
+"""Share of the meant thing's surface about the focus below which other things there do not count."""
 _AGAIN = 3
 """Times that a plane is fitted to the faces in it."""
 
@@ -117,19 +119,23 @@ def focus_of(poses: list[Float]) -> Float:
 def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings | None = None) -> Mesh:
     """Returns what stands on the ground about ``focus`` (3,), upright, on y = 0, its box centred on x and z.
 
-    It is closed where it stood; holes with short rims are closed, and larger ones stay open.
+    Of several things the settings choose one. It is closed where it stood; holes with short rims are closed,
+    and larger ones stay open.
 
     Raises:
-        InputError: where nothing stands there.
+        InputError: where nothing stands there, or not so many things.
     """
     s = settings or CutOutSettings()
-    above = above_plane(mesh, ground.normal, ground.offset + s.clearance)
-    thing = _component(above, focus, s) if len(above.faces) else above
-    if thing.area < s.least_area:
+    parts = parts_about(mesh, ground, focus, s)
+    if not parts:
         what = "nothing that stands on the floor was scanned"
         raise InputError(
             what, where="scan", mend="Carry the camera round the thing, and look at it all the time."
         )
+    if s.number > len(parts):
+        what = f"there is no thing number {s.number} where the camera looked; {len(parts)} stand there"
+        raise InputError(what, where="scan", mend="Choose one of them, or look at it while you scan.")
+    thing = parts[s.number - 1]
     vertices = levelled(thing, ground).vertices
     # What the cut took off its feet is given back to them.
     feet = vertices[:, 1] < s.clearance + 1e-9
@@ -137,11 +143,47 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
     return close_holes(replace(thing, vertices=vertices), feet, s)
 
 
+def whole_part(mesh: Mesh, ground: Ground, settings: CutOutSettings | None = None) -> Mesh:
+    """Returns the largest connected part of an object that was seen from below, too, upright, on y = 0.
+
+    Holes with short rims are closed.
+    """
+    part = levelled(largest(mesh), ground)
+    part.vertices[:, 1] -= part.vertices[:, 1].min()
+    return close_holes(part, np.zeros(len(part.vertices), bool), settings or CutOutSettings())
+
+
+def parts_about(
+    mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings | None = None
+) -> list[Mesh]:
+    """Returns the connected parts that stand on the ground about a point (3,), the one that is meant first.
+
+    That is the one with the most surface near the point; small ones, and those far away, are left out.
+    """
+    s = settings or CutOutSettings()
+    above = above_plane(mesh, ground.normal, ground.offset + s.clearance)
+    if not len(above.faces):
+        return []
+    label = np.asarray(shells(above.faces, len(above.vertices)))[above.faces[:, 0]]
+    middles = above.vertices[above.faces].mean(1)
+    near = np.exp(-np.square(middles - focus).sum(1) / s.about**2)
+    areas = np.linalg.norm(above.face_vectors(), axis=1) / 2
+    whole, worth = np.bincount(label, areas), np.bincount(label, areas * near)
+    large = (whole >= s.least_area) & (worth >= _ASIDE * worth.max())
+    return [submesh(above, label == n) for n in np.argsort(-worth, kind="stable") if large[n]]
+
+
+def largest(mesh: Mesh) -> Mesh:
+    """Returns the connected part of a mesh with the most surface."""
+    if not len(mesh.faces):
+        return mesh
+    label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
+    return submesh(mesh, label == np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1)).argmax())
+
+
 def largest_part(mesh: Mesh) -> Mesh:
     """Returns the connected part with the most surface, standing on y = 0, its box centred on x and z."""
-    label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
-    areas = np.linalg.norm(mesh.face_vectors(), axis=1)
-    part = submesh(mesh, label == np.bincount(label, areas).argmax())
+    part = largest(mesh)
     up = np.array([0.0, 1.0, 0.0])
     return levelled(part, Ground(up, float(part.vertices[:, 1].min()), 0.0))
 
@@ -183,15 +225,6 @@ def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
     faces = np.concatenate(corner).astype(np.int32)
     whole = Mesh(spread(mesh.vertices), faces, mesh.name, colours)
     return submesh(whole, np.ones(len(faces), bool))
-
-
-def _component(mesh: Mesh, focus: Float, s: CutOutSettings) -> Mesh:
-    """Returns the connected part with the most surface about the focus."""
-    label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
-    middles = mesh.vertices[mesh.faces].mean(1)
-    near = np.exp(-np.square(middles - focus).sum(1) / s.about**2)
-    areas = np.linalg.norm(mesh.face_vectors(), axis=1) * near
-    return submesh(mesh, label == np.bincount(label, areas).argmax())
 
 
 def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:

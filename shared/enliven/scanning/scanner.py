@@ -96,6 +96,7 @@ class Scanner:
         self.history = FrameHistory(self.settings.loops.history)
         self._ups: list[Float | None] = []
         self._camera: tuple[Intrinsics, DepthPreparation] | None = None
+        self.view: DepthView | None = None
         self._pose, self._before = np.eye(4), np.eye(4)
         self._state = ScanState.EMPTY
         self.full = False
@@ -111,7 +112,7 @@ class Scanner:
         Args:
             up: (3,) unit vector, camera frame, that points up as its accelerometer feels it, or None.
         """
-        view = self._prepared(frame)
+        view = self.view = self.prepared(frame)
         if view.known < self.settings.least_depth:
             return ScanStep(ScanState.EMPTY, self._pose)
         if not self.poses:
@@ -131,7 +132,7 @@ class Scanner:
     def place(self, frame: DepthFrame, world_from_camera: Float) -> ScanStep:
         """Fuse an image at the pose of its camera, where that is known, as of a scan that was kept."""
         pose = np.array(world_from_camera, float)
-        return self._fuse(frame, self._prepared(frame), pose, None, None)
+        return self._fuse(frame, self.prepared(frame), pose, None, None)
 
     def look_again(self) -> None:
         """Forget where the camera is, as after it was put down: it is sought where it was before."""
@@ -169,7 +170,7 @@ class Scanner:
         """Returns the volumes and keyframes of all images that are still there, at other poses."""
         volumes, keyframes = self._empty_volumes(), Keyframes()
         for count, (number, frame) in enumerate(self.history.frames()):
-            view = self._prepared(frame)
+            view = self.prepared(frame)
             for volume in volumes:
                 volume.integrate(view, poses[number])
                 if count % _CLEANED == _CLEANED - 1:
@@ -184,7 +185,7 @@ class Scanner:
         volume = DistanceVolume(self.settings.volume, *self._sizes[0])
         for number, frame in self.history.frames():
             if number >= since:
-                volume.integrate(self._prepared(frame), self.poses[number][1])
+                volume.integrate(self.prepared(frame), self.poses[number][1])
         return surface_of(volume)
 
     def thing(self) -> Mesh:
@@ -196,7 +197,7 @@ class Scanner:
         surface, cut = self.surface(), self.settings.cut_out
         return cut_out(surface, find_ground(surface, settings=cut), focus_of([p for _, p in self.poses]), cut)
 
-    def _prepared(self, frame: DepthFrame) -> DepthView:
+    def prepared(self, frame: DepthFrame) -> DepthView:
         """Returns the view of a frame."""
         if self._camera is None:
             v = self.settings.volume

@@ -138,7 +138,61 @@ class CutOutSettings:
         0.7, "How far what is meant may lie from where was looked.", unit="m", low=0.05, high=5
     )
     least_area: float = setting(0.02, "Surface of the smallest thing.", unit="m^2", low=1e-4, high=1)
+    number: int = setting(
+        1, "Which of the things on the floor is meant: 1 is the one that was looked at most.", low=1, high=100
+    )
     hole: float = setting(0.15, "Longest rim of a hole that is closed.", unit="m", low=0, high=10)
+
+
+@dataclass(frozen=True)
+class RegistrationSettings:
+    """How an object that was put down elsewhere is found again."""
+
+    turns: int = setting(900, "Turns that are tried, 20 degrees from one to the next.", low=24, high=100_000)
+    points: int = setting(300, "Points of the surface that are laid down from each.", low=50, high=10_000)
+    looked_at: int = setting(24, "Answers that are looked at closely.", low=2, high=1000)
+    fine_points: int = setting(2000, "Points that they are looked at with.", low=100, high=100_000)
+    cell: float = setting(
+        0.015, "Side of the cells that know their nearest point.", unit="m", low=1e-3, high=0.1
+    )
+    margin: float = setting(0.3, "How far about the object they reach.", unit="m", low=0.05, high=2)
+    near: float = setting(
+        0.01, "Distance within which a point lies on the surface.", unit="m", low=1e-3, high=0.1
+    )
+    clearance: float = setting(
+        0.04, "How far before what was seen behind it a surface cannot be.", unit="m", low=5e-3, high=0.5
+    )
+    agreeing: float = setting(0.5, "Share of the points that must lie on the surface.", low=0, high=1)
+    through: float = setting(0.04, "Share of points that may lie where it was seen through.", low=0, high=1)
+    doubt: float = setting(
+        2.0, "What such a point takes away, of what one that agrees brings.", low=0, high=100
+    )
+    clear: float = setting(0.2, "By how much the best answer must be better than the next.", low=0, high=1)
+
+
+@dataclass(frozen=True)
+class ObjectSettings:
+    """How an object that is moved while it is scanned is told apart from the room, and found again."""
+
+    known_after: int = setting(
+        30, "Images after which it is looked for what stands there; again at twice as many.", low=5, high=1000
+    )
+    lifted: float = setting(
+        0.015,
+        "How far floor and object may be apart before the object counts as moved.",
+        unit="m",
+        low=1e-3,
+        high=1,
+    )
+    tilted: float = setting(
+        0.015, "How far they may be turned against one another.", unit="rad", low=1e-3, high=1
+    )
+    agreeing: float = setting(
+        0.8, "Share of an image's points that must lie at the surface where a new rest begins.", low=0, high=1
+    )
+    looks: int = setting(
+        10, "Images of a rest with which the object is first sought in it.", low=2, high=1000
+    )
 
 
 @dataclass(frozen=True)
@@ -149,4 +203,6 @@ class ScanSettings:
     tracking: TrackingSettings = setting(TrackingSettings, "How the camera is found.")
     loops: LoopSettings = setting(LoopSettings, "How a way that comes back is closed.")
     cut_out: CutOutSettings = setting(CutOutSettings, "How what stands on the floor is taken out.")
+    moved: ObjectSettings = setting(ObjectSettings, "How what is moved meanwhile is followed.")
+    registration: RegistrationSettings = setting(RegistrationSettings, "How it is found again.")
     least_depth: float = setting(0.05, "Share of an image that must show a surface.", low=0, high=1)

@@ -1,3 +1,8 @@
+from .handled import (
+    HandledScan as HandledScan,
+    HandledWay as HandledWay,
+    laid_on_its_back as laid_on_its_back,
+)
 from .handheld import HandheldPath as HandheldPath, HandheldScan as HandheldScan, looking_at as looking_at
 from .noise import DepthNoise as DepthNoise
 from .profile import SensorProfile as SensorProfile, load_profile as load_profile

@@ -61,7 +61,7 @@ def drifted(frames, truth, drift=DRIFT, settings=SETTINGS):
     """A scanner that fused the frames where a tracking that drifts has found them."""
     scanner = Scanner(settings)
     for n, (frame, pose) in enumerate(zip(frames, truth, strict=True)):
-        scanner._fuse(frame, scanner._prepared(frame), moved(pose, drift * n / len(frames)), None, None)
+        scanner._fuse(frame, scanner.prepared(frame), moved(pose, drift * n / len(frames)), None, None)
     return scanner
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import typer
 from typer.testing import CliRunner
 
-from enliven.scanning import VolumeSettings
+from enliven.scanning import ObjectSettings, RegistrationSettings, VolumeSettings
 from enliven_edge.commands.scan import scan
 
 ROOT = Path(__file__).parents[3]
@@ -19,7 +19,17 @@ def test_its_options_are_those_of_the_command():
     said = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output
     named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", PAGE)) - {"--help"}
     assert {"--voxel", "--reach", "--whole", "--sheet", "--seconds", "--sensor", "--recording"} <= named
-    assert {"--triangles", "--edge", "--within", "--box", "--before", "--add", "--memory"} <= named
+    assert {
+        "--triangles",
+        "--edge",
+        "--within",
+        "--box",
+        "--before",
+        "--add",
+        "--memory",
+        "--moved",
+        "--thing",
+    } <= named
     assert [option for option in named if option not in said] == []
 
 
@@ -36,7 +46,7 @@ def test_its_refusals_are_in_the_code():
     )
     table = PAGE.split("## What is refused")[1].split("## In a program")[0]
     quoted = [words for words in re.findall(r"`([^`]*)`", table) if not words.startswith("--")]
-    assert len(quoted) == 15
+    assert len(quoted) == 16
     for sentence in quoted:
         assert re.sub(r"\d+", "", sentence).split(" (")[0].split("  ")[0] in re.sub(r"\{[^}]*\}", "", code), (
             sentence
@@ -48,3 +58,13 @@ def test_its_numbers_are_the_defaults():
     assert "Voxels of 4 mm" in PAGE and settings.voxel == 0.004
     assert "4 voxels before a surface and\n   3 behind it" in PAGE
     assert (settings.truncation, settings.behind, settings.reach) == (4.0, 3.0, 2.2)
+
+
+def test_its_numbers_of_the_search_are_the_defaults():
+    moved, found = ObjectSettings(), RegistrationSettings()
+    assert "off by 15 mm, or\n   tilted by 15 mrad" in PAGE and (moved.lifted, moved.tilted) == (0.015, 0.015)
+    assert (
+        "from 900 turns" in PAGE and "24 best answers" in PAGE and (found.turns, found.looked_at) == (900, 24)
+    )
+    assert "half of its points agree, at most one in 25" in PAGE
+    assert (found.agreeing, found.through, moved.looks) == (0.5, 0.04, 10) and "from ten images on" in PAGE

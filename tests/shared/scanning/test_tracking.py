@@ -88,7 +88,7 @@ def test_a_carried_camera_is_found_on_its_whole_way():
 @given(vector=st.tuples(*[st.floats(-1, 1)] * 6))
 def test_a_pose_that_is_off_is_brought_back(vector):
     scanner, _ = scanned()
-    view = scanner._prepared(frame_of(room_depth(carried(0.5))))
+    view = scanner.prepared(frame_of(room_depth(carried(0.5))))
     start = carried(0.5)
     move, turn = np.array(vector[:3]) * 0.04, np.array(vector[3:]) * 0.04
     start[:3, 3] += move
@@ -152,7 +152,7 @@ def test_a_place_that_nothing_carried_could_have_reached_is_not_believed():
 
 def test_a_felt_direction_up_holds_what_the_image_leaves_open():
     scanner, _ = scan([0.0])
-    view = scanner._prepared(frame_of(plane_depth(FLOOR, 0.0, carried(0.0), CAMERA)))
+    view = scanner.prepared(frame_of(plane_depth(FLOOR, 0.0, carried(0.0), CAMERA)))
     start = carried(0.0)
     start[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector([0.0, 0.0, 0.03])) @ start[:3, :3]
     felt = carried(0.0)[:3, :3].T @ [0.0, 1.0, 0.0]

@@ -1,0 +1,50 @@
+"""What is said of the things in a scan: which was taken, which others there are, where it was put."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.errors import InputError
+from enliven.meshes import Mesh
+from enliven.scanning import Scanner, find_ground, focus_of, levelled, parts_about, surface_of
+from enliven.scanning.objects import MovedScanner
+
+_COARSE = 1
+"""Number of the volume, with voxels of 16 mm, in which things are counted: it takes a tenth of a second."""
+
+
+def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
+    """Returns sentences about a scan's things: which of several was taken, and where it was found."""
+    first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
+    said = _of_several(first)
+    if not isinstance(scanner, MovedScanner):
+        return said
+    if scanner.unplaced:
+        lost = sum(rest.count for rest in scanner.unplaced)
+        where = f"{lost} images show where it may lie, but it was not found there; they are not in the mesh."
+        said.append(f"{where} Show more of the sides that were seen before, and hold still once it stands.")
+    if len(scanner.rests) == 1:
+        said.append("It did not move: the mesh shows it as it stood. Without --moved that is quicker.")
+    else:
+        said.append(f"It was found in {len(scanner.rests)} places, and all of them are in the mesh.")
+    return said
+
+
+def _of_several(scanner: Scanner) -> list[str]:
+    """Returns a sentence that names the things about the focus, largest first, where there are several."""
+    mesh, cut = surface_of(scanner.volumes[_COARSE]), scanner.settings.cut_out
+    try:
+        ground = find_ground(mesh, settings=cut)
+    except InputError:
+        return []
+    parts = parts_about(mesh, ground, focus_of([pose for _, pose in scanner.poses]), cut)
+    if len(parts) < 2:
+        return []
+    sizes = [_size(levelled(part, ground)) for part in parts]
+    listed = ", ".join(f"{n}: {size}" for n, size in enumerate(sizes, 1))
+    return [f"{len(parts)} things stand there ({listed} cm); number {cut.number} was taken, see --thing."]
+
+
+def _size(mesh: Mesh) -> str:
+    """Returns width, height and depth in centimetres."""
+    return " x ".join(f"{100 * side:.0f}" for side in np.ptp(mesh.bounds, axis=0))

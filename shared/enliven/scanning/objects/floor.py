@@ -1,0 +1,55 @@
+"""Whether floor and object still stand as they stood: what moves against the floor is the object."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven import rotation
+from enliven.arrays import Bool, Float
+from enliven.scanning.depth_view import DepthView
+from enliven.scanning.ground import Ground
+
+_BAND = 0.05
+"""Metres above and below the floor in which points are taken for it, where an image is off."""
+_ALONG = 0.96
+"""Cosine, 16 degrees, between a floor point's normal and the floor's."""
+_AROUND = 1.2
+"""Metres about the object in which the floor is looked at: farther away depth is noisy."""
+_FEWEST = 200
+"""Points of a floor that tell where it is."""
+_STRIDE = 2
+"""Half-size pixels from one that is looked at to the next."""
+
+
+def floor_plane(
+    view: DepthView, world_from_camera: Float, ground: Ground, middle: Float, own: Bool
+) -> Float | None:
+    """Returns (3,) how the floor in an image lies to the ground: metres above it at a point, and two slopes.
+
+    None where too little of the floor is seen.
+
+    Args:
+        middle: (3,) the point, world: the object's middle.
+        own: (h, w) the object's pixels, which are no floor even where it lies flat.
+    """
+    turn = world_from_camera[:3, :3]
+    some = (slice(None, None, _STRIDE), slice(None, None, _STRIDE))
+    points = view.points[some] @ turn.T + world_from_camera[:3, 3]
+    heights = points @ ground.normal - ground.offset
+    across = points - middle
+    level = across - (across @ ground.normal)[..., None] * ground.normal
+    floor = (
+        (view.worth[some] > 0)
+        & ~own[some]
+        & (np.abs(heights) < _BAND)
+        & (view.normals[some] @ turn.T @ ground.normal > _ALONG)
+        & (np.square(level).sum(-1) < _AROUND**2)
+    )
+    if np.count_nonzero(floor) < _FEWEST:
+        return None
+    one = rotation.unit(np.cross(ground.normal, np.eye(3)[np.abs(ground.normal).argmin()]))
+    columns = np.stack(
+        [np.ones(floor.sum()), level[floor] @ one, level[floor] @ np.cross(ground.normal, one)], 1
+    )
+    root = np.sqrt(view.worth[some][floor])[:, None]
+    return np.asarray(np.linalg.lstsq(columns * root, heights[floor] * root[:, 0], rcond=None)[0])

@@ -1,0 +1,60 @@
+"""The space that an object takes, and which points of images are its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from enliven.arrays import Bool, Float
+from enliven.meshes import Mesh
+from enliven.scanning.depth_view import DepthView
+from enliven.scanning.ground import Ground
+from enliven.scanning.objects.surface_points import sampled
+
+_CELL = 0.01
+"""Metres of a cell of a region: half the floor's clearance."""
+_DENSE = 60_000
+"""Points that mark the cells of a surface: more than one a cell for things as large as a chair."""
+
+
+@dataclass(frozen=True)
+class ObjectRegion:
+    """Space about a surface, above the ground.
+
+    Attributes:
+        origin: (3,) metres, corner of the first cell.
+        near: (X, Y, Z) which cells lie near the surface.
+        ground: what the object stands on.
+        clearance: metres above it that are not the object's.
+    """
+
+    origin: Float
+    near: Bool
+    ground: Ground
+    clearance: float
+
+    def holds(self, points: Float) -> Bool:
+        """Returns (...) which points (..., 3) lie in it."""
+        at = np.floor((points - self.origin) / _CELL).astype(int)
+        inside: Bool = np.asarray(((at >= 0) & (at < self.near.shape)).all(-1))
+        x, y, z = np.moveaxis(np.where(inside[..., None], at, 0), -1, 0)
+        return np.asarray(inside & self.near[x, y, z] & (self.ground.heights(points) > self.clearance))
+
+
+def region_about(mesh: Mesh, ground: Ground, clearance: float, width: float) -> ObjectRegion:
+    """Returns the space within ``width`` metres of a surface."""
+    points = sampled(mesh, _DENSE).points
+    origin = points.min(0) - width - _CELL
+    shape = np.ceil((points.max(0) + width + _CELL - origin) / _CELL).astype(int) + 1
+    empty = np.ones(shape, bool)
+    empty[tuple(np.floor((points - origin) / _CELL).astype(int).T)] = False
+    near = np.asarray(distance_transform_edt(empty)) * _CELL <= width
+    return ObjectRegion(origin, near, ground, clearance)
+
+
+def shown_in(region: ObjectRegion, view: DepthView, world_from_camera: Float) -> Bool:
+    """Returns (h, w) which points of a view lie in a region."""
+    world = view.points @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
+    return np.asarray((view.worth > 0) & region.holds(world))

@@ -1,0 +1,77 @@
+"""Points of a surface, and the nearest of them to any place, in a grid of cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from enliven.arrays import Float, Int32
+from enliven.meshes import Mesh
+
+
+@dataclass(frozen=True)
+class SurfacePoints:
+    """Points that lie evenly on a surface.
+
+    Attributes:
+        points: (N, 3) metres.
+        normals: (N, 3) unit, outward.
+    """
+
+    points: Float
+    normals: Float
+
+    def moved(self, pose: Float) -> SurfacePoints:
+        """Returns the points after a rigid transform (4, 4)."""
+        turn = pose[:3, :3].T
+        return SurfacePoints(self.points @ turn + pose[:3, 3], self.normals @ turn)
+
+    def some(self, count: int) -> SurfacePoints:
+        """Returns the first ``count`` of them, which lie evenly, too."""
+        return SurfacePoints(self.points[:count], self.normals[:count])
+
+
+def sampled(mesh: Mesh, count: int, seed: int = 0) -> SurfacePoints:
+    """Returns ``count`` points of a mesh, evenly by area, in an order without any order."""
+    random, areas = np.random.default_rng(seed), np.linalg.norm(mesh.face_vectors(), axis=1)
+    face = random.choice(len(areas), count, p=areas / areas.sum())
+    root, other = np.sqrt(random.random((count, 1))), random.random((count, 1))
+    shares = np.concatenate([1 - root, root * (1 - other), root * other], 1)
+    points = (mesh.vertices[mesh.faces[face]] * shares[..., None]).sum(1)
+    return SurfacePoints(points, mesh.face_normals()[face])
+
+
+class NearestGrid(NamedTuple):
+    """The nearest point of a surface to each cell of a box.
+
+    Attributes:
+        origin: (3,) metres, the corner of the first cell.
+        cell: metres.
+        nearest: (X, Y, Z) int32 number of the point.
+        points, normals: (N, 3) of the surface.
+    """
+
+    origin: Float
+    cell: float
+    nearest: Int32
+    points: Float
+    normals: Float
+
+
+def nearest_grid(surface: SurfacePoints, cell: float, margin: float) -> NearestGrid:
+    """Returns the grid about a surface, by the exact distance transform of the cells that it crosses.
+
+    Args:
+        cell: metres; a point of a cell stands for all that lie in it.
+        margin: metres about the surface that the grid covers.
+    """
+    low = surface.points.min(0) - margin
+    size = np.ceil((surface.points.max(0) + margin - low) / cell).astype(int) + 1
+    number = np.full(size, -1, np.int32)
+    at = np.floor((surface.points - low) / cell).astype(int)
+    number[at[:, 0], at[:, 1], at[:, 2]] = np.arange(len(at))
+    x, y, z = distance_transform_edt(number < 0, return_distances=False, return_indices=True)
+    return NearestGrid(low, cell, number[x, y, z], surface.points, surface.normals)
