@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-import logging
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from enliven.errors import InputError, ResourceError
-from enliven_edge.commands.progress import frame_progress, interruptible
+from enliven.files import need_folder
 
 if TYPE_CHECKING:
-    from enliven.frames import DepthFrame
     from enliven.meshes import Mesh
-
-log = logging.getLogger(__name__)
-
-_PATIENCE = 0.25
-"""Seconds to wait for a frame before an end is looked for."""
-
-_LEAST_ALONE = 0.01
-"""Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
 
 
 def scan(
@@ -47,9 +34,20 @@ def scan(
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Stop after so many seconds of the sensor's clock.")
     ] = None,
+    memory: Annotated[int, typer.Option(min=16, help="Megabytes of voxels; full, the scan ends.")] = 1500,
     whole: Annotated[
         bool, typer.Option(help="Keep all that was scanned, not what stands on the floor.")
     ] = False,
+    box: Annotated[
+        str, typer.Option(help="Keep what is in a box, metres: x0,y0,z0,x1,y1,z1, as --whole shows it.")
+    ] = "",
+    before: Annotated[
+        Path | None, typer.Option(help="A recording of the place without the thing; what is new is kept.")
+    ] = None,
+    add: Annotated[
+        Path | None, typer.Option(help="An earlier scan's mesh, project or recording, to which this adds.")
+    ] = None,
+    keep: Annotated[bool, typer.Option(help="Keep the images beside it, for --add: NAME.scan.mcap.")] = True,
     triangles: Annotated[
         int, typer.Option(min=0, help="Triangles of the mesh at most; 0 keeps all.")
     ] = 50_000,
@@ -70,44 +68,28 @@ def scan(
       enliven scan --sensor realsense -o chair.glb --edge 192.168.1.20
       enliven scan --sensor realsense -o me.glb --within 1.5
       enliven scan --recording TAKE.mcap -o room.glb --whole --voxel 10 --reach 5
+      enliven scan --recording TAKE.mcap -o lamp.glb --box=-0.3,0.7,-0.2,0.1,1.3,0.2
+      enliven scan --recording WITH.mcap --before EMPTY.mcap -o chair.glb
+      enliven scan --recording MORE.mcap --add chair.glb -o chair.glb
     """
-    from enliven.scanning import Scanner, ScanSettings, VolumeSettings
-    from enliven_edge.scanning import ScanDiary, finished, put_on_stage, stage_command, write_scan
+    from enliven_edge.commands.scan_job import ScanJob, corners_of, keep_of, scanner_of
+    from enliven_edge.scanning import put_on_stage, stage_command
 
-    _checked(output, recording, sensor, overwrite)
+    need_folder(output, sheet)
+    _checked(output, recording, sensor, overwrite or output == add)
+    meant = keep_of(whole, corners_of(box), before, within)
+    if before is not None and add is not None:
+        raise InputError("--before and --add do not go together", where="scan", mend="Give one of them.")
     if edge is not None:
         stage_command()  # what is missing for it is said before the scan
-    console, diary = Console(), ScanDiary()
-    if within is None:
-        scanner = Scanner(ScanSettings(volume=VolumeSettings(voxel=voxel * 1e-3, reach=reach)))
-    else:
-        volume = VolumeSettings(voxel=voxel * 1e-3, reach=min(reach, within), far=within)
-        scanner = Scanner(ScanSettings(volume=volume, least_depth=_LEAST_ALONE))
-    where = str(recording or sensor)
-    with interruptible() as stop, frame_progress(console) as progress:
-        task = progress.add_task("Scanning", total=None, count=0)
-        first_ns = None
-        for frame in _frames(recording, sensor, setting or [], stop):
-            first_ns = frame.time_ns if first_ns is None else first_ns
-            if seconds is not None and frame.time_ns - first_ns >= seconds * 1e9:
-                break
-            diary.add(scanner.add(frame), frame.time_ns)
-            progress.update(task, count=diary.frames, description=f"Scanning, {diary.now}")
-    diary.refuse(where)
-    kept = "all" if whole else "thing" if within is None else "alone"
-    made = finished(scanner, kept, triangles, output.stem)
-    write_scan(made, output)
+    scanner = scanner_of(voxel, reach, within, memory)
+    job = ScanJob(scanner, recording, sensor or "", setting or [], seconds, before or add, keep)
+    made = job.run(meant, triangles, output)
     if sheet is not None:
         _write_sheet(made.mesh, sheet)
-    low, high = made.mesh.bounds
-    size = " x ".join(f"{100 * side:.0f}" for side in high - low)
-    few = f" (within {1e3 * made.most:.1f} mm of the full scan)" if made.most else ""
-    said = f"{len(made.mesh.faces)} triangles{few}, {size} cm, of {diary.frames} frames, {diary.now}"
-    typer.echo(f"{output}: {said}")
+    job.tell(made, output)
     if edge is not None:
         put_on_stage(output, edge)
-    for sentence in diary.advice():
-        typer.echo(f"Note: {sentence}")
 
 
 def _checked(output: Path, recording: Path | None, sensor: str | None, overwrite: bool) -> None:
@@ -123,42 +105,6 @@ def _checked(output: Path, recording: Path | None, sensor: str | None, overwrite
         )
     if output.exists() and not overwrite:
         raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")
-
-
-def _frames(
-    recording: Path | None, sensor: str | None, options: list[str], stop: threading.Event
-) -> Iterator[DepthFrame]:
-    """Yields the depth frames of a recording or a sensor, until ``stop`` is set."""
-    from enliven.frames import DepthFrame
-    from enliven.recording import DEPTH_TOPIC, Recording
-    from enliven_edge.sensors import SensorFault, kept_open, sensor_opener, sensor_options
-    from enliven_edge.tracking.frame import flaw_of
-
-    if recording is not None:
-        source = Recording(recording)
-        if DEPTH_TOPIC not in source.info.topics:
-            mend = "Give a recording of a depth camera."
-            raise InputError("there are no depth images in it", where=str(recording), mend=mend)
-        for frame in source.frames():
-            if stop.is_set():
-                return
-            if isinstance(frame, DepthFrame):
-                yield frame
-        return
-    with kept_open(sensor_opener(sensor or "", **sensor_options(options))) as stream:
-        while not stop.is_set():
-            try:
-                frame = stream.read(_PATIENCE)
-            except TimeoutError:
-                continue
-            except (SensorFault, InputError) as error:
-                # It is opened again; what was scanned is kept.
-                log.warning("%s", error)
-                continue
-            if frame is None:
-                return
-            if isinstance(frame, DepthFrame) and not flaw_of(frame):
-                yield frame
 
 
 def _write_sheet(mesh: Mesh, path: Path) -> None:

@@ -20,6 +20,17 @@ _STILL = 0.05
 """Metres a second below which a box counts as still: the engine's own trembling is slower."""
 _MOVED = 0.5
 """Edges of a box that one must have gone to count as fallen."""
+_CLEAR = 0.15
+"""Metres between a new tower and what stands beside it: a performer who takes hold sways by less."""
+_AROUND = np.array(
+    [(0.0, 0.0)]
+    + [
+        (far * np.cos(turn), far * np.sin(turn))
+        for far in np.arange(0.1, 4.0, 0.1)
+        for turn in np.arange(24) * (2 * np.pi / 24)
+    ]
+)
+"""(A, 2) metres by which a tower may be moved to where nothing is, the nearest first."""
 _MOST = 200
 """Boxes of all towers: more do not keep pace with a camera."""
 _BLOCK_COLOURS = np.array(
@@ -66,6 +77,32 @@ def tower_places(settings: BoxesSettings) -> Float:
     return np.array(places).reshape(-1, 3)
 
 
+def clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float:
+    """Returns (P, 3) metres like :func:`tower_places`, towers moved aside from spheres and from each other.
+
+    A tower goes to the nearest of some places around its own; where none is free it stays.
+
+    Args:
+        spheres: (S, 3) metres: beside, up and ahead.
+        radii: (S,) metres.
+    """
+    towers = tower_places(settings).reshape(len(settings.at), settings.high * settings.wide**2, 3)
+    half, top = (settings.wide * (settings.side + _GAP)) / 2 + _CLEAR, settings.high * settings.side + _CLEAR
+    low = spheres[:, 1] - radii < top
+    middles, reach = spheres[low][:, [0, 2]], radii[low] + half
+    placed = list[Float]()
+    for tower in towers:
+        at = tower[:, [0, 2]].mean(0) + _AROUND
+        away = np.abs(at[:, None] - middles).max(2) > reach
+        free = away.all(1)
+        for other in placed:
+            free &= np.abs(at - other).max(1) > 2 * half - _CLEAR
+        chosen = at[int(free.argmax())]  # the first of all where none is free
+        placed.append(chosen)
+        tower[:, [0, 2]] += chosen - tower[:, [0, 2]].mean(0)
+    return towers.reshape(-1, 3)
+
+
 class Towers:
     """The game of :class:`~enliven_edge.physics.playground.Playground` with nothing but boxes."""
 
@@ -75,9 +112,16 @@ class Towers:
         self._stand, self._turns = self._places, np.tile([1.0, 0.0, 0.0, 0.0], (len(self._places), 1))
         self._quiet = 0.0
 
-    def begin(self, world: World, ground: WorldGround) -> None:
-        """Puts every box in its place."""
-        self._stand = ground.to_world(self._places)
+    def begin(self, world: World, ground: WorldGround, spheres: Float, radii: Float) -> None:
+        """Puts every box in its place, each tower where no sphere is, near to where it was meant.
+
+        Args:
+            spheres: (S, 3) metres in the world; rows that are not finite are nothing.
+            radii: (S,) metres.
+        """
+        known = np.isfinite(spheres).all(1)
+        there = ground.from_world(spheres[known])
+        self._stand = ground.to_world(clear_places(self.settings, there, radii[known]))
         self._turns = np.tile(ground.turn, (len(self._stand), 1))
         world.put(slice(None), self._stand, self._turns)
         self._quiet = 0.0
@@ -139,7 +183,7 @@ class Dodgeball:
         self._target = [""] * count
         self._next, self._turn, self._wait = 0, 0, 0.0
 
-    def begin(self, world: World, ground: WorldGround) -> None:
+    def begin(self, world: World, ground: WorldGround, spheres: Float, radii: Float) -> None:
         """Puts the balls in a row on the floor beside the place of throwing; the score is kept."""
         settings = self.settings
         self._ground = ground

@@ -37,6 +37,11 @@ class WorldGround:
         turned = points @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
         return np.asarray(turned + self.at)
 
+    def from_world(self, points: Float) -> Float:
+        """Returns (..., 3) points of the world as beside, up and ahead."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return np.asarray((points - self.at) @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]))
+
 
 FIXED = WorldGround(np.zeros(3), 0.0)
 """The world's own x and z."""
@@ -47,15 +52,18 @@ class StandingDetector:
 
     Args:
         seconds: of standing that it takes.
+        patience: seconds after which the middle of where a person was serves as well; 0: never.
     """
 
-    def __init__(self, seconds: float) -> None:
-        self.seconds = seconds
+    def __init__(self, seconds: float, patience: float = 0.0) -> None:
+        self.seconds, self.patience = seconds, patience
         self._since: dict[int, tuple[WorldGround, int]] = {}
+        self._way: dict[int, list[tuple[WorldGround, int]]] = {}
 
     def find(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
-        """Returns the place of the first person who has stood still for long enough, or None."""
+        """Returns the place of the first person who has stood still, or moved about, for long enough."""
         seen: dict[int, tuple[WorldGround, int]] = {}
+        ways: dict[int, list[tuple[WorldGround, int]]] = {}
         for body in bodies:
             ground = ground_under(body)
             if ground is None:
@@ -66,8 +74,17 @@ class StandingDetector:
             seen[body.id] = begin
             if (time_ns - begin[1]) * 1e-9 >= self.seconds:
                 return ground
-        self._since = seen
+            way = ways[body.id] = [*self._way.get(body.id, ()), (ground, time_ns)]
+            if self.patience and (time_ns - way[0][1]) * 1e-9 >= self.patience:
+                return _middle([place for place, _ in way])
+        self._since, self._way = seen, ways
         return None
+
+
+def _middle(places: list[WorldGround]) -> WorldGround:
+    """Returns the mean of places and of headings."""
+    ahead = np.mean([(np.sin(place.yaw), np.cos(place.yaw)) for place in places], axis=0)
+    return WorldGround(np.mean([place.at for place in places], axis=0), float(np.arctan2(*ahead)))
 
 
 def ground_under(body: Body) -> WorldGround | None:

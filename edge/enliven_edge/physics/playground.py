@@ -47,8 +47,9 @@ log = logging.getLogger(__name__)
 class Playground:
     """Props, the spheres of characters and performers among them, and a game.
 
-    Nothing is there until the place is known: where a performer first stands still, or at once where the
-    settings say fixed. The same frames give the same props, as long as the budget leaves nothing out.
+    Nothing is there until the place is known: where a performer first stands still (or has moved about
+    for long), or at once where the settings say fixed. The same frames give the same props, as long as the
+    budget leaves nothing out.
     """
 
     def __init__(self, settings: PhysicsSettings, characters: list[Character] | None = None) -> None:
@@ -67,7 +68,7 @@ class Playground:
         self._proxies: dict[str, tuple[Character, SphereProxies]] = {}
         self._slots: dict[str, slice] = {}
         self._ground: WorldGround | None = None
-        self._standing = StandingDetector(settings.stand)
+        self._standing = self._detector()
         self._time_ns: int | None = None
         self._note = ""
         for character in characters or []:
@@ -89,7 +90,7 @@ class Playground:
     def warm_up(self) -> None:
         """Compiles what every frame needs, on a world of its own."""
         world = World(self.game.props, self.settings.engine)
-        self.game.begin(world, FIXED)
+        self.game.begin(world, FIXED, np.empty((0, 3)), np.empty(0))
         world.move(world.positions[:1].copy(), np.full(1, 0.05))
         world.advance(0.02)
         for character, proxies in self._proxies.values():
@@ -105,7 +106,7 @@ class Playground:
         self._time_ns = time_ns
         if seconds < 0.0:
             # A replay that begins again.
-            seconds, self._ground, self._standing = 0.0, None, StandingDetector(self.settings.stand)
+            seconds, self._ground, self._standing = 0.0, None, self._detector()
         before = self._slots
         spheres, radii, names, owners = self._spheres(tick)
         self.world.move(spheres, radii)
@@ -116,15 +117,18 @@ class Playground:
             self._ground = self._place(bodies, time_ns)
             if self._ground is None:
                 return None
-            self.game.begin(self.world, self._ground)
+            self.game.begin(self.world, self._ground, spheres, radii)
         late = self.world.left_out
         trouble = self.world.advance(seconds)
         if self.world.left_out > late == 0.0:
             log.warning("the physics take longer than engine.budget, so now and then they lag behind")
         if trouble:
-            self._reset(trouble)
+            self._reset(trouble, spheres, radii)
         self._note = self.game.play(self.world, spheres, names, owners, seconds)
         return self._props(time_ns)
+
+    def _detector(self) -> StandingDetector:
+        return StandingDetector(self.settings.stand, self.settings.patience)
 
     def _place(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
         """Returns the place of the world, as soon as it is known."""
@@ -170,13 +174,13 @@ class Playground:
                 begin = max(begin, slot.stop)
             kept[name] = slice(begin, begin + count)
 
-    def _reset(self, trouble: str) -> None:
+    def _reset(self, trouble: str, spheres: Float, radii: Float) -> None:
         """Restarts the world after an error of the engine."""
         self.resets += 1
         log.warning("the physics begin anew: %s", trouble)
         assert self._ground is not None
         self.world.restart()
-        self.game.begin(self.world, self._ground)
+        self.game.begin(self.world, self._ground, spheres, radii)
 
     def _props(self, time_ns: int) -> Props:
         specs, world = self.game.props, self.world

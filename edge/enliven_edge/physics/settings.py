@@ -81,6 +81,13 @@ class PhysicsSettings:
         "performer", "Where: about where a performer first stood still, or in the world's own x and z."
     )
     stand: float = setting(0.3, "Standing still for this long shows the place.", unit="s", low=0.0, high=60.0)
+    patience: float = setting(
+        5.0,
+        "A performer who never stands still shows it too, by where they moved about for this long; 0: never.",
+        unit="s",
+        low=0.0,
+        high=600.0,
+    )
     bodies: Literal["never", "free", "always"] = setting(
         "free", "Whether performers push too: 'free' are those who hold no character."
     )

@@ -62,6 +62,14 @@ class ScanDiary:
         if not self.counts[ScanState.SCANNING]:
             what = "no frame shows enough depth"
             raise InputError(what, where=where, mend="Go nearer, or scan something that does not mirror.")
+        unsure, lost = self.counts[ScanState.UNSURE], self.counts[ScanState.LOST]
+        if self.way < _STILL and 2 * unsure > self.frames:
+            what = "only a blank surface was seen, which does not tell where the camera is"
+            raise InputError(what, where=where, mend="Let corners, edges and things be in view, too.")
+        if self.way < _STILL and 2 * lost > self.frames:
+            what = f"the camera was lost in {lost} of {self.frames} frames, from the first ones on"
+            mend = "Carry it more slowly, half a metre a second at most; let nothing large pass before it."
+            raise InputError(what, where=where, mend=mend)
         if self.way < _STILL:
             what = f"the camera moved {100 * self.way:.0f} cm only"
             raise InputError(what, where=where, mend="Carry it round the thing.")
@@ -79,5 +87,6 @@ class ScanDiary:
         if self._quick > _OFTEN * total:
             said.append("The camera was often faster than 1 m/s; slower scans are sharper.")
         if self.full:
-            said.append("The memory for voxels was full: give larger voxels (--voxel), or scan less.")
+            full = "The memory for voxels was full: nothing more was added, and all until then was kept."
+            said.append(f"{full} Take larger voxels (--voxel), or more memory (--memory).")
         return said

@@ -1,67 +1,171 @@
-"""What becomes of a scan: cut out or whole, of few triangles, in a file, and on the stage of an edge."""
+"""What becomes of a scan: what is meant is cut out, of few triangles, in a file, and on an edge's stage."""
 
 from __future__ import annotations
 
 import contextlib
-from dataclasses import replace
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import typer
 
+from enliven.arrays import Float
 from enliven.errors import InputError, ResourceError
-from enliven.meshes import WRITABLE, save_mesh
-from enliven.scanning import Decimated, Scanner, decimated, find_ground, largest_part, levelled
+from enliven.meshes import WRITABLE, Mesh, save_mesh
+from enliven.scanning import (
+    CutBox,
+    CutOut,
+    Ground,
+    KnownImage,
+    Scanner,
+    cut_by_box,
+    cut_what_is_new,
+    decimated,
+    find_ground,
+    focus_of,
+    largest_part,
+    upright_frame,
+)
 
 PROJECT = ".enliven"
 """Ending of a project; the scan is a character in it that can be possessed."""
 ENDINGS = (*WRITABLE, PROJECT)
 """Endings of the files that a scan is written to."""
+_BEFORE = 120
+"""Images of the place before at most: those of a way round it lie 3 degrees apart."""
+
+_AS_SEEN = "; no floor was found, so the box lay as the first camera did"
+"""What is said of a box where no floor tells what is upright."""
 
 
-Kept = Literal["thing", "alone", "all"]
-"""What is kept of a scan: what stands on the floor; the largest part, of which no floor was seen; or all."""
+@dataclass(frozen=True)
+class Keep:
+    """What is kept of a scan.
+
+    Attributes:
+        what: "thing": what stands on the floor; "alone": the largest part, of which no floor was seen; "all";
+            "box": what is in a box; "new": what was not there in the first images.
+        low, high: (3,) metres, the corners of the box in the scan's upright frame.
+        upright_from_world: (4, 4) that frame; None: as the finished scan shows it.
+        before: for "new", how many images, as the scanner numbers them, show the place before.
+    """
+
+    what: Literal["thing", "alone", "all", "box", "new"] = "thing"
+    low: Float | None = None
+    high: Float | None = None
+    upright_from_world: Float | None = None
+    before: int = 0
 
 
-def finished(scanner: Scanner, kept: Kept, triangles: int, name: str) -> Decimated:
-    """Returns what was scanned, on y = 0, of at most so many triangles; 0 keeps all.
+@dataclass(frozen=True)
+class Made:
+    """A scan as a mesh.
+
+    Attributes:
+        mesh: upright, on y = 0, metres.
+        most: metres that it is within of the full scan; 0 where no triangle was taken from it.
+        said: what was cut out, for people; empty where there is nothing to say.
+    """
+
+    mesh: Mesh
+    most: float
+    said: str = ""
+
+
+def finished(scanner: Scanner, keep: Keep, triangles: int, name: str) -> Made:
+    """Returns what is kept of a scan, of at most so many triangles; 0 keeps all.
 
     Raises:
         InputError: where there is nothing.
     """
     scanner.close_loops()
-    if kept != "thing":
-        mesh = scanner.surface()
-        if not len(mesh.faces):
-            mend = "Scan for longer, and nearer."
-            raise InputError("no surface was seen often enough", where="scan", mend=mend)
-    if kept == "alone":
-        mesh = largest_part(mesh)
-    elif kept == "all":
-        with contextlib.suppress(InputError):  # Without a floor it lies as the first camera saw it.
-            mesh = levelled(mesh, find_ground(mesh, settings=scanner.settings.cut_out))
-    else:
+    mesh, said = _meant(scanner, keep)
+    made = decimated(replace(mesh, name=name), triangles or len(mesh.faces))
+    return Made(made.mesh, made.most, said)
+
+
+def _meant(scanner: Scanner, keep: Keep) -> tuple[Mesh, str]:
+    """Returns what is kept, of all triangles, and what to say of it."""
+    cut = scanner.settings.cut_out
+    if keep.what == "thing":
         try:
-            mesh = scanner.thing()
+            return scanner.thing(), ""
         except InputError as error:
             mend = f"{error.mend} Or add --whole to keep all that was scanned."
             raise InputError(error.what, where=error.where, mend=mend) from None
-    return decimated(replace(mesh, name=name), triangles or len(mesh.faces))
+    mesh = scanner.surface(keep.before)
+    if not len(mesh.faces):
+        mend = "Scan for longer, and nearer."
+        raise InputError("no surface was seen often enough", where="scan", mend=mend)
+    if keep.what == "alone":
+        return largest_part(mesh), ""
+    ground: Ground | None = None
+    with contextlib.suppress(InputError):  # Without a floor it lies as the first camera saw it.
+        ground = find_ground(mesh, settings=cut)
+    if keep.what == "new":
+        out = cut_what_is_new(mesh, list(_known(scanner, keep.before)), ground, cut)
+        return out.mesh, _parts(out, mesh, "new")
+    frame = np.eye(4) if ground is None else upright_frame(ground, focus_of([p for _, p in scanner.poses]))
+    if keep.what == "box" and keep.low is not None and keep.high is not None:
+        own = frame if keep.upright_from_world is None else keep.upright_from_world
+        out = cut_by_box(mesh, CutBox(keep.low, keep.high, own), cut)
+        lies = "" if ground or keep.upright_from_world is not None else _AS_SEEN
+        return out.mesh, _parts(out, mesh, "in the box") + lies
+    return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), ""
 
 
-def write_scan(made: Decimated, path: Path) -> None:
-    """Writes a scan as a mesh, or as a project of one character.
+def _parts(out: CutOut, whole: Mesh, where: str) -> str:
+    """Returns what was cut out, in words."""
+    parts = "1 part" if out.parts == 1 else f"{out.parts} parts"
+    return f"{where}: {parts}, {out.area:.2f} of {whole.area:.2f} square metres"
+
+
+def _known(scanner: Scanner, before: int) -> Iterator[KnownImage]:
+    """Yields the images of the place before, as many as tell it."""
+    numbers = [number for number in scanner.history.numbers if number < before]
+    chosen = numbers[:: max(len(numbers) // _BEFORE, 1)]
+    for number, frame in scanner.history.frames(chosen):
+        depth = np.asarray(frame.depth, np.float32)
+        yield KnownImage(depth, frame.intrinsics, scanner.poses[number][1])
+
+
+def write_scan(made: Made, path: Path) -> None:
+    """Writes a scan as a mesh, or as a project of one character; where it cannot, into another folder.
 
     Raises:
-        ResourceError: where it cannot be written.
+        ResourceError: where it cannot be written; it says where the scan is instead.
     """
+    try:
+        _write(made.mesh, path)
+    except ResourceError as error:
+        other = _elsewhere(made.mesh, path)
+        if other is None:
+            raise
+        what, mend = f"{error.what}, so it is in {other}", "Make room on the disk, and move it from there."
+        raise ResourceError(what, where=str(path), mend=mend) from None
+
+
+def _elsewhere(mesh: Mesh, path: Path) -> Path | None:
+    """Writes a mesh into a folder of another disk; returns the file, or None where none can be written."""
+    for folder in (Path.home(), Path(tempfile.gettempdir())):
+        other = folder / f"{path.stem}.saved{path.suffix}"
+        with contextlib.suppress(ResourceError):
+            _write(mesh, other)
+            return other
+    return None
+
+
+def _write(mesh: Mesh, path: Path) -> None:
     if path.suffix.lower() != PROJECT:
-        save_mesh(made.mesh, path)
+        save_mesh(mesh, path)
         return
     from enliven.formats.project import project_of_mesh, write_project
 
-    write_project(path, project_of_mesh(made.mesh, path.stem))
+    write_project(path, project_of_mesh(mesh, path.stem))
 
 
 def stage_command() -> EntryPoint:

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+import numpy as np
+
 from enliven.arrays import Float
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame
@@ -18,7 +20,7 @@ from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
 from enliven.wire import Scan, ScanMessage, ScanPieceMessage
 from enliven_edge.scanning.checkpoints import Checkpoints
 from enliven_edge.scanning.diary import ScanDiary
-from enliven_edge.scanning.finish import Kept, finished
+from enliven_edge.scanning.finish import Keep, finished
 from enliven_edge.scanning.growing import GrowingSurface
 from enliven_edge.scanning.standing import ScanPlace
 
@@ -183,11 +185,18 @@ class LiveScan(threading.Thread):
         """Makes the character."""
         run, name = self._run, self.order.name or "scan"
         run.diary.refuse("scan")
-        kept: Kept = "all" if order.whole else "thing" if self.order.within is None else "alone"
-        made = finished(run.scanner, kept, _TRIANGLES, name)
+        made = finished(run.scanner, self._meant(order), _TRIANGLES, name)
         self.actor = self._cast(made.mesh, name)
-        self._note = next(iter(run.diary.advice()), "")[:160], ""
+        self._note = next(iter(run.diary.advice()), made.said)[:160], ""
         self.phase = "done"
+
+    def _meant(self, order: Scan) -> Keep:
+        """Returns what is kept, as a viewer wants it."""
+        if order.box:
+            low, high = np.array(order.box, float).reshape(2, 3)
+            frame = np.vstack([np.array(order.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+            return Keep("box", low, high, frame)
+        return Keep("all" if order.whole else "thing" if self.order.within is None else "alone")
 
     def _fail(self, error: EnlivenError) -> None:
         """Says what is wrong; the scan goes on where it is asked to."""

@@ -6,10 +6,9 @@ import time
 
 import numpy as np
 
-from enliven import rotation
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.scanning import Ground, Scanner, find_ground, focus_of, surface_of
+from enliven.scanning import Ground, Scanner, find_ground, focus_of, surface_of, upright_frame
 from enliven_edge.scanning.missing import next_view
 
 _LOOKED_EVERY = 1.0
@@ -65,10 +64,8 @@ class ScanPlace:
 
     def _follow(self, ground: Ground, focus: Float, images: int) -> None:
         """Puts the floor at y = 0 and the middle above the origin, where they moved."""
-        turn = np.asarray(rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0]))))
-        wanted = np.eye(4)
-        wanted[:3, :3], wanted[:3, 3] = turn, -(turn @ focus)
-        wanted[1, 3] = -ground.offset
+        wanted = upright_frame(ground, focus)
+        turn = wanted[:3, :3]
         if self._found and images > _SETTLED:
             # The middle is where it was; only the floor is followed.
             kept = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import logging
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
+from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph, character_from, graph_of
 from enliven.meshes import Axis, Mesh
 from enliven.possession import ActorSettings, EmbeddedActor, prepared
@@ -60,19 +64,28 @@ def cast_mesh(
     settings: ActorSettings | None = None,
     *,
     fit: bool = True,
+    ends: Float | None = None,
 ) -> EmbeddedActor:
     """Returns the actor of a mesh, as :func:`cast` does; without ``fit`` the mesh is taken as modelled.
+
+    Args:
+        ends: (5, 3) metres of the mesh as given, the ends of head, left and right hand, left and right foot
+            where they are known; else the settings' are taken.
 
     Raises:
         InputError: for a mesh that cannot be used.
     """
     settings, size = settings or ActorSettings(), 1.0
+    at = [] if ends is None else [int(np.linalg.norm(mesh.vertices - end, axis=1).argmin()) for end in ends]
     if fit:
-        mesh, size = prepared(mesh, settings)
+        mesh, size = prepared(mesh, settings, at)
+    if at:
+        settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
     character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
     actor = EmbeddedActor(character, graph_of(character), settings, size)
     for doubt in actor.likeness.doubts if actor.likeness else ():
-        log.warning("%s: %s Look at how it moves, or name its five ends (ends, under [actor]).", name, doubt)
+        mend = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
+        log.warning("%s: %s %s", name, doubt, mend)
     return actor
 
 

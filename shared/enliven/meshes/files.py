@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from enliven.errors import InputError, ResourceError
-from enliven.files import read_file
+from enliven.errors import InputError
+from enliven.files import need_folder, read_file, write_file
 from enliven.meshes.gltf_json import gltf_tree
 from enliven.meshes.heads import check_obj, check_ply
 from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
@@ -101,7 +101,7 @@ def _read(path: Path, suffix: str, data: bytes) -> Mesh:
 
 
 def save_mesh(mesh: Mesh, path: Path | str) -> None:
-    """Write a mesh as obj, off, ply, stl or glb, by the path's ending.
+    """Write a mesh as obj, off, ply, stl or glb, by the path's ending, whole or not at all.
 
     Raises:
         InputError: for an unknown ending.
@@ -115,8 +115,5 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
         )
     from enliven.meshes.scenes import scene_bytes  # loads trimesh, which only files need
 
-    data = scene_bytes(mesh, path.suffix.lower()[1:])
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        raise ResourceError(f"cannot write ({error.strerror})", where=str(path)) from None
+    need_folder(path)
+    write_file(path, scene_bytes(mesh, path.suffix.lower()[1:]))

@@ -47,7 +47,7 @@ class PlacementRules:
             return None
         mesh = Mesh(self._character.vertices.astype(np.float64), self._character.faces, self._character.id)
         found = find_body_in_mesh(mesh, self._graph, np.array(own.ends, np.float64))
-        return found if mapped or found.certain else None
+        return found if mapped or found.certain or own.ends else None
 
     def waiting_place(self, body: Body, farther: float = 0.0) -> Placement:
         """Returns where the mesh waits once the first performer is in view, so many metres to the left."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,19 +23,23 @@ _LONGEST_EDGE = 0.04
 """Metres: longer edges are split, as a triangle must be narrower than a limb to bend with it."""
 
 
-def prepared(mesh: Mesh, settings: ActorSettings) -> tuple[Mesh, float]:
+def prepared(mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = ()) -> tuple[Mesh, float]:
     """Returns an upright mesh as it goes on stage, and how many metres as modelled are one metre of it.
 
     One that meets its performer is scaled to a person's height, moved to where a standing person fits into
-    it, and refined where its triangles are too large to bend; one that stays fixed is taken as modelled.
+    it, and refined where its triangles are too large to bend; one that stays fixed is taken as modelled. Its
+    own vertices stay the first ones.
+
+    Args:
+        ends: the vertices at the ends of head, left and right hand, left and right foot, if they are known.
     """
     if settings.place == "fixed":
         return mesh, 1.0
     size = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT
     mesh = fit_height(mesh, _HEIGHT)
     if settings.stand == "fitted":
-        person = find_person_in_mesh(mesh)
-        if person is not None and person.certain:
+        person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
+        if person is not None and (person.certain or len(ends)):
             mesh = _around_figure(mesh, person)
             log.info("%s: moved so that a standing person's back is in its own", mesh.name)
         else:

@@ -1,4 +1,12 @@
 from .camera_tracker import Alignment as Alignment, CameraTracker as CameraTracker
+from .cutting import (
+    CutBox as CutBox,
+    CutOut as CutOut,
+    KnownImage as KnownImage,
+    cut_by_box as cut_by_box,
+    cut_what_is_new as cut_what_is_new,
+    upright_frame as upright_frame,
+)
 from .ground import (
     Ground as Ground,
     cut_out as cut_out,

@@ -123,7 +123,7 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
         InputError: where nothing stands there.
     """
     s = settings or CutOutSettings()
-    above = _above(mesh, ground, s.clearance)
+    above = above_plane(mesh, ground.normal, ground.offset + s.clearance)
     thing = _component(above, focus, s) if len(above.faces) else above
     if thing.area < s.least_area:
         what = "nothing that stands on the floor was scanned"
@@ -134,7 +134,7 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
     # What the cut took off its feet is given back to them.
     feet = vertices[:, 1] < s.clearance + 1e-9
     vertices[feet, 1] = 0.0
-    return _closed(replace(thing, vertices=vertices), feet, s)
+    return close_holes(replace(thing, vertices=vertices), feet, s)
 
 
 def largest_part(mesh: Mesh) -> Mesh:
@@ -156,9 +156,9 @@ def levelled(mesh: Mesh, ground: Ground) -> Mesh:
     return replace(mesh, vertices=vertices)
 
 
-def _above(mesh: Mesh, ground: Ground, clearance: float) -> Mesh:
-    """Returns the mesh above the ground, cut along a plane ``clearance`` metres above it."""
-    heights = ground.heights(mesh.vertices) - clearance
+def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
+    """Returns the part of a mesh where normal (3,) . x > offset, cut along that plane."""
+    heights = np.asarray(mesh.vertices @ normal - offset)
     inside = heights[mesh.faces] > 0
     count = inside.sum(1)
     # The corner that is alone on its side comes first.
@@ -194,8 +194,8 @@ def _component(mesh: Mesh, focus: Float, s: CutOutSettings) -> Mesh:
     return submesh(mesh, label == np.bincount(label, areas).argmax())
 
 
-def _closed(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
-    """Returns the mesh with its soles, and with fans over holes of short rims."""
+def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
+    """Returns the mesh with short rims closed, and those of which all vertices are ``feet`` (V,)."""
     rims = rims_of(mesh.faces)
     soles = [rim for rim in rims if feet[rim].all()]
     vertices, faces = [mesh.vertices], [mesh.faces.astype(np.int64)]

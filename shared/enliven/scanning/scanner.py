@@ -61,7 +61,7 @@ class ScanStep:
         state: see :class:`ScanState`.
         world_from_camera: (4, 4) the camera's pose, the last one known where it was not found.
         alignment: how well the image fits; None for the first one, and for an empty one.
-        room: whether the memory held all that is new.
+        room: whether the memory held all that is new; where it did not once, nothing is fused any more.
     """
 
     state: ScanState
@@ -75,6 +75,9 @@ class Scanner:
 
     The world is that of the first frame: of its own pose where it has one, else of a level camera at the
     origin.
+
+    Attributes:
+        full: whether the memory was full: from then on images are tracked only, and what is there is kept.
 
     Raises:
         InputError: where a frame is of another camera than the first.
@@ -95,6 +98,7 @@ class Scanner:
         self._camera: tuple[Intrinsics, DepthPreparation] | None = None
         self._pose, self._before = np.eye(4), np.eye(4)
         self._state = ScanState.EMPTY
+        self.full = False
 
     @property
     def megabytes(self) -> float:
@@ -123,6 +127,16 @@ class Scanner:
         if self._state is not ScanState.SCANNING:
             return ScanStep(self._state, self._pose, found)
         return self._fuse(frame, view, found.world_from_camera, found, up)
+
+    def place(self, frame: DepthFrame, world_from_camera: Float) -> ScanStep:
+        """Fuse an image at the pose of its camera, where that is known, as of a scan that was kept."""
+        pose = np.array(world_from_camera, float)
+        return self._fuse(frame, self._prepared(frame), pose, None, None)
+
+    def look_again(self) -> None:
+        """Forget where the camera is, as after it was put down: it is sought where it was before."""
+        if self.poses:
+            self._state = ScanState.LOST
 
     def close_loops(self) -> ClosedWay | None:
         """Bend the camera's way so that what it saw twice lies in one place, and fuse its images again.
@@ -163,9 +177,15 @@ class Scanner:
             keyframes.offer(view, poses[number])
         return volumes, keyframes
 
-    def surface(self) -> Mesh:
-        """Returns the surface that was scanned so far, metres, world."""
-        return surface_of(self.volumes[0])
+    def surface(self, since: int = 0) -> Mesh:
+        """Returns the surface that was scanned, metres, world: by the images from number ``since`` on."""
+        if not since:
+            return surface_of(self.volumes[0])
+        volume = DistanceVolume(self.settings.volume, *self._sizes[0])
+        for number, frame in self.history.frames():
+            if number >= since:
+                volume.integrate(self._prepared(frame), self.poses[number][1])
+        return surface_of(volume)
 
     def thing(self) -> Mesh:
         """Returns what stands on the floor, cut out of the surface: upright, on y = 0, metres.
@@ -224,7 +244,9 @@ class Scanner:
     ) -> ScanStep:
         """Fuses an image at a pose."""
         self._before, self._pose, self._state = self._pose, pose, ScanState.SCANNING
-        room = all([volume.integrate(view, pose).room for volume in self.volumes])
+        if self.full:
+            return ScanStep(ScanState.SCANNING, pose, found, room=False)
+        self.full = not all([volume.integrate(view, pose).room for volume in self.volumes])
         self.history.add(len(self.poses), frame)
         self.poses.append((frame.time_ns, pose))
         self._ups.append(up)
@@ -232,7 +254,7 @@ class Scanner:
         if len(self.poses) % _CLEANED == 0:
             for volume in self.volumes:
                 volume.clean()
-        return ScanStep(ScanState.SCANNING, pose, found, room)
+        return ScanStep(ScanState.SCANNING, pose, found, not self.full)
 
 
 def _fit(found: Alignment) -> float:

@@ -44,7 +44,7 @@ class VolumeSettings:
         2.2, "Farther surfaces are kept in coarse voxels only, for the tracking.", unit="m", low=0.2, high=20
     )
     memory: int = setting(
-        1500, "Megabytes of voxels; when full, no new surface is added.", low=16, high=100_000
+        1500, "Megabytes of voxels; when full, nothing more is added.", low=16, high=100_000
     )
     colour: bool = setting(True, "Whether colours are fused where the camera has them.")
     noise: DepthNoiseModel = setting(DepthNoiseModel, "What the camera's depth is worth.")

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
@@ -17,7 +19,7 @@ from .conftest import FRAME, UNBOUND, person
 
 pytest.importorskip("mujoco", reason="the physics engine is an extra: pip install ./edge[physics]")
 
-from enliven_edge.physics.games import tower_places, tower_props
+from enliven_edge.physics.games import clear_places, tower_places, tower_props
 from enliven_edge.physics.ground import WorldGround, body_spheres, ground_under
 from enliven_edge.physics.playground import Playground
 from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings, PhysicsSettings
@@ -75,6 +77,46 @@ def test_a_character_knocks_the_tower_over():
     assert (places[-1][:, 0] > 0.7).all() and (places[-1][:, 1] < 0.1).sum() >= 2
     props = step(made, [at(across(60))], [], set(), 60 * NS)
     assert props.note == "3 of 3 boxes down"
+
+
+def test_towers_are_not_built_into_a_character():
+    made = playground()
+    first = step(made, [at((0.55, 0.0, 0.1))], [], set(), 0).positions
+    for k in range(1, 45):
+        props = step(made, [at((0.55, 0.0, 0.1))], [], set(), k * NS)
+    assert np.abs(props.positions - first).max() < 0.01 and props.note == ""
+    assert 0.1 < np.linalg.norm(first[0, [0, 2]] - (0.5, 0.0)) < 0.6, "aside, and still at hand"
+
+
+@given(st.integers(0, 10**6), st.integers(0, 60), st.integers(1, 3))
+def test_a_tower_is_where_nothing_is_and_else_where_it_was_meant(seed, count, wide):
+    rng = np.random.default_rng(seed)
+    settings = BoxesSettings(wide=wide)
+    spheres, radii = rng.uniform((-1.2, 0, -1.2), (1.2, 2, 1.2), (count, 3)), rng.uniform(0.01, 0.2, count)
+    meant, boxes = (each.reshape(2, -1, 3) for each in (
+        tower_places(settings), clear_places(settings, spheres, radii)
+    ))  # fmt: skip
+    half = settings.side / 2
+    for tower, wanted in zip(boxes, meant, strict=True):
+        gap = np.maximum(np.abs(tower[:, None] - spheres) - half, 0.0)
+        assert not count or (np.linalg.norm(gap, axis=2) > radii).all()
+        np.testing.assert_allclose(np.ptp(tower - wanted, axis=0), 0.0, atol=1e-12)  # moved as one
+        if (
+            not count
+            or np.abs(spheres - wanted.mean(0))[:, [0, 2]].max(1).min() > 0.2 + 0.15 + 2 * wide * half
+        ):
+            np.testing.assert_allclose(tower, wanted)
+    assert np.abs(boxes[0].mean(0) - boxes[1].mean(0)).max() > 2 * wide * half
+
+
+def test_a_performer_who_never_stands_still_gets_the_world_too():
+    made = playground(place="performer", patience=2.0)
+    for k in range(100):
+        swing = 0.4 * np.sin(0.3 * k)
+        props = step(made, [], [person((1.0 + swing, -3.0))], set(), k * NS)
+        if props is not None:
+            break
+    assert k in (60, 61) and np.allclose(props.positions[:, [0, 2]].mean(0), [1.5, -3.0], atol=0.1)
 
 
 def test_the_same_frames_give_the_same_props():

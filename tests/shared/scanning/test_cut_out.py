@@ -30,9 +30,9 @@ def joined(*parts):
     return np.concatenate([vertices for vertices, _ in parts]), faces
 
 
-def standing(at, size=(0.3, 0.6, 0.3)):
+def standing(at, size=(0.3, 0.6, 0.3), fine=0.06):
     """A box without a bottom that stands on y = 0, in small triangles."""
-    box = trimesh.creation.box(size).subdivide_to_size(0.06)
+    box = trimesh.creation.box(size).subdivide_to_size(fine)
     vertices, faces = np.array(box.vertices), np.array(box.faces)
     vertices += [at[0], size[1] / 2 - 0.001, at[1]]
     open_ = faces[~(vertices[faces][:, :, 1] < 0.0).all(1)]

@@ -62,13 +62,16 @@ def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
     Exact for a point on the surface; beside it, of each face the place of its clamped barycentric coordinates
     counts.
     """
+    from scipy.spatial import cKDTree  # 0.05 s to load
+
     corners = mesh.vertices[mesh.faces]
     middles = corners.mean(1)
-    sizes = np.linalg.norm(corners - middles[:, None], axis=2).max(1)
+    reach = float(np.linalg.norm(corners - middles[:, None], axis=2).max())
+    tree = cKDTree(middles)
+    around = tree.query_ball_point(points, tree.query(points)[0] + reach)
     faces, weights = np.empty(len(points), np.int64), np.empty((len(points), 3, 1))
-    for k, point in enumerate(points):
-        apart = np.linalg.norm(middles - point, axis=1)
-        close = np.flatnonzero(apart - sizes <= apart.min())
+    for k, (point, close) in enumerate(zip(points, around, strict=True)):
+        close = np.sort(close)
         shares = _clamped_shares(corners[close], point)
         off = np.linalg.norm((corners[close] * shares).sum(1) - point, axis=1).argmin()
         faces[k], weights[k] = close[off], shares[off]

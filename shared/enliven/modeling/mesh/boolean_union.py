@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import manifold3d
 import numpy as np
@@ -115,11 +115,14 @@ class UnionBuilder:
         self.pair, self.sides = pair, sides
         self.places = np.ascontiguousarray(np.asarray(made.vert_properties)[:, :3])
         self.meshes = [side.solid.mesh for side in sides]
-        self.share = all(len(weld(mesh)[0].vertices) == len(mesh.vertices) for mesh in self.meshes)
+        self.share = all(len(weld(mesh)[0].vertices) == len(mesh.vertices) for mesh in pair.meshes)
 
     def union(self, notes: tuple[str, ...]) -> Union:
         """The union of both meshes, with its traces, skin and colours."""
-        kept = [np.unique(side.old[side.old >= 0]) for side in self.sides]
+        kept = [
+            np.union1d(side.old[side.old >= 0], side.solid.leaves.faces).astype(np.int64)
+            for side in self.sides
+        ]
         ends = np.cumsum([len(kept[0]), len(kept[1])])
         number = np.full(len(self.places), -1, np.int64)
         for side, start, old in zip(self.sides, (0, ends[0]), kept, strict=True):
@@ -133,6 +136,10 @@ class UnionBuilder:
         faces = np.concatenate(
             [*(self._kept_faces(side, number) for side in self.sides)]
             + [number[side.triangles[~side.whole]] for side in self.sides]
+            + [
+                start + np.searchsorted(old, side.solid.leaves.faces)
+                for side, start, old in zip(self.sides, (0, ends[0]), kept, strict=True)
+            ]
         )
         vertices = np.concatenate([self.meshes[0].vertices[kept[0]], self.meshes[1].vertices[kept[1]]])
         vertices = np.concatenate([vertices, self.places[new]])
@@ -151,7 +158,8 @@ class UnionBuilder:
         second[ends[0] : ends[1]] = np.where(kept[1] < counts[1], kept[1], -1)
         materials = self._materials(vertices[faces])
         mesh = Mesh(vertices, faces.astype(np.int32), self.meshes[0].name, colours, materials)
-        return self._joined(mesh, skin, (first, second), ends, notes)
+        whole = self._joined(mesh, skin, (first, second), ends, notes)
+        return _welded(whole) if self.share else whole
 
     def _materials(self, corners: Float) -> MeshMaterials | None:
         """The materials of the faces with these corners (F, 3, 3): kept ones as they were, then split."""
@@ -169,6 +177,7 @@ class UnionBuilder:
                 (materials_within(mesh.materials, mesh.vertices[mesh.faces], own, source), len(source))
             )
             start += len(source)
+        groups += [(side.solid.leaves.materials, len(side.solid.leaves.faces)) for side in self.sides]
         return joined_materials(groups)
 
     def _kept_faces(self, side: Side, number: Int) -> Int:
@@ -186,9 +195,10 @@ class UnionBuilder:
         if len(mesh.vertices) == given:
             return skins.taken(skin, kept)
         full = skins.dense(skin, bones)
-        made = np.concatenate([spread(full[around]) for around, spread in self.sides[k].solid.closing])
+        for of, how in self.sides[k].solid.closing:
+            full = np.concatenate([full, how(full[of])])
         old = skins.taken(skin, kept[kept < given])
-        return skins.stacked([old, skins.sparse(made[kept[kept >= given] - given])])
+        return skins.stacked([old, skins.sparse(full[kept[kept >= given]])])
 
     def _at_new(self, new: Int) -> tuple[Float, UInt8]:
         """(N, B) weights and (N, 3) colours of the new vertices, by their place in the face they lie in."""
@@ -212,7 +222,7 @@ class UnionBuilder:
     def _joined(
         self, mesh: Mesh, skin: SkinWeights, old: tuple[Int, Int], ends: Int, notes: tuple[str, ...]
     ) -> Union:
-        """One skin for all vertices at one place of the seam; one vertex, where no mesh had doubles."""
+        """One skin for all vertices at one place of the seam."""
         count = len(mesh.vertices)
         first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
         seam = np.zeros(count, bool)
@@ -231,30 +241,30 @@ class UnionBuilder:
         mean = skins.sparse(full[first[rows]] / many[first[rows], None])
         indices, weights = skin.indices.copy(), skin.weights.copy()
         indices[rows], weights[rows] = mean.indices, mean.weights
-        whole = Union(mesh, SkinWeights(indices, weights), old[0], old[1], seam, True, notes)
-        return _welded(whole, first) if self.share else whole
+        return Union(mesh, SkinWeights(indices, weights), old[0], old[1], seam, True, notes)
 
 
-def _welded(union: Union, first: Int) -> Union:
+def _welded(union: Union) -> Union:
     """Vertices at one place become one: the first mesh's own, where it has one there."""
-    kept = np.flatnonzero(first == np.arange(len(first)))
-    number = np.full(len(first), -1, np.int64)
-    number[kept] = np.arange(len(kept))
-    faces = number[first[union.mesh.faces]]
+    mesh = union.mesh
+    first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
+    faces = first[mesh.faces]
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     whole[whole] = ~_membranes(faces[whole])
-    faces, materials = (
-        faces[whole],
-        None if union.mesh.materials is None else union.mesh.materials.taken(whole),
-    )
-    used = np.unique(faces)
-    kept, faces = kept[used], np.searchsorted(used, faces)
+    used, numbers = np.unique(faces[whole], return_inverse=True)
     second = union.second.copy()
     np.maximum.at(second, first, union.second)
-    colours = None if union.mesh.colours is None else union.mesh.colours[kept]
-    mesh = Mesh(union.mesh.vertices[kept], faces.astype(np.int32), union.mesh.name, colours, materials)
-    skin = skins.taken(union.skin, kept)
-    return Union(mesh, skin, union.first[kept], second[kept], union.seam[kept], True, union.notes)
+    colours = None if mesh.colours is None else mesh.colours[used]
+    materials = None if mesh.materials is None else mesh.materials.taken(whole)
+    faces = numbers.reshape(-1, 3).astype(np.int32)
+    return replace(
+        union,
+        mesh=Mesh(mesh.vertices[used], faces, mesh.name, colours, materials),
+        skin=skins.taken(union.skin, used),
+        first=union.first[used],
+        second=second[used],
+        seam=union.seam[used],
+    )
 
 
 def _membranes(faces: Int) -> Bool:

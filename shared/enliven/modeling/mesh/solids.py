@@ -1,19 +1,15 @@
-"""Meshes as closed oriented solids for manifold3d, with every vertex traced; small holes are filled."""
+"""Meshes as closed oriented solids for manifold3d, with every vertex traced."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import manifold3d
 import numpy as np
 
 from enliven.arrays import Bool, Int
 from enliven.meshes import Mesh, joined_materials, weld
-from enliven.modeling.mesh.caps import HarmonicInterpolation, cap_of, flattened
-from enliven.modeling.mesh.cut_loops import chains_of
-
-_OPEN = 0.25
-"""Holes are closed where what closes them is at most this share of the mesh's surface."""
+from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, closed_surface
 
 
 @dataclass(frozen=True)
@@ -22,48 +18,60 @@ class Solid:
 
     Attributes:
         manifold: the library's own; each vertex has its number in ``mesh`` as a property.
-        mesh: vertices as given, then those that close holes; faces that could not be used left out.
-        closing: for each hole the vertices around it, and what spreads from them to those inside.
-        faces: (F', ) for each face of ``mesh`` the given face, or -1 for one that closes a hole.
+        mesh: vertices as given, then those that close it; faces that could not be used left out.
+        closing: for the vertices that close it, in their order, those they are made of, and how.
+        leaves: the vertices of ``mesh`` with the given faces that enclose nothing.
         id: the number under which the library's results name it.
         notes: what was mended.
     """
 
     manifold: manifold3d.Manifold
     mesh: Mesh
-    closing: tuple[tuple[Int, HarmonicInterpolation], ...]
-    faces: Int
+    closing: tuple[tuple[Int, Interpolation], ...]
+    leaves: Mesh
     id: int
     notes: tuple[str, ...]
 
 
 def solid_of(mesh: Mesh) -> Solid | str:
     """The mesh as a solid, or why it is none."""
+    if not np.isfinite(mesh.vertices).all():
+        return "some vertices are not finite"
     notes: list[str] = []
     welded, of = weld(mesh)
     use = _usable(welded)
     if not use.all():
         notes.append(f"left out {int((~use).sum())} faces without area or there twice")
-    faces = np.flatnonzero(use)
-    whole, closing, mended = _closed(mesh.with_faces(use), of)
-    if isinstance(mended, str):
-        return mended
-    if mended:
-        notes.append(f"closed {mended} holes" if mended > 1 else "closed a hole")
-    faces = np.concatenate([faces, np.full(len(whole.faces) - len(faces), -1)])
+    used = mesh.with_faces(use)
+    closed = closed_surface(used, of)
+    if not len(closed.faces):
+        return "it is open: too much of its surface is missing to close it"
+    if closed.caps:
+        notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
+    if closed.leaf.any():
+        notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing: they stay as they are")
+    whole = _whole(used, closed)
+    leaves = replace(used.with_faces(closed.leaf), vertices=whole.vertices, colours=whole.colours)
     if signed_volume(whole) < 0:
         notes.append("it was inside out: turned")
-        whole = whole.turned()
-    made, number = _manifold(whole)
+        whole, leaves = whole.turned(), leaves.turned()
+    made, number = _manifold(whole, closed.label)
     if made.status() != manifold3d.Error.NoError:
-        return _REASONS.get(made.status(), f"the library says {made.status()}")
-    return Solid(made, whole, closing, faces, number, tuple(notes))
+        return f"the library says {made.status()}"
+    return Solid(made, whole, closed.made, leaves, number, tuple(notes))
 
 
-_REASONS = {
-    manifold3d.Error.NotManifold: "its surface is not closed everywhere, or edges have more than two faces",
-    manifold3d.Error.NonFiniteVertex: "some vertices are not finite",
-}
+def _whole(mesh: Mesh, closed: ClosedSurface) -> Mesh:
+    """The mesh without its leaves, with what closes it, which is coloured as it is made."""
+    colours = mesh.colours
+    if colours is not None:
+        for of, how in closed.made:
+            more = np.clip(np.rint(how(colours[of].astype(np.float64))), 0, 255).astype(np.uint8)
+            colours = np.concatenate([colours, more])
+    given = mesh.with_faces(~closed.leaf)
+    groups = [(given.materials, len(given.faces)), (None, len(closed.faces) - len(given.faces))]
+    faces = closed.faces.astype(np.int32)
+    return Mesh(closed.vertices, faces, mesh.name, colours, joined_materials(groups))
 
 
 def signed_volume(mesh: Mesh) -> float:
@@ -82,78 +90,26 @@ def _usable(welded: Mesh) -> Bool:
     return np.asarray(whole & once)
 
 
-def _closed(mesh: Mesh, of: Int) -> tuple[Mesh, tuple[tuple[Int, HarmonicInterpolation], ...], int | str]:
-    """The mesh with its holes filled, what the new points are made of, and how many holes there were; or why
-    they are not filled."""
-    spreads: list[tuple[Int, HarmonicInterpolation]] = []
-    faces = of[mesh.faces]
-    starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
-    count = len(of)
-    key = starts * count + ends
-    lonely = np.flatnonzero(~np.isin(ends * count + starts, key))
-    if len(lonely) == 0:
-        return mesh, (), 0
-    own = mesh.faces.ravel()[lonely]
-    # The border of a hole runs against the edges of the faces around it.
-    chains = chains_of(np.stack([ends[lonely], starts[lonely]], 1))
-    if not all(shut for _, shut in chains):
-        return mesh, (), "the borders of its holes do not close"
-    vertex_at = np.zeros(count, np.int64)
-    vertex_at[starts[lonely]] = own
-    vertices, closing, colours, added = [mesh.vertices], [mesh.faces], mesh.colours, 0.0
-    total = len(mesh.vertices)
-    for order, _ in chains:
-        rim = vertex_at[order]
-        cap = cap_of([np.arange(len(rim))], flattened(mesh.vertices[rim]))
-        points = cap.inside(mesh.vertices[rim][cap.rim])
-        numbers = np.concatenate([rim[cap.rim], total + np.arange(len(points))])
-        vertices.append(points)
-        spreads.append((rim[cap.rim], cap.inside))
-        closing.append(numbers[cap.faces].astype(np.int32))
-        if colours is not None:
-            more = np.clip(np.rint(cap.inside(colours[rim][cap.rim].astype(np.float64))), 0, 255).astype(
-                np.uint8
-            )
-            colours = np.concatenate([colours, more])
-        total += len(points)
-        added += Mesh(np.concatenate([mesh.vertices[rim][cap.rim], points]), cap.faces.astype(np.int32)).area
-    if added > _OPEN * mesh.area:
-        return mesh, (), "it is open: too much of its surface is missing to close it"
-    faces = np.concatenate(closing)
-    materials = joined_materials([(mesh.materials, len(mesh.faces)), (None, len(faces) - len(mesh.faces))])
-    whole = Mesh(np.concatenate(vertices), faces, mesh.name, colours, materials)
-    return whole, tuple(spreads), len(chains)
+def _manifold(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
+    """The library's solid, its vertices numbered in a property, faces by themselves.
 
-
-def _manifold(mesh: Mesh) -> tuple[manifold3d.Manifold, int]:
-    """The library's solid, its vertices numbered in a property, faces by themselves."""
-    _, of = weld(mesh)
-    first = np.full(len(mesh.vertices), len(mesh.vertices), np.int64)
-    np.minimum.at(first, of, np.arange(len(of)))
-    twice = np.flatnonzero(first[of] != np.arange(len(of)))
-    used = np.zeros(len(mesh.vertices), bool)
-    used[mesh.faces] = True
+    Args:
+        label: (V,) vertices of one label are one.
+    """
     # Loose vertices are left out: the library would count them as solids without faces.
-    number = np.cumsum(used) - 1
-    twice = twice[used[twice]]
-    kept = np.flatnonzero(used)
+    kept = np.unique(mesh.faces)
+    _, first, of = np.unique(label[kept], return_index=True, return_inverse=True)
+    target = first[of.reshape(-1)]
+    twice = np.flatnonzero(target != np.arange(len(kept)))
     properties = np.concatenate([mesh.vertices[kept], kept[:, None].astype(np.float64)], 1)
     own = manifold3d.Manifold.reserve_ids(1)
-    lowest = _lowest_used(of, used)
     made = manifold3d.Mesh64(
         np.ascontiguousarray(properties),
-        np.ascontiguousarray(number[mesh.faces], np.uint64),
-        merge_from_vert=np.asarray(number[twice], np.uint64),
-        merge_to_vert=np.asarray(number[lowest[of[twice]]], np.uint64),
+        np.ascontiguousarray(np.searchsorted(kept, mesh.faces), np.uint64),
+        merge_from_vert=np.asarray(twice, np.uint64),
+        merge_to_vert=np.asarray(target[twice], np.uint64),
         run_index=np.array([0, 3 * len(mesh.faces)], np.uint64),
         run_original_id=np.array([own], np.uint32),
         face_id=np.arange(len(mesh.faces), dtype=np.uint64),
     )
     return manifold3d.Manifold(made), own
-
-
-def _lowest_used(of: Int, used: Bool) -> Int:
-    """(V,) the first used vertex of each welded one."""
-    lowest = np.full(len(of), len(of), np.int64)
-    np.minimum.at(lowest, of[used], np.flatnonzero(used))
-    return lowest

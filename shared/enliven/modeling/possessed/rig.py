@@ -21,6 +21,9 @@ from enliven.modeling.rig import Player, Posed, RigEdits
 from enliven.modeling.rigged import Axes, moved_mesh
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
+_OTHER_SIDE = [0, 2, 1, 4, 3]
+"""The order of the five ends of a mesh in its mirror image: left is right."""
+
 
 class GraphRig(RigEdits):
     """A deformation graph that plays what was recorded of it."""
@@ -73,7 +76,8 @@ class GraphRig(RigEdits):
         )
         mesh = replace(shape.mesh, vertices=larger(shape.mesh.vertices))
         over = tuple(replace(layer, size=layer.size * factor) for layer in shape.over)
-        return shape.with_changes(positions=larger(shape.positions), mesh=mesh, parts=parts, over=over)
+        positions, ends = larger(shape.positions), larger(shape.ends)
+        return shape.with_changes(positions=positions, mesh=mesh, parts=parts, over=over, ends=ends)
 
     def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
         """Rest and motion alike."""
@@ -99,7 +103,9 @@ class GraphRig(RigEdits):
             )
             for layer in shape.over
         )
-        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), over=over)
+        ends = centre + axes.vectors(shape.ends - centre)
+        ends = ends[_OTHER_SIDE] if len(ends) else ends
+        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), over=over, ends=ends)
 
     def as_graph(
         self, project: Project, shape: GraphShape, times: Float, stream_id: str

@@ -21,15 +21,26 @@ _ON_FLOOR = 0.15
 """Share of the height below which a hand is on the floor: a beast on four feet is no person."""
 
 
-def find_person_in_mesh(mesh: Mesh) -> BodyInMesh | None:
+def find_person_in_mesh(mesh: Mesh, ends: Float | None = None) -> BodyInMesh | None:
     """Returns the skeleton of a person in an upright mesh that is built as a person is; None in any other.
 
+    Args:
+        ends: (5, 3) metres, the ends of head, left and right hand, left and right foot where they are known;
+            None or none of them looks for them.
+
     Raises:
-        InputError: for a mesh without area.
+        InputError: for other than five ends, or a mesh without area.
     """
+    if ends is not None and len(ends):
+        if np.shape(ends) != (5, 3):
+            mend = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
+            what = f"there are {len(ends)} ends, expected 5"
+            raise InputError(what, where=f"the mesh {mesh.name!r}", mend=mend)
+        found = limb_ends(mesh, nodes=_NODES)
+        return human_in_mesh(found, given_ends(found, np.asarray(ends, np.float64)))
     found = limb_ends(mesh, nodes=_NODES)
-    best = five_ends(found)
-    if best is None or best.cost > _STRANGE:
+    best = five_ends(found, _STRANGE)
+    if best is None:
         return None
     low, high = mesh.bounds
     if best.points[1:3, 1].max() < low[1] + _ON_FLOOR * (high[1] - low[1]):
@@ -38,22 +49,13 @@ def find_person_in_mesh(mesh: Mesh) -> BodyInMesh | None:
 
 
 def find_body_in_mesh(mesh: Mesh, graph: DeformationGraph, ends: Float | None = None) -> BodyInMesh:
-    """Returns the skeleton of a person in a mesh.
+    """Returns the skeleton of a person in an upright mesh, or of what in it is most like one.
 
     Args:
-        mesh: upright.
         graph: of the mesh.
-        ends: (5, 3) metres, the ends of head, left and right hand, left and right foot where they are known;
-            None or none of them looks for them.
+        ends: as in :func:`find_person_in_mesh`.
 
     Raises:
         InputError: for other than five ends, or a mesh without area.
     """
-    if ends is None or not len(ends):
-        return find_person_in_mesh(mesh) or body_by_extremities(graph)
-    if np.shape(ends) != (5, 3):
-        mend = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
-        what = f"there are {len(ends)} ends, expected 5"
-        raise InputError(what, where=f"the mesh {mesh.name!r}", mend=mend)
-    found = limb_ends(mesh, nodes=_NODES)
-    return human_in_mesh(found, given_ends(found, np.asarray(ends, np.float64)))
+    return find_person_in_mesh(mesh, ends) or body_by_extremities(graph)

@@ -8,7 +8,7 @@ those of the nearest such tree, how unusual the proportions are, how much is lef
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,8 +74,8 @@ class FiveEnds:
     margin: float
 
 
-def five_ends(found: LimbEnds) -> FiveEnds | None:
-    """Returns the choice that costs least; None where the mesh has fewer than five ends."""
+def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
+    """Returns the choice that costs least; None where the mesh has fewer than five ends, or all cost more."""
     ways = found.ways_from(found.ends)
     between = ways[:, found.ends]
     heads, chosen = _choices(between, found.longest)
@@ -90,13 +90,18 @@ def five_ends(found: LimbEnds) -> FiveEnds | None:
     cost += _left_out(found, between, np.column_stack([first, second, chosen[:, 1:]]))
     cost += _unlikely_heights(found, heads, chosen)
     cheapest = np.argsort(cost, kind="stable")[:_LOOKED_AT]
-    looked = []
+    if cost[cheapest[0]] > most:
+        return None
+    best, looked, total = None, list[FiveEnds](), list[float]()
     for k in cheapest:
+        if best is not None and cost[k] > best.cost + best.margin:
+            break
         head, *others = chosen[k]
-        looked.append(_looked_at(found, ways, heads[head], np.array(others), LimbTree(*trees[k])))
-    total = np.array([cost[k] + more for k, (_, more) in zip(cheapest, looked, strict=True)])
-    best, _ = looked[int(total.argmin())]
-    return _with_margin(best, [one for one, _ in looked], total, _OTHER * found.longest)
+        one, more = _looked_at(found, ways, heads[head], np.array(others), LimbTree(*trees[k]))
+        looked.append(one)
+        total.append(float(cost[k]) + more)
+        best = _with_margin(looked, np.array(total), _OTHER * found.longest)
+    return best if best is not None and best.cost <= most else None
 
 
 def given_ends(found: LimbEnds, points: Float) -> FiveEnds:
@@ -180,18 +185,18 @@ def _looked_at(
     return FiveEnds(np.vstack([crown, at]), rows, tree, chest, pelvis, 0.0, 0.0), more
 
 
-def _with_margin(best: FiveEnds, others: list[FiveEnds], total: Float, far: float) -> FiveEnds:
-    """Returns the best choice with its cost and its margin over the next one with an end ``far`` off."""
-    least, margin = float(total.min()), np.inf
-    for other, cost in zip(others, total, strict=True):
-        apart = np.linalg.norm(other.points[:, None] - best.points, axis=2)
-        pairs = (apart[HEAD, HEAD], *_pair(apart[1:3, 1:3]), *_pair(apart[3:, 3:]))
-        if max(pairs) > far:
-            margin = min(margin, float(cost) - least)
-    return FiveEnds(best.points, best.ways, best.tree, best.chest, best.pelvis, least, margin)
+def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
+    """Returns the choice that costs least, and by how much less than the next one with an end ``far`` off."""
+    first = int(total.argmin())
+    best, least = choices[first], float(total[first])
+    apart = np.linalg.norm(np.array([one.points for one in choices])[:, :, None] - best.points, axis=3)
+    arms, legs = (_pairs(apart[:, pair, pair]) for pair in (slice(1, 3), slice(3, 5)))
+    elsewhere = np.max([apart[:, HEAD, HEAD], arms, legs], axis=0) > far
+    margin = float(total[elsewhere].min(initial=np.inf)) - least
+    return replace(best, cost=least, margin=margin)
 
 
-def _pair(apart: Float) -> tuple[float, float]:
-    """Returns how far the ends of a pair are from those of another, whichever is which."""
-    straight, crossed = (apart[0, 0], apart[1, 1]), (apart[0, 1], apart[1, 0])
-    return straight if sum(straight) < sum(crossed) else crossed
+def _pairs(apart: Float) -> Float:
+    """(K,) how far the farther end of a pair is from that of another, (K, 2, 2), whichever is which."""
+    straight, crossed = apart[:, [0, 1], [0, 1]], apart[:, [0, 1], [1, 0]]
+    return np.asarray(np.where(straight.sum(1) < crossed.sum(1), straight.max(1), crossed.max(1)))

@@ -19,8 +19,29 @@ from mesh_makers import (
 
 from enliven.meshes import barycentric
 from enliven.meshes.mesh import Mesh
+from enliven.modeling.mesh.closing import closed_surface
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
 from enliven.modeling.mesh.mesh_union import united
+
+LEAF = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+
+
+def wall_points():
+    """(4, 3) a square that stands on the edge of the box at x = 0.125 and y = 0.025."""
+    return np.array([[0.125, 0.025, z] for z in (-0.025, 0.025)] + [[0.2, 0.1, z] for z in (0.025, -0.025)])
+
+
+def box_points(beside=0.0):
+    """(8, 3) a box of 5 cm about (0.1, 0, 0), moved by as much along x and y."""
+    return np.array([[0.1 + beside, beside, 0]]) + 0.025 * np.array(
+        [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    )
+
+
+def box_faces():
+    """(12, 3) of :func:`box_points`, outward."""
+    squares = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    return np.array([f for a, b, c, d in squares for f in ((a, b, c), (a, c, d))], np.int32)
 
 
 def traced(union, first, first_skin, second, second_skin, offset=0):
@@ -161,6 +182,57 @@ def test_what_cannot_be_fused_is_joined_and_nothing_is_lost(other, why):
     assert same_bits(union.mesh.faces[len(first.faces) :] - np.int32(len(first.vertices)), other.faces)
     assert set(np.unique(union.skin.indices[len(first.vertices) :, 0])) == {3}
     assert union.failed == (why == "no solid")
+
+
+OTHER = ball(0.06, (0.1, 0, 0), name="other")
+HOLED = np.concatenate([OTHER.faces[np.arange(len(OTHER.faces)) % 40 > 0], OTHER.faces[1:2]])
+BOXES = np.concatenate([box_points(), box_points(0.05)])
+NO_SOLIDS = {
+    "doubled and holed": Mesh(OTHER.vertices, HOLED),
+    "two boxes with one edge": Mesh(BOXES, np.concatenate([box_faces(), box_faces() + 8])),
+    "a box and a wall on its edge": Mesh(
+        np.concatenate([box_points(), wall_points()]), np.concatenate([box_faces(), LEAF + 8])
+    ),
+    "a box and a leaf": Mesh(
+        np.concatenate([box_points(), wall_points() + 0.01]), np.concatenate([box_faces(), LEAF + 8])
+    ),
+}
+NO_SOLIDS |= {f"{name}, flat-shaded": flat_shaded(mesh) for name, mesh in NO_SOLIDS.items()}
+
+
+@pytest.mark.parametrize("name", NO_SOLIDS)
+def test_what_is_no_solid_is_united_too_and_its_surface_outside_is_unchanged(name):
+    first, other = ball(0.1), NO_SOLIDS[name]
+    skins = random_skin(len(first.vertices), 5, 1), random_skin(len(other.vertices), 3, 2)
+    union = united(first, skins[0], other, skins[1], 5)
+    assert union.fused and not union.failed and partition_of_unity(union.skin)
+    corners = union.mesh.vertices[union.mesh.faces]
+    assert (np.linalg.norm(corners.mean(1), axis=1) > 0.095).all(), "nothing is left within the ball"
+    have = [frozenset(map(tuple, face)) for face in corners.tolist()]
+    assert len(set(have)) == len(have)
+    far = other.faces[np.linalg.norm(other.vertices, axis=1)[other.faces].min(1) > 0.105]
+    assert {frozenset(map(tuple, face)) for face in other.vertices[far].tolist()} <= set(have)
+    if "holed" in name:
+        assert watertight(union.mesh)
+
+
+@given(st.integers(0, 10**6), st.integers(1, 40), st.integers(3, 12))
+def test_any_triangles_become_a_closed_surface_and_leaves(seed, count, points):
+    rng = np.random.default_rng(seed)
+    faces = np.array([rng.permutation(points)[:3] for _ in range(count)], np.int32)
+    faces = faces[np.unique(np.sort(faces, 1), axis=0, return_index=True)[1]]
+    mesh = Mesh(rng.normal(size=(points, 3)), faces)
+    closed = closed_surface(mesh, np.arange(points))
+    assert same_bits(closed.vertices[:points], mesh.vertices)
+    own = faces[~closed.leaf]
+    assert (closed.vertices[closed.faces[: len(own)]] == mesh.vertices[own]).all()
+    told = closed.vertices[:points]
+    for of, how in closed.made:
+        told = np.concatenate([told, how(told[of])])
+    np.testing.assert_allclose(told, closed.vertices, atol=1e-12)
+    label = closed.label[closed.faces]
+    sides = [(a, b) for face in label.tolist() for a, b in zip(face, face[1:] + face[:1], strict=True)]
+    assert {(b, a) for a, b in sides} == set(sides)
 
 
 def test_barycentric_shares_add_up_to_the_point():

@@ -16,9 +16,12 @@ from enliven_viewer.render import Scene
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform import NO_STAGE, PerformSession
 from enliven_viewer.studio.picture import GrowingPicture
+from enliven_viewer.studio.scan.box import DraggedBox, box_about
 from enliven_viewer.studio.scan.growing import GrowingMesh
+from enliven_viewer.studio.viewport import Point
 
 Size = Literal["thing", "small", "room"]
+Kept = Literal["thing", "box", "all"]
 VOXELS: dict[Size, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
 """Metres of a voxel's side by what is scanned: a cup, a chair, a room."""
 _ABOVE = 0.012
@@ -41,13 +44,16 @@ class ScanSession:
         shown: whether the panel is open.
         said: how the scan goes, as the edge tells it.
         size: what is to be scanned; turned: whether the thing is turned before a camera that stands still.
-        whole: whether all that was scanned is kept.
+        keeps: what stands on the floor, what is in the box, or all that was scanned.
+        box: the box that the artist drags.
         name: the character that it becomes; empty: the edge finds a name.
     """
 
     def __init__(self, editor: Editor, perform: PerformSession) -> None:
         self.editor, self.perform = editor, perform
-        self.shown, self.whole, self.turned = False, False, False
+        self.shown, self.turned = False, False
+        self.keeps: Kept = "thing"
+        self.box = DraggedBox()
         self.size: Size = "thing"
         self.name = ""
         self.said = _OFF
@@ -131,11 +137,46 @@ class ScanSession:
 
     def done(self) -> None:
         """Make a character of it."""
-        self._ask(Scan("done", whole=self.whole))
+        if self.keeps != "box":
+            self._ask(Scan("done", whole=self.keeps == "all"))
+            return
+        corners = [float(x) for x in self.box.corners.ravel()]
+        self._ask(Scan("done", box=corners, stage_from_scan=list(self.said.stage_from_scan)))
 
     def cancel(self) -> None:
         """Forget it."""
         self._ask(Scan("cancel"))
+
+    def keep(self, what: Kept) -> None:
+        """Choose what is kept; a box begins round what stands in the middle."""
+        if what == "box" and self.keeps != "box":
+            self.fit_box()
+        self.keeps = what
+
+    def fit_box(self) -> None:
+        """Put the box round what stands in the middle of the stage."""
+        grown, place = self._growing.picture, self.stage_from_scan
+        points = np.zeros((0, 3)) if grown is None else np.asarray(grown.vertices, float)
+        self.box.corners = box_about(points @ place[:3, :3].T + place[:3, 3])
+
+    @property
+    def boxed(self) -> bool:
+        """Whether the box is drawn and can be dragged."""
+        return self.active and self.said.phase != "finishing" and self.keeps == "box"
+
+    # The box's handles over the picture -------------------------------------------------------------------
+
+    def press(self, at: Point) -> bool:
+        """The left button went down over the picture; returns whether it takes a side of the box."""
+        return self.boxed and self.box.press(at, self.editor.lens)
+
+    def drag(self, at: Point) -> None:
+        """The pointer moved while a side is held."""
+        self.box.drag(at, self.editor.lens)
+
+    def release(self) -> None:
+        """The button went up."""
+        self.box.release()
 
     def _ask(self, order: Scan) -> None:
         client = self.perform.client

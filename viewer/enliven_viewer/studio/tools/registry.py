@@ -6,6 +6,7 @@ from enliven_viewer.studio.tools.base import Tool
 from enliven_viewer.studio.tools.carry import CarryTool
 from enliven_viewer.studio.tools.choose import ChooseTool
 from enliven_viewer.studio.tools.cut import CutTool
+from enliven_viewer.studio.tools.ends import EndsTool
 from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.tools.nodes import InsertTool, RemoveTool
 from enliven_viewer.studio.tools.pose import PoseTool
@@ -22,5 +23,6 @@ TOOLS: tuple[type[Tool], ...] = (
     CutTool,
     MapTool,
     PuppetTool,
+    EndsTool,
 )
 """Every tool."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.studio.actions import ActionTable
@@ -18,6 +19,19 @@ MIDDLE = 2
 """The middle button, which moves the camera."""
 
 
+class Handles(Protocol):
+    """What lies over the picture and is dragged, whatever the tool is."""
+
+    def press(self, at: Point) -> bool:
+        """The left button went down; returns whether it takes a handle."""
+
+    def drag(self, at: Point) -> None:
+        """The pointer moved while a handle is held."""
+
+    def release(self) -> None:
+        """The button went up."""
+
+
 class ViewportInput:
     """Passes the input over the viewport to the active tool, the camera or an action.
 
@@ -27,6 +41,7 @@ class ViewportInput:
 
     Attributes:
         first: asked about every key before the tool is; True where it took it.
+        over: handles that are asked about the left button before the tool is, or None.
     """
 
     def __init__(self, editor: Editor, actions: ActionTable) -> None:
@@ -36,7 +51,8 @@ class ViewportInput:
         self.at: Point = (0.0, 0.0)
         self.first: Callable[[str], bool] = lambda key: False
         self._held: int | None = None
-        self._with_tool = False
+        self._with_tool = self._over = False
+        self.over: Handles | None = None
 
     def take(self, name: str) -> None:
         """Make another tool the active one."""
@@ -48,7 +64,8 @@ class ViewportInput:
         if self._held is not None:
             return
         self._held, self.at = button, at
-        self._with_tool = button == LEFT and self.tool.press(Pointer(at, shift, ctrl))
+        self._over = button == LEFT and self.over is not None and self.over.press(at)
+        self._with_tool = not self._over and button == LEFT and self.tool.press(Pointer(at, shift, ctrl))
 
     def move(self, at: Point, *, shift: bool = False, ctrl: bool = False) -> None:
         """The pointer moved."""
@@ -56,6 +73,8 @@ class ViewportInput:
         self.at = at
         if self._held is None:
             self.tool.hover(Pointer(at, shift, ctrl))
+        elif self._over and self.over is not None:
+            self.over.drag(at)
         elif self._with_tool:
             self.tool.drag(Pointer(at, shift, ctrl))
         elif self._held == MIDDLE or shift:
@@ -68,9 +87,11 @@ class ViewportInput:
         """A button went up."""
         if self._held != button:
             return
-        if self._with_tool:
+        if self._over and self.over is not None:
+            self.over.release()
+        elif self._with_tool:
             self.tool.release(Pointer(at, shift, ctrl))
-        self._held, self._with_tool = None, False
+        self._held, self._with_tool, self._over = None, False, False
 
     def wheel(self, up: float) -> None:
         """The wheel turned over the viewport."""
@@ -88,4 +109,4 @@ class ViewportInput:
     def drop(self) -> None:
         """Drop what was begun with a tool."""
         self.tool.cancel()
-        self._held, self._with_tool = None, False
+        self._held, self._with_tool, self._over = None, False, False

@@ -84,6 +84,7 @@ class Workspace:
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
         self.scan = ScanSession(editor, self.perform)
+        self.input.over = self.scan
         self.actions.add(*scan_actions(self.scan))
         self.figures, self.typing = Figures(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)

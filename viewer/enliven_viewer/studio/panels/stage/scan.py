@@ -8,7 +8,7 @@ from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.scan import ScanSession, Size, advice_of, scan_marks
+from enliven_viewer.studio.scan import Kept, ScanSession, Size, advice_of, scan_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, WAIT, Colour
 
@@ -21,6 +21,11 @@ _SIZES: dict[Size, str] = {
     "small": "Something small: a cup, a shoe",
     "thing": "A chair, a lamp, a person",
     "room": "A room, or a large thing",
+}
+_KEPT: dict[Kept, str] = {
+    "thing": "What stands on the floor",
+    "box": "What is in the box",
+    "all": "All that was scanned",
 }
 _MOODS: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
 
@@ -120,12 +125,15 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
 def _keeping(workspace: Workspace, scan: ScanSession) -> None:
     """What of it is kept."""
     heading("What is kept")
-    if imgui.radio_button("What stands on the floor", not scan.whole):
-        scan.whole = False
-    workspace.remember("scan thing")
-    if imgui.radio_button("All that was scanned", scan.whole):
-        scan.whole = True
-    workspace.remember("scan whole")
+    for kept, words in _KEPT.items():
+        if imgui.radio_button(words, scan.keeps == kept):
+            scan.keep(kept)
+        workspace.remember(f"scan keep {kept}")
+    if scan.keeps == "box":
+        quiet("Drag the dots: each moves a side of the box. Without the floor, unless it reaches under it.")
+        if imgui.button("Round the middle", _WHOLE):
+            scan.fit_box()
+        workspace.remember("scan fit box")
 
 
 def draw_scan_over(workspace: Workspace, area: Area) -> None:
@@ -135,7 +143,8 @@ def draw_scan_over(workspace: Workspace, area: Area) -> None:
         return
     draw = imgui.get_background_draw_list()
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
-    for mark in scan_marks(scan.said, workspace.editor.lens):
+    box = scan.box.marks(workspace.editor.lens) if scan.boxed else ()
+    for mark in (*scan_marks(scan.said, workspace.editor.lens), *box):
         draw_mark(draw, area, mark)
     advice = advice_of(scan.said)
     if advice.text:

@@ -1,0 +1,191 @@
+"""The work of ``enliven scan``: images are fused until they end, and what is meant becomes a file."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from enliven.arrays import Float
+from enliven.errors import InputError, ResourceError
+from enliven.frames import DepthFrame
+from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
+from enliven_edge.commands.progress import frame_progress, interruptible
+from enliven_edge.scanning import (
+    Keep,
+    Made,
+    ScanDiary,
+    finished,
+    keep_scan,
+    kept_beside,
+    recorded_images,
+    refuse_unseen,
+    scan_first,
+    sensor_images,
+    write_scan,
+)
+
+_LEAST_ALONE = 0.01
+"""Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
+
+
+def scanner_of(voxel: float, reach: float, within: float | None, memory: int) -> Scanner:
+    """Returns a scanner.
+
+    Args:
+        voxel: millimetres of a voxel's side.
+        reach: metres up to which surfaces are kept.
+        within: metres beyond which all is left out, or None.
+        memory: megabytes of the finest voxels, and of each coarser kind of them.
+    """
+    volume = VolumeSettings(voxel=voxel * 1e-3, reach=reach, memory=memory)
+    if within is None:
+        return Scanner(ScanSettings(volume=volume))
+    near = replace(volume, reach=min(reach, within), far=within)
+    return Scanner(ScanSettings(volume=near, least_depth=_LEAST_ALONE))
+
+
+def corners_of(box: str) -> tuple[Float, Float] | None:
+    """Returns the two corners (3,) of a box of six numbers with commas, metres; None for no word.
+
+    Raises:
+        InputError: where it is no box.
+    """
+    if not box:
+        return None
+    mend = "Give x0,y0,z0,x1,y1,z1 in metres, such as --box=-0.5,0,-0.5,0.5,1.2,0.5."
+    try:
+        numbers = np.array([float(part) for part in box.split(",")])
+    except ValueError:
+        raise InputError(f"{box!r} is no box", where="--box", mend=mend) from None
+    if len(numbers) != 6 or not np.isfinite(numbers).all() or (numbers[:3] >= numbers[3:]).any():
+        raise InputError(f"{box!r} is no box", where="--box", mend=mend)
+    return numbers[:3], numbers[3:]
+
+
+def keep_of(
+    whole: bool, corners: tuple[Float, Float] | None, before: Path | None, within: float | None
+) -> Keep:
+    """Returns what is kept of a scan by its options.
+
+    Raises:
+        InputError: where they do not go together.
+    """
+    given = [name for name, on in (("--whole", whole), ("--box", corners), ("--before", before)) if on]
+    if len(given) > 1:
+        what = f"{' and '.join(given)} say both what is kept"
+        raise InputError(what, where="scan", mend="Give one of them.")
+    if corners is not None:
+        return Keep("box", *corners)
+    if before is not None:
+        return Keep("new")
+    return Keep("all" if whole else "thing" if within is None else "alone")
+
+
+@dataclass
+class ScanJob:
+    """One scan of a command.
+
+    Attributes:
+        scanner: what fuses the images.
+        recording: where they come from; or else ``sensor`` and its ``options``.
+        seconds: of the sensor's clock after which it stops.
+        first: an earlier scan, or a recording, to which the images are added, or None.
+        keeps: whether the images are kept beside what is made.
+    """
+
+    scanner: Scanner
+    recording: Path | None
+    sensor: str
+    options: list[str]
+    seconds: float | None
+    first: Path | None
+    keeps: bool
+
+    def __post_init__(self) -> None:
+        self.diary, self._notes = ScanDiary(), list[str]()
+
+    @property
+    def _where(self) -> str:
+        return str(self.recording or self.sensor)
+
+    def run(self, keep: Keep, triangles: int, output: Path) -> Made:
+        """Scans, and writes what is kept of it.
+
+        Raises:
+            InputError: where there is nothing to make a mesh of; what a sensor saw is kept as images.
+            ResourceError: where the mesh cannot be written; it says where it is instead.
+        """
+        before = self._scan()
+        try:
+            self.diary.refuse(self._where)
+            meant = replace(keep, before=before) if keep.what == "new" else keep
+            made = finished(self.scanner, meant, triangles, output.stem)
+        except InputError as error:
+            if self.recording is not None or not self._kept(output, 0):
+                raise
+            again = f"What was seen is kept: --recording {kept_beside(output)} scans it again."
+            raise InputError(error.what, where=error.where, mend=f"{error.mend} {again}") from None
+        if self.keeps:
+            self._kept(output, before if keep.what == "new" else 0)
+        write_scan(made, output)
+        return made
+
+    def tell(self, made: Made, output: Path) -> None:
+        """Prints what came of it, and what would make it better."""
+        low, high = made.mesh.bounds
+        size = " x ".join(f"{100 * side:.0f}" for side in high - low)
+        few = f" (within {1e3 * made.most:.1f} mm of the full scan)" if made.most else ""
+        said = f"{len(made.mesh.faces)} triangles{few}, {size} cm, of {self.diary.frames} frames"
+        typer.echo(f"{output}: {said}, {self.diary.now}")
+        if made.said:
+            typer.echo(made.said[:1].upper() + made.said[1:])
+        if made.mesh.colours is None:
+            self._notes.append("The camera gave no colours, so the mesh has none.")
+        for sentence in (*self.diary.advice(), *self._notes):
+            typer.echo(f"Note: {sentence}")
+
+    def _scan(self) -> int:
+        """Fuses all images; returns how many of an earlier scan come before them."""
+        with interruptible() as stop, frame_progress(Console()) as progress:
+            task, before = progress.add_task("Scanning", total=None, count=0), 0
+            if self.first is not None:
+                before = scan_first(self.scanner, self.first, stop)
+            for frame in itertools.takewhile(self._in_time(), self._images(stop)):
+                self.diary.add(self.scanner.add(frame), frame.time_ns)
+                progress.update(task, count=self.diary.frames, description=f"Scanning, {self.diary.now}")
+                if self.scanner.full:
+                    break
+        if self.first is not None:
+            refuse_unseen(self.diary.counts[ScanState.SCANNING], self.first)
+        return before
+
+    def _images(self, stop: Event) -> Iterator[DepthFrame]:
+        if self.recording is not None:
+            return recorded_images(self.recording, stop)
+        return sensor_images(self.sensor, self.options, stop)
+
+    def _in_time(self) -> Callable[[DepthFrame], bool]:
+        """Returns what tells whether an image comes before the time is up."""
+        begun: list[int] = []
+
+        def early(frame: DepthFrame) -> bool:
+            begun.append(frame.time_ns)
+            return self.seconds is None or frame.time_ns - begun[0] < self.seconds * 1e9
+
+        return early
+
+    def _kept(self, output: Path, since: int) -> bool:
+        """Keeps the images beside what is made; returns whether that could be done."""
+        try:
+            keep_scan(self.scanner, kept_beside(output), since)
+        except ResourceError as error:
+            self._notes.append(f"The images were not kept for --add ({error.what}).")
+            return False
+        return bool(self.scanner.poses)

@@ -1,0 +1,54 @@
+"""Where a scan's images come from: a recording, or a sensor that is read until it is told to stop."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+from enliven.errors import InputError
+from enliven.frames import DepthFrame
+from enliven.recording import DEPTH_TOPIC, Recording
+from enliven_edge.sensors import SensorFault, kept_open, sensor_opener, sensor_options
+from enliven_edge.tracking.frame import flaw_of
+
+log = logging.getLogger(__name__)
+
+_PATIENCE = 0.25
+"""Seconds to wait for a frame before an end is looked for."""
+
+
+def recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
+    """Yields the depth images of a recording, until ``stop`` is set.
+
+    Raises:
+        InputError: where there are none in it.
+    """
+    source = Recording(path)
+    if DEPTH_TOPIC not in source.info.topics:
+        mend = "Give a recording of a depth camera."
+        raise InputError("there are no depth images in it", where=str(path), mend=mend)
+    for frame in source.frames():
+        if stop.is_set():
+            return
+        if isinstance(frame, DepthFrame):
+            yield frame
+
+
+def sensor_images(name: str, options: list[str], stop: threading.Event) -> Iterator[DepthFrame]:
+    """Yields the depth images of a sensor, which is opened again where it fails, until ``stop`` is set."""
+    with kept_open(sensor_opener(name, **sensor_options(options))) as stream:
+        while not stop.is_set():
+            try:
+                frame = stream.read(_PATIENCE)
+            except TimeoutError:
+                continue
+            except (SensorFault, InputError) as error:
+                # It is opened again; what was scanned is kept.
+                log.warning("%s", error)
+                continue
+            if frame is None:
+                return
+            if isinstance(frame, DepthFrame) and not flaw_of(frame):
+                yield frame

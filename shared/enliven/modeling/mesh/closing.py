@@ -1,0 +1,214 @@
+"""Closes any triangles to an oriented 2-manifold: touching sheets part, holes are capped, leaves left out.
+
+Faces belong together across an edge that two of them share, one each way about. Where more meet (an edge of
+two touching boxes), those are joined that have the thinnest wedge of solid between them. What is left open is
+capped where little is missing; the rest are leaves (cloth, a feather), which enclose nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from enliven.arrays import Bool, Float, Int
+from enliven.meshes import Mesh, face_areas
+from enliven.modeling.mesh.caps import cap_of, flattened
+
+_OPEN = 0.25
+"""Caps close a mesh, or a part of it, where they are at most this share of its surface; else it is a leaf."""
+
+Interpolation = Callable[[Float], Float]
+"""(I, K) values at new points from (R, K) at those they are made of."""
+
+
+@dataclass(frozen=True)
+class ClosedSurface:
+    """An oriented 2-manifold without border.
+
+    Attributes:
+        vertices: (V', 3) metres: those given, then those that close it.
+        faces: (F', 3): those given but for leaves, their corners where they were, then the caps.
+        label: (V',) the point of the manifold that each vertex is; vertices of one label are one.
+        made: for the new vertices, in their order: those they are made of, and how.
+        caps: how many holes were capped.
+        leaf: (F,) the given faces that are of leaves.
+    """
+
+    vertices: Float
+    faces: Int
+    label: Int
+    made: tuple[tuple[Int, Interpolation], ...]
+    caps: int
+    leaf: Bool
+
+
+def closed_surface(mesh: Mesh, of: Int) -> ClosedSurface:
+    """Returns the closed surface of a mesh.
+
+    Args:
+        mesh: any triangles with three different corners, none there twice.
+        of: (V,) the welded vertex of each vertex.
+    """
+    welded = of[mesh.faces]
+    mates = _mates(welded, mesh)
+    corner = _fans(mates).reshape(-1, 3)
+    work, leaf = _Work(mesh, corner), np.zeros(len(welded), bool)
+    loops = _borders(mates, corner)
+    if loops:
+        part = connected_components(_links(mates // 3, len(welded)), directed=False)[1]
+        caps = [work.cap(loop) for loop in loops]
+        area = np.bincount(part, face_areas(mesh.vertices, mesh.faces))
+        own = part[[loop[0] // 3 for loop in loops]]
+        missing = np.bincount(own, [cap.area for cap in caps], len(area))
+        open_parts = (missing > _OPEN * area) & (missing.sum() > _OPEN * area.sum())
+        for number, cap in zip(own, caps, strict=True):
+            if not open_parts[number]:
+                work.close(cap)
+        leaf = open_parts[part]
+    faces = np.concatenate([work.corners[~leaf], *work.caps])
+    return ClosedSurface(work.vertices, faces, work.label, tuple(work.made), len(work.caps), leaf)
+
+
+def _links(mates: Int, count: int) -> coo_matrix:
+    """(F, F) which faces are joined; mates (3F,) are faces, or below 0."""
+    joined = np.flatnonzero(mates >= 0)
+    return coo_matrix((np.ones(len(joined)), (joined // 3, mates[joined])), (count, count))
+
+
+def _mates(faces: Int, mesh: Mesh) -> Int:
+    """(3F,) for each half-edge, 3 face + corner, the one that it is joined with; -1 for a border."""
+    starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, 1).ravel().astype(np.int64)
+    count = int(faces.max(initial=-1)) + 1
+    edge = np.minimum(starts, ends) * count + np.maximum(starts, ends)
+    order = np.argsort(edge, kind="stable")
+    first = np.flatnonzero(np.diff(edge[order], prepend=-1))
+    size = np.diff(first, append=len(order))
+    mates = np.full(len(edge), -1, np.int64)
+    one, other = order[first[size == 2]], order[first[size == 2] + 1]
+    apart = starts[one] != starts[other]
+    mates[one[apart]], mates[other[apart]] = other[apart], one[apart]
+    for begin, many in zip(first[size > 2], size[size > 2], strict=True):
+        _join_around(order[begin : begin + many], starts, mesh, mates)
+    return mates
+
+
+def _join_around(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
+    """Joins the faces around one edge by pairs, the thinnest wedge of solid first."""
+    corners = mesh.vertices[mesh.faces[halves // 3]]
+    rows, k = np.arange(len(halves)), halves % 3
+    forward = starts[halves] == starts[halves[0]]
+    a, b = corners[0, k[0]], corners[0, (k[0] + 1) % 3]
+    axis = (b - a) / max(float(np.linalg.norm(b - a)), 1e-300)
+    away = corners[rows, (k + 2) % 3] - a
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    angle = np.arctan2(away @ np.cross(axis, across), away @ across)
+    # A face whose edge runs along the axis has its solid towards smaller angles.
+    wedge = np.where(forward[:, None] & ~forward, (angle[:, None] - angle) % (2 * np.pi), np.inf)
+    while np.isfinite(wedge).any():
+        one, other = np.unravel_index(int(wedge.argmin()), wedge.shape)
+        mates[halves[one]], mates[halves[other]] = halves[other], halves[one]
+        wedge[one], wedge[:, other] = np.inf, np.inf
+
+
+def _fans(mates: Int) -> Int:
+    """(3F,) for each corner of a face the fan of joined faces around a vertex that it is of."""
+    joined = np.flatnonzero(mates >= 0)
+    other = mates[joined]
+    after = other - other % 3 + (other + 1) % 3
+    web = coo_matrix((np.ones(len(joined)), (joined, after)), (len(mates), len(mates)))
+    return np.asarray(connected_components(web, directed=False)[1], np.int64)
+
+
+def _borders(mates: Int, corner: Int) -> list[Int]:
+    """The half-edges of each border in the order in which a cap goes round it, against the faces."""
+    lonely = np.flatnonzero(mates < 0)
+    flat = corner.ravel()
+    after = lonely - lonely % 3 + (lonely + 1) % 3
+    into = dict(zip(flat[after].tolist(), lonely.tolist(), strict=True))
+    loops, left = list[Int](), set(lonely.tolist())
+    for start in lonely.tolist():
+        loop, at = list[int](), start
+        while at in left:
+            left.remove(at)
+            loop.append(at)
+            at = into[int(flat[at])]
+        if loop:
+            loops.append(np.array(loop))
+    return loops
+
+
+class _Rim(NamedTuple):
+    """A border with what would cap it.
+
+    Attributes:
+        around: (R,) the vertices of the rim.
+        faces: (T, 3) into the rim and then the I points inside.
+        points: (I, 3) metres.
+        how: what the points inside are made of the rim by.
+        area: square metres of the cap.
+    """
+
+    around: Int
+    faces: Int
+    points: Float
+    how: Interpolation
+    area: float
+
+
+class _Work:
+    """Vertices, corners, labels and caps while a surface is being closed."""
+
+    def __init__(self, mesh: Mesh, corner: Int) -> None:
+        count = len(mesh.vertices)
+        both = np.stack([mesh.faces.ravel(), corner.ravel()], 1)
+        pairs, number = np.unique(both, axis=0, return_inverse=True)
+        vertex, label = pairs.T
+        again = np.flatnonzero(np.diff(vertex, prepend=-1) == 0)
+        place = vertex.astype(np.int64)
+        place[again] = count + np.arange(len(again))
+        self.corners = place[number.reshape(-1)].reshape(-1, 3)
+        self.vertices = mesh.vertices
+        self.label = np.full(count, -1, np.int64)
+        self.made, self.caps = list[tuple[Int, Interpolation]](), list[Int]()
+        self._add(mesh.vertices[vertex[again]], vertex[again], _same, np.full(len(again), -1))
+        self.label[place] = label
+
+    def cap(self, loop: Int) -> _Rim:
+        """Returns what would cap a border of half-edges."""
+        rim = self.corners.ravel()[loop]
+        cap = cap_of([np.arange(len(rim))], flattened(self.vertices[rim]))
+        order, faces = rim[cap.rim], cap.faces
+        how: Interpolation = cap.inside
+        if len(faces) != len(rim) - 2 + 2 * cap.inside.count:  # it lies on a line, or crosses itself
+            turn = np.arange(len(rim))
+            order, how = rim, _mean
+            faces = np.stack([turn, np.roll(turn, -1), np.full(len(rim), len(rim))], 1)
+        around = self.vertices[order]
+        inside = how(around)
+        area = float(face_areas(np.concatenate([around, inside]), faces).sum())
+        return _Rim(order, faces, inside, how, area)
+
+    def close(self, cap: _Rim) -> None:
+        """Caps a border."""
+        numbers = np.concatenate([cap.around, len(self.vertices) + np.arange(len(cap.points))])
+        labels = int(self.label.max()) + 1 + np.arange(len(cap.points))
+        self._add(cap.points, cap.around, cap.how, labels)
+        self.caps.append(numbers[cap.faces])
+
+    def _add(self, points: Float, of: Int, how: Interpolation, labels: Int) -> None:
+        self.vertices = np.concatenate([self.vertices, points])
+        self.label = np.concatenate([self.label, labels])
+        self.made.append((of, how))
+
+
+def _same(values: Float) -> Float:
+    return values
+
+
+def _mean(values: Float) -> Float:
+    return np.asarray(values.mean(0, keepdims=True))

@@ -1,0 +1,99 @@
+"""A box in the upright frame of a scan, and what of the scan lies in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven import rotation
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.meshes import Mesh, submesh
+from enliven.scanning.cutting.parts import CutOut, set_down
+from enliven.scanning.ground import Ground, above_plane
+from enliven.scanning.settings import CutOutSettings
+
+_UNDER = 0.02
+"""Metres under the floor from which on a box means the floor, too, and not what stands on it."""
+
+
+def upright_frame(ground: Ground, focus: Float) -> Float:
+    """Returns (4, 4) the upright frame of a scan, from its world.
+
+    +y is up, y = 0 is the floor, and the origin lies under ``focus`` (3,), the point that was looked at.
+    About +y it is turned as the world is.
+    """
+    turn = np.asarray(rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0]))))
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = turn, -(turn @ focus)
+    frame[1, 3] = -ground.offset
+    return frame
+
+
+@dataclass(frozen=True)
+class CutBox:
+    """A box of level and upright sides.
+
+    Attributes:
+        low, high: (3,) metres, its corners in the upright frame.
+        upright_from_world: (4, 4) that frame, from the scan's world.
+    """
+
+    low: Float
+    high: Float
+    upright_from_world: Float
+
+    def __post_init__(self) -> None:
+        if (
+            not (np.isfinite(self.low).all() and np.isfinite(self.high).all())
+            or (self.low >= self.high).any()
+        ):
+            what = "a box has two corners, the first one lower, farther left and farther back"
+            raise InputError(what, where="box", mend="Give x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1.")
+
+    def planes(self) -> list[tuple[Float, float]]:
+        """Returns the six (normal (3,), offset) in the world; inside is where normal . x > offset."""
+        turn, place = self.upright_from_world[:3, :3], self.upright_from_world[:3, 3]
+        found = []
+        for axis in range(3):
+            found.append((turn[axis], float(self.low[axis] - place[axis])))
+            found.append((-turn[axis], float(place[axis] - self.high[axis])))
+        return found
+
+
+def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) -> CutOut:
+    """Returns what of a scan lies in a box: without the floor, unless the box reaches 2 cm under it.
+
+    It is closed along the lower side of the box, where it stands; along the other sides it stays open.
+
+    Args:
+        mesh: in the scan's world.
+
+    Raises:
+        InputError: where no surface lies in the box; it says where the surface is.
+    """
+    s = settings or CutOutSettings()
+    low = box.low.copy()
+    if -_UNDER < low[1] < s.clearance:
+        low[1] = s.clearance
+    if low[1] >= box.high[1]:
+        what = f"a box up to {box.high[1]:.3f} m holds nothing but the floor"
+        raise InputError(what, where="box", mend="Make it higher.")
+    inside = _near(mesh, box)
+    for normal, offset in CutBox(low, box.high, box.upright_from_world).planes():
+        inside = above_plane(inside, normal, offset)
+    if inside.area < s.least_area:
+        there = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
+        what = "no surface that was scanned lies in the box"
+        reach = " to ".join(",".join(f"{x:.2f}" for x in corner) for corner in (there.min(0), there.max(0)))
+        raise InputError(what, where="box", mend=f"What was scanned reaches from {reach}.")
+    return set_down(inside, box.upright_from_world, float(low[1]), s)
+
+
+def _near(mesh: Mesh, box: CutBox) -> Mesh:
+    """Returns the faces that a box may hold, which are few of a room's."""
+    points = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
+    corners = points[mesh.faces]
+    hits = (corners.max(1) >= box.low).all(1) & (corners.min(1) <= box.high).all(1)
+    return submesh(mesh, hits)

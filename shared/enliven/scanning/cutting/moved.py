@@ -1,0 +1,169 @@
+"""What was moved: of a place that was scanned twice, the surface that stands where nothing was before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Bool, Float, Float32, Int32
+from enliven.camera import Intrinsics
+from enliven.errors import InputError
+from enliven.kernels import njit
+from enliven.meshes import Mesh, shells, submesh
+from enliven.scanning.cutting.box import upright_frame
+from enliven.scanning.cutting.parts import CutOut, set_down
+from enliven.scanning.ground import Ground, above_plane, find_ground
+from enliven.scanning.rigid import inverse
+from enliven.scanning.settings import CutOutSettings, DepthNoiseModel
+
+_LOOKS = 2
+"""Images that must have seen through a place: one may have a wrong pixel there."""
+_FREE = 0.7
+"""Share of the images, of those that saw a place, that saw through it: beside an edge some do."""
+_DEVIATIONS = 3.0
+"""Standard deviations of the depth within which a place lies at the surface that was seen."""
+_SLACK = 0.012
+"""Metres by which the camera may be found off between the two scans, added to that."""
+_FOOT = 0.05
+"""Metres about what is new within which it goes on: so near to a floor nothing is told apart."""
+_UNSEEN = 0.2
+"""Metres about what is new up to which what was not seen before belongs to it: above the view."""
+_BELOW = 0.1
+"""Metres about the lowest of what is new in which the plane is looked for on which it stands."""
+_ROUND = 0.15
+"""Metres beyond the sides of what is new up to which that plane is looked for."""
+_TOLD = 2
+"""Rounds in which each vertex is told apart as most of its neighbours are, so that noise makes no holes."""
+
+
+@dataclass(frozen=True)
+class KnownImage:
+    """A depth image of the place as it was before.
+
+    Attributes:
+        depth: (H, W) millimetres, 0 where unknown.
+        intrinsics: of its camera.
+        world_from_camera: (4, 4) its pose in the world of the scan that it is compared with.
+    """
+
+    depth: Float32
+    intrinsics: Intrinsics
+    world_from_camera: Float
+
+
+def compared(points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel | None = None) -> Int32:
+    """Returns (N,) what was at points (N, 3), world, before: 1 nothing but air, -1 a surface, 0 unknown."""
+    seen, through = np.zeros(len(points), np.int32), np.zeros(len(points), np.int32)
+    model = noise or DepthNoiseModel()
+    limits = np.array([_SLACK, _DEVIATIONS * model.constant, _DEVIATIONS * model.quadratic, model.start])
+    points = np.ascontiguousarray(points, np.float64)
+    for image in images:
+        lens = image.intrinsics
+        camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
+        metres = np.asarray(image.depth, np.float32) * np.float32(1e-3)
+        _look_through(points, inverse(image.world_from_camera), camera, metres, limits, seen, through)
+    air = through >= _FREE * seen
+    return np.where(air, through >= _LOOKS, -1).astype(np.int32)
+
+
+@njit(cache=True, nogil=True)
+def _look_through(points, pose, camera, depth, limits, seen, through):  # type: ignore[no-untyped-def]
+    """Counts for each point whether an image saw it, a surface at it or something behind it.
+
+    Args:
+        pose: (4, 4) camera_from_world.
+        camera: (4,) fx, fy, cx, cy; limits: (4,) slack, and three of the noise.
+        seen, through: (N,) counts; written.
+    """
+    height, width = depth.shape
+    for n in range(len(points)):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        deep = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+        if deep < 0.05:
+            continue
+        u = camera[0] * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) / deep + camera[2]
+        v = camera[1] * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) / deep + camera[3]
+        column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+        if column < 0 or row < 0 or column >= width or row >= height or depth[row, column] <= 0.0:
+            continue
+        there = depth[row, column]
+        near = limits[0] + limits[1] + limits[2] * (there - limits[3]) ** 2
+        if deep > there + near:
+            continue
+        seen[n] += 1
+        through[n] += deep < there - near
+
+
+def cut_what_is_new(
+    mesh: Mesh,
+    images: Sequence[KnownImage],
+    ground: Ground | None = None,
+    settings: CutOutSettings | None = None,
+    noise: DepthNoiseModel | None = None,
+) -> CutOut:
+    """Returns what stands where nothing was before, set down as it stands on floor or table (KinEtre, 2012).
+
+    Args:
+        mesh: of the place with the thing, in the world of the scan.
+        images: of the place without it.
+        ground: the floor; None where none was found.
+
+    Raises:
+        InputError: where nothing is new.
+    """
+    s = settings or CutOutSettings()
+    fresh = _smoothed(mesh.faces, compared(mesh.vertices, images, noise)) > 0
+    new = np.asarray(fresh[mesh.faces].all(1))
+    found = submesh(mesh, new)
+    if not new.any() or found.area < s.least_area:
+        what = "nothing stands where there was nothing before"
+        mend = "Show the same place both times, then with the thing, and look at it from all sides."
+        raise InputError(what, where="scan", mend=mend)
+    thing = _large(found, s)
+    support = _support(mesh, new, thing, ground)
+    above = above_plane(mesh, support.normal, support.offset + s.clearance)
+    told = _smoothed(above.faces, compared(above.vertices, images, noise))
+    away, _ = cKDTree(thing.vertices).query(above.vertices, distance_upper_bound=_UNSEEN)
+    # So near to what it stands on, nothing can be told apart: there it is what is above that, and beside it.
+    low = (support.heights(above.vertices) < _FOOT) & (away < _FOOT)
+    meant = (told >= 0) & np.isfinite(away) | low
+    cut = submesh(above, meant[above.faces].any(1))
+    return set_down(cut, upright_frame(support, np.zeros(3)), s.clearance, s)
+
+
+def _large(mesh: Mesh, s: CutOutSettings) -> Mesh:
+    """Returns the parts of a surface that are no specks: at least half of the smallest thing's."""
+    label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
+    areas = np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1)) / 2
+    large = areas >= min(s.least_area / 2, areas.max())
+    return submesh(mesh, large[label])
+
+
+def _smoothed(faces: Int32, told: Int32) -> Int32:
+    """Returns (V,) what was at each vertex before, as most of its neighbours say."""
+    for _ in range(_TOLD):
+        votes, of_face = np.zeros(len(told)), told[faces].sum(1)
+        for corner in range(3):
+            votes += np.bincount(faces[:, corner], of_face, len(told))
+        told = np.sign(votes).astype(np.int32)
+    return told
+
+
+def _support(mesh: Mesh, new: Bool, thing: Mesh, ground: Ground | None) -> Ground:
+    """Returns the plane that a thing stands on: a table's top under it, or else the floor."""
+    up = np.array([0.0, 1.0, 0.0]) if ground is None else ground.normal
+    frame = upright_frame(Ground(up, 0.0, 0.0), np.zeros(3))[:3, :3]
+    place, own = mesh.vertices[mesh.faces].mean(1) @ frame.T, thing.vertices @ frame.T
+    low, high = own.min(0) - [_ROUND, _BELOW, _ROUND], own.max(0) + _ROUND
+    high[1] = own[:, 1].min() + _BELOW
+    beside = ~new & (place > low).all(1) & (place < high).all(1)
+    try:
+        found = find_ground(submesh(mesh, beside), up) if beside.any() else None
+    except InputError:
+        found = None
+    if found is not None:
+        return found
+    return ground or Ground(up, float((thing.vertices @ up).min()), 0.0)

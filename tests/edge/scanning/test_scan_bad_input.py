@@ -1,0 +1,165 @@
+"""``enliven scan`` of what cannot be scanned, or only in part: each is said in words, and nothing is lost."""
+
+import errno
+import os
+import re
+import signal
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from carrying import NOTHING, PATH, recorded, run, take_of, with_depth, write
+
+from enliven import files
+from enliven.errors import InputError, ResourceError
+from enliven.meshes import load_mesh
+from enliven_edge.scanning import ScanDiary
+from enliven_synthesis.sensor import HandheldPath
+from enliven_synthesis.sensor.scene import Box
+
+
+@pytest.fixture(scope="module")
+def carried(tmp_path_factory):
+    """A recording of a third of the way round the box, without colours."""
+    return recorded(tmp_path_factory.mktemp("bad") / "carried.mcap", last=60)
+
+
+def test_a_camera_that_does_not_move_is_told_to(tmp_path):
+    frame = take_of().frame(0)
+    still = write((replace(frame, time_ns=n * 33_000_000) for n in range(5)), tmp_path / "still.mcap")
+    with pytest.raises(InputError, match=r"the camera moved 0 cm only\. Carry it round"):
+        run("--recording", still, "-o", tmp_path / "no.glb", "--voxel", 16)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["still.mcap"]
+
+
+def test_a_camera_that_is_flung_about_is_told_to_be_slow(tmp_path):
+    quick = replace(PATH, seconds=0.8)
+    flung = recorded(tmp_path / "flung.mcap", way=quick, last=24, step=3)
+    with pytest.raises(InputError, match=r"the camera was lost in \d of 8 frames.* more slowly"):
+        run("--recording", flung, "-o", tmp_path / "no.glb", "--voxel", 16)
+
+
+def test_a_scan_that_was_too_fast_for_a_while_keeps_the_rest_and_says_so(carried, tmp_path):
+    """Of the second half every image is from somewhere else."""
+    take, frames = take_of(), []
+    for n, index in enumerate([*range(0, 60, 4), *range(61, 180, 17)]):
+        frames.append(replace(take.frame(index), time_ns=n * 33_000_000))
+    said = run(
+        "--recording", write(frames, tmp_path / "part.mcap"), "-o", tmp_path / "part.glb", "--voxel", 16
+    )
+    assert "frames are not in the mesh: the camera was lost. Carry it more slowly" in said
+    assert load_mesh(tmp_path / "part.glb").mesh.bounds[1, 1] == pytest.approx(0.5, abs=0.04)
+
+
+def test_a_blank_wall_is_told_to_be_blank(tmp_path):
+    wall = (Box((-9.0, -9.0, -0.4), (9.0, 9.0, 0.0)),)
+    way = HandheldPath(target=(0.0, 0.5, 0.0), radius=3.0, height=(0.5, 0.6), turns=0.02, seconds=2.0)
+    blank = recorded(tmp_path / "wall.mcap", NOTHING, way=way, room=wall)
+    with pytest.raises(InputError, match=r"only a blank surface was seen.* Let corners"):
+        run("--recording", blank, "-o", tmp_path / "no.glb", "--voxel", 16, "--reach", 5)
+
+
+def test_a_hole_as_a_mirror_makes_it_stays_a_hole(tmp_path):
+    """A part of the thing has no depth, from wherever it is seen; the rest is scanned."""
+
+    def mirror(depth):
+        height, width = depth.shape
+        depth[height // 3 : height // 2, width // 3 : width // 2] = 0
+
+    made = tmp_path / "holed.glb"
+    holed = recorded(tmp_path / "holed.mcap", last=60, change=lambda frame: with_depth(frame, mirror))
+    said = run("--recording", holed, "-o", made, "--voxel", 16)
+    assert "of 15 frames" in said and load_mesh(made).mesh.bounds[1, 1] == pytest.approx(0.5, abs=0.04)
+    nothing = recorded(
+        tmp_path / "dark.mcap", last=12, change=lambda frame: with_depth(frame, lambda d: d.fill(0))
+    )
+    with pytest.raises(InputError, match=r"no frame shows enough depth.* does not mirror"):
+        run("--recording", nothing, "-o", tmp_path / "no.glb")
+
+
+def test_nothing_to_cut_out_is_said_and_what_a_sensor_saw_is_kept(tmp_path):
+    # What it finds its way by is farther than what is kept.
+    empty = recorded(tmp_path / "empty.mcap", NOTHING, last=60)
+    made = tmp_path / "no.glb"
+    with pytest.raises(InputError, match=r"nothing that stands on the floor.*--whole"):
+        run("--recording", empty, "-o", made, "--voxel", 16, "--reach", 1.6)
+    assert not (tmp_path / "no.scan.mcap").exists(), "the recording is there anyway"
+    sensor = [
+        "--sensor",
+        "replay",
+        "--set",
+        f"path={empty}",
+        "--set",
+        "speed=0",
+        "--voxel",
+        16,
+        "--reach",
+        1.6,
+    ]
+    with pytest.raises(InputError, match=r"What was seen is kept: --recording .*no\.scan\.mcap"):
+        run(*sensor, "-o", made)
+    assert not made.exists()
+    run("--recording", tmp_path / "no.scan.mcap", "-o", made, "--voxel", 16, "--whole")
+    assert len(load_mesh(made).mesh.faces) > 1000
+
+
+def test_a_recording_without_colours_makes_a_mesh_without_and_says_so(carried, tmp_path):
+    said = run("--recording", carried, "-o", tmp_path / "plain.glb", "--voxel", 16)
+    assert "The camera gave no colours, so the mesh has none" in said
+    assert load_mesh(tmp_path / "plain.glb").mesh.colours is None
+
+
+def test_a_full_memory_ends_the_scan_and_all_until_then_is_kept(carried, tmp_path):
+    made = tmp_path / "part.glb"
+    said = run("--recording", carried, "-o", made, "--voxel", 4, "--memory", 30, "--whole")
+    assert "The memory for voxels was full: nothing more was added" in said and "--memory" in said
+    assert int(re.search(r"of (\d+) frames", said)[1]) < 15, "it does not go on to the end"
+    assert len(load_mesh(made).mesh.faces) > 10_000
+
+
+def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
+    add = ScanDiary.add
+
+    def interrupted(diary, step, time_ns):
+        add(diary, step, time_ns)
+        if diary.frames == 8:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(ScanDiary, "add", interrupted)
+    said = run("--recording", carried, "-o", tmp_path / "part.glb", "--voxel", 16)
+    assert "of 8 frames" in said and len(load_mesh(tmp_path / "part.glb").mesh.faces) > 100
+    assert (tmp_path / "part.scan.mcap").stat().st_size > 10_000
+
+
+def full_disk(monkeypatch, folder, of_all=False):
+    """Every write into a folder, or into all, ends as on a disk without room."""
+
+    def no_room(descriptor):
+        if of_all or os.readlink(f"/proc/self/fd/{descriptor}").startswith(str(folder)):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(files.os, "fsync", no_room)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it asks /proc which file is written")
+@pytest.mark.parametrize("ending", ["glb", "enliven"])
+def test_a_full_disk_loses_neither_the_scan_nor_what_was_there(carried, tmp_path, monkeypatch, ending):
+    disk, home = tmp_path / "disk", tmp_path / "home"
+    disk.mkdir(), home.mkdir()
+    made = disk / f"thing.{ending}"
+    made.write_bytes(b"before")
+    monkeypatch.setenv("HOME", str(home))
+    full_disk(monkeypatch, disk)
+    with pytest.raises(ResourceError, match=r"No space left on device.*so it is in .*Make room") as refused:
+        run("--recording", carried, "-o", made, "--voxel", 16, "--overwrite", "--no-keep")
+    assert refused.value.where == str(made) and made.read_bytes() == b"before"
+    saved = home / f"thing.saved.{ending}"
+    assert str(saved) in refused.value.what and saved.stat().st_size > 10_000
+    assert [path.name for path in disk.iterdir()] == [made.name], "no half of a file is left"
+    full_disk(monkeypatch, disk, of_all=True)
+    with pytest.raises(ResourceError, match="No space left on device"):
+        run("--recording", carried, "-o", made, "--voxel", 16, "--overwrite", "--no-keep")
+    assert made.read_bytes() == b"before"

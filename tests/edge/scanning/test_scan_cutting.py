@@ -1,0 +1,111 @@
+"""``enliven scan`` cuts out by a box and by a scan of the empty place, and adds to an earlier scan."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from carrying import NOTHING, THING, recorded, run
+
+from enliven.errors import InputError
+from enliven.formats.project import read_project
+from enliven.meshes import load_mesh
+from enliven.recording import Recording
+from enliven_synthesis.sensor.scene import Box
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Recordings of the place with the thing, and of the place alone, from a part of the way."""
+    folder = tmp_path_factory.mktemp("cutting")
+    recorded(folder / "with.mcap")
+    recorded(folder / "empty.mcap", NOTHING, 20, 160)
+    return folder
+
+
+def bounds(path):
+    return load_mesh(path).mesh.bounds
+
+
+def test_a_box_keeps_what_the_whole_scan_shows_in_it(folder, tmp_path):
+    whole = tmp_path / "whole.ply"
+    run("--recording", folder / "with.mcap", "-o", whole, "--voxel", 16, "--whole", "--triangles", 0)
+    mesh = load_mesh(whole).mesh
+    # The thing is the only surface near the origin that is higher than the floor.
+    high = mesh.vertices[(mesh.vertices[:, 1] > 0.05) & (np.abs(mesh.vertices[:, [0, 2]]) < 0.6).all(1)]
+    low, top = high.min(0) - 0.03, high.max(0) + 0.03
+    assert top[1] == pytest.approx(0.53, abs=0.03) and np.abs(low[[0, 2]] + top[[0, 2]]).max() < 0.2
+    made = tmp_path / "box.glb"
+    corners = ",".join(f"{x:.3f}" for x in (low[0], 0.0, low[2], *top))
+    said = run("--recording", folder / "with.mcap", "-o", made, "--voxel", 16, f"--box={corners}")
+    assert "In the box: 1 part" in said and "square metres" in said
+    size = bounds(made)[1] - bounds(made)[0]
+    np.testing.assert_allclose(
+        size, [high[:, 0].max() - high[:, 0].min(), 0.5, np.ptp(high[:, 2])], atol=0.03
+    )
+    # Its lower half, of the scan that was kept, and as a project.
+    half = tmp_path / "half.enliven"
+    corners = ",".join(f"{x:.3f}" for x in (low[0], 0.0, low[2], top[0], 0.25, top[2]))
+    kept = tmp_path / "box.scan.mcap"
+    run("--recording", kept, "-o", half, "--voxel", 16, f"--box={corners}", "--no-keep")
+    (one,) = read_project(half).characters.values()
+    assert np.ptp(one.mesh.vertices[:, 1]) == pytest.approx(0.25, abs=0.02)
+    assert not (tmp_path / "half.scan.mcap").exists()
+    with pytest.raises(InputError, match=r"no surface .* What was scanned reaches from"):
+        run("--recording", kept, "-o", tmp_path / "far.glb", "--voxel", 16, "--box=5,0,5,6,1,6")
+
+
+@pytest.mark.parametrize("box", ["1,2,3", "a,b,c,d,e,f", "0,0,0,1,-1,1", "0,0,0,1,nan,1"])
+def test_what_is_no_box_is_refused_before_the_scan(box, tmp_path):
+    with pytest.raises(InputError, match="is no box"):
+        run("--recording", tmp_path / "none.mcap", "-o", tmp_path / "made.glb", f"--box={box}")
+
+
+def test_what_was_put_there_between_two_scans_is_the_thing(folder, tmp_path):
+    made = tmp_path / "new.glb"
+    said = run(
+        "--recording", folder / "with.mcap", "--before", folder / "empty.mcap", "-o", made, "--voxel", 8
+    )
+    assert "New: 1 part" in said
+    mesh = load_mesh(made).mesh
+    size = mesh.bounds[1] - mesh.bounds[0]
+    assert mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
+    assert size[1] == pytest.approx(0.5, abs=0.02) and 0.3 < size[0] < 0.56 and 0.3 < size[2] < 0.56
+    with pytest.raises(InputError, match="nothing stands where there was nothing before"):
+        empty = folder / "empty.mcap"
+        run("--recording", empty, "--before", empty, "-o", tmp_path / "no.glb", "--voxel", 16)
+    with pytest.raises(InputError, match="--whole and --before"):
+        run("--recording", made, "--before", made, "--whole", "-o", tmp_path / "no.glb")
+
+
+def test_another_place_is_no_place_before(folder, tmp_path):
+    pillars = tuple(Box((x, 0.0, 0.3), (x + 0.12, 2.0, 0.5)) for x in np.arange(-1.5, 1.5, 0.3))
+    other = recorded(tmp_path / "other.mcap", NOTHING, 0, 40, room=pillars)
+    with pytest.raises(InputError, match="nothing of it was seen again"):
+        run("--recording", folder / "with.mcap", "--before", other, "-o", tmp_path / "no.glb", "--voxel", 16)
+
+
+def test_a_scan_is_added_to_and_what_it_lacked_is_there(tmp_path):
+    front = recorded(tmp_path / "front.mcap", last=70)
+    back = recorded(tmp_path / "back.mcap", first=50)
+    made = tmp_path / "box.glb"
+    run("--recording", front, "-o", made, "--voxel", 8)
+    first = load_mesh(made).mesh
+    assert len(list(Recording(tmp_path / "box.scan.mcap").frames())) == 18
+    run("--recording", back, "--add", made, "-o", made, "--voxel", 8)
+    both = load_mesh(made).mesh
+    assert both.area > 1.25 * first.area, "its back is there now"
+    size = both.bounds[1] - both.bounds[0]
+    assert size[1] == pytest.approx(0.5, abs=0.02) and max(size[0], size[2]) < 0.56, "and nothing twice"
+    full = THING.area - 0.4 * 0.3
+    assert both.area > 0.85 * full
+    assert len(list(Recording(tmp_path / "box.scan.mcap").frames())) > 18 + 25
+    (tmp_path / "box.scan.mcap").unlink()
+    before = made.read_bytes()
+    with pytest.raises(InputError, match=r"its scan was not kept: there is no box\.scan\.mcap"):
+        run("--recording", back, "--add", made, "-o", made)
+    assert made.read_bytes() == before
+    with pytest.raises(InputError, match="do not go together"):
+        run("--recording", back, "--add", made, "--before", front, "-o", tmp_path / "no.glb")

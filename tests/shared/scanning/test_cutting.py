@@ -1,0 +1,216 @@
+"""What is meant is cut out of a scan: by a box, and as what stands where nothing was before."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+sys.path.insert(0, str(Path(__file__).parent))
+from scenes import CAMERA, looking
+from test_cut_out import grid, joined, scene, standing
+
+from enliven import rotation
+from enliven.errors import InputError
+from enliven.meshes import Mesh, shells
+from enliven.scanning import (
+    CutBox,
+    CutOutSettings,
+    Ground,
+    KnownImage,
+    cut_by_box,
+    cut_what_is_new,
+    draw_mesh,
+    find_ground,
+    upright_frame,
+)
+from enliven.scanning.cutting import compared
+from enliven.scanning.ground import rims_of
+
+FLOOR = Ground(np.array([0.0, 1.0, 0.0]), 0.0, 4.0)
+LEVEL = np.eye(4)
+FINE = 0.03
+"""Metres of a triangle's side: what a scan of 2 cm voxels has."""
+ROOM = joined(grid(-1.0, 1.0, -1.0, 1.0, 0.0), standing((0.7, 0.6)), standing((-0.8, -0.8), (0.3, 0.9, 0.3)))
+
+
+def box(low, high, frame=LEVEL):
+    return CutBox(np.array(low, float), np.array(high, float), frame)
+
+
+def parts_of(mesh):
+    return len(np.unique(np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]))
+
+
+@settings(max_examples=20)
+@given(
+    low=st.tuples(*[st.floats(-0.5, -0.05)] * 2),
+    high=st.tuples(*[st.floats(0.05, 0.5)] * 2),
+    tall=st.tuples(st.floats(-0.01, 0.2), st.floats(0.3, 0.9)),
+    lean=st.floats(-0.3, 0.3),
+    turn=st.floats(-3, 3),
+)
+def test_what_is_in_a_box_is_kept_and_nothing_else(low, high, tall, lean, turn):
+    """The kept surface is that of the clipped box, whose area is known, however the scan lies."""
+    whole = Mesh(*standing((0.0, 0.0)))
+    move = rotation.to_matrix(rotation.from_rotation_vector([lean, 0.0, 0.0]))
+    move = move @ rotation.to_matrix(rotation.from_rotation_vector([0.0, turn, 0.0]))
+    place = np.array([0.4, 0.3, -0.2])
+    world = Mesh(whole.vertices @ move.T + place, whole.faces)
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = move.T, -move.T @ place
+    found = cut_by_box(world, box((low[0], tall[0], low[1]), (high[0], tall[1], high[1]), frame))
+    # The thing is 0.3 x 0.6 x 0.3 m and stands 1 mm in the floor.
+    x = max(low[0], -0.15), min(high[0], 0.15)
+    z = max(low[1], -0.15), min(high[1], 0.15)
+    bottom = tall[0] if tall[0] >= 0.012 else 0.012
+    top = min(tall[1], 0.599)
+    sides = (low[0] < -0.15) + (high[0] > 0.15), (low[1] < -0.15) + (high[1] > 0.15)
+    area = (top - bottom) * (sides[0] * (z[1] - z[0]) + sides[1] * (x[1] - x[0]))
+    area += (x[1] - x[0]) * (z[1] - z[0]) * (tall[1] > 0.599)
+    assert found.area == pytest.approx(area, abs=1e-6)
+    size = found.mesh.bounds[1] - found.mesh.bounds[0]
+    assert found.mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-9)
+    given_back = bottom if tall[0] < 0.012 + 1e-9 else 0.0
+    assert size[1] == pytest.approx(top - bottom + given_back, abs=1e-6)
+    np.testing.assert_allclose(found.mesh.bounds.sum(0)[[0, 2]], 0.0, atol=1e-9)
+
+
+def test_a_box_takes_several_things_without_the_floor_and_is_closed_below():
+    mesh = scene()
+    found = cut_by_box(mesh, box((-0.4, 0.0, -0.4), (1.0, 0.9, 0.9)))
+    assert found.parts == 2 and parts_of(found.mesh) == 2
+    assert not rims_of(found.mesh.faces), "both have soles"
+    assert (found.mesh.colours == (200, 120, 40)).all()
+    # From 2 cm under the floor on, the floor is meant, too.
+    floor = cut_by_box(mesh, box((-0.4, -0.03, -0.4), (1.0, 0.9, 0.9)))
+    assert floor.area > found.area + 1.0 and floor.mesh.bounds[0, 1] == pytest.approx(0.0, abs=2e-3)
+
+
+def test_half_a_thing_is_closed_where_the_box_cut_it_off_below_only():
+    found = cut_by_box(scene(), box((-0.4, 0.3, -0.4), (0.4, 0.9, 0.4)))
+    assert not rims_of(found.mesh.faces) and found.mesh.bounds[1, 1] == pytest.approx(0.299, abs=1e-6)
+    half = cut_by_box(scene(), box((-0.4, 0.0, -0.4), (0.0, 0.9, 0.4)))
+    (rim,) = rims_of(half.mesh.faces)
+    assert (half.mesh.vertices[rim][:, 0] > 0.074).mean() > 0.3, "it stays open at its upright side"
+
+
+def test_a_box_that_holds_nothing_says_where_the_surface_is():
+    with pytest.raises(InputError, match=r"no surface .* reaches from -1\.00,-?0\.00,-1\.00 to 1\.88"):
+        cut_by_box(scene(), box((4.0, 0.0, 4.0), (5.0, 1.0, 5.0)))
+    with pytest.raises(InputError, match="nothing but the floor"):
+        cut_by_box(scene(), box((-1.0, 0.0, -1.0), (1.0, 0.01, 1.0)))
+    for corner in ((1.0, 2.0, 3.0), (np.nan, 2.0, 3.0)):
+        with pytest.raises(InputError, match="two corners"):
+            box((1.0, 0.0, 0.0), corner)
+
+
+@settings(max_examples=20)
+@given(
+    lean=st.tuples(*[st.floats(-0.5, 0.5)] * 2),
+    offset=st.floats(-2, 2),
+    at=st.tuples(*[st.floats(-2, 2)] * 3),
+)
+def test_the_upright_frame_has_the_floor_at_zero_under_what_was_looked_at(lean, offset, at):
+    normal = rotation.unit(np.array([lean[0], 1.0, lean[1]]))
+    frame = upright_frame(Ground(normal, offset, 1.0), np.array(at))
+    assert np.linalg.det(frame[:3, :3]) == pytest.approx(1.0)
+    origin = np.linalg.inv(frame)[:3, 3]
+    assert origin @ normal == pytest.approx(offset, abs=1e-9)
+    np.testing.assert_allclose(np.cross(origin - at, normal), 0.0, atol=1e-9)
+    np.testing.assert_allclose(frame[:3, :3] @ normal, [0.0, 1.0, 0.0], atol=1e-9)
+
+
+def images_of(vertices, faces, count=10, noise=0.0):
+    """Depth images of a place from all around, in millimetres."""
+    found, random = [], np.random.default_rng(0)
+    for n in range(count):
+        pose = looking(2 * np.pi * n / count, 1.6, tilt=0.5)
+        depth = draw_mesh(Mesh(vertices, faces), CAMERA, pose).depth
+        depth = depth + random.normal(0, noise, depth.shape)
+        millimetres = np.where(np.isfinite(depth), depth * 1000.0, 0.0).astype(np.float32)
+        found.append(KnownImage(millimetres, CAMERA, pose))
+    return found
+
+
+BEFORE = images_of(*ROOM, noise=0.002)
+
+
+@settings(max_examples=15)
+@given(
+    at=st.tuples(*[st.floats(-0.35, 0.35)] * 2),
+    tall=st.floats(0.15, 0.7),
+    seed=st.integers(0, 1000),
+)
+def test_what_is_new_is_the_thing_wherever_it_stands(at, tall, seed):
+    vertices, faces = joined(ROOM, standing(at, (0.25, tall, 0.2), FINE))
+    vertices = vertices + np.random.default_rng(seed).normal(0, 0.001, vertices.shape)
+    found = cut_what_is_new(Mesh(vertices, faces), BEFORE, FLOOR)
+    assert found.parts == 1 and not rims_of(found.mesh.faces)
+    np.testing.assert_allclose(np.ptp(found.mesh.vertices, axis=0), [0.25, tall, 0.2], atol=0.012)
+    sides = 2 * (0.25 + 0.2) * (tall - 0.012) + 0.25 * 0.2
+    assert found.area == pytest.approx(sides, rel=0.06)
+
+
+def test_on_a_table_it_stands_on_the_table():
+    table = joined(ROOM, grid(-0.5, 0.5, -0.4, 0.4, 0.3))
+    before = images_of(*table)
+    thing, at = standing((0.1, 0.0), (0.2, 0.25, 0.2), FINE), np.array([0.0, 0.3, 0.0])
+    vertices, faces = joined(table, (thing[0] + at, thing[1]))
+    found = cut_what_is_new(Mesh(vertices, faces), before, find_ground(Mesh(vertices, faces)))
+    np.testing.assert_allclose(np.ptp(found.mesh.vertices, axis=0), [0.2, 0.25, 0.2], atol=0.005)
+    assert not rims_of(found.mesh.faces)
+
+
+def test_a_thing_that_was_moved_is_kept_where_it_stands_now():
+    there = joined(ROOM, standing((-0.3, 0.1), (0.2, 0.4, 0.2), FINE))
+    now = Mesh(*joined(ROOM, standing((0.25, 0.0), (0.2, 0.4, 0.2), FINE)))
+    found = cut_what_is_new(now, images_of(*there), FLOOR)
+    assert found.parts == 1
+    np.testing.assert_allclose(np.ptp(found.mesh.vertices, axis=0), [0.2, 0.4, 0.2], atol=0.01)
+
+
+def test_where_nothing_is_new_that_is_said():
+    with pytest.raises(InputError, match="nothing stands where there was nothing before"):
+        cut_what_is_new(Mesh(*ROOM), BEFORE, FLOOR)
+    with pytest.raises(InputError, match="nothing stands where there was nothing before"):
+        cut_what_is_new(Mesh(*joined(ROOM, standing((0.0, 0.0)))), [], FLOOR)
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10_000))
+def test_what_was_there_before_is_what_the_slow_twin_says(seed):
+    """The twin walks each ray's pixel by itself, with the camera's own projection."""
+    from enliven.camera import project
+    from enliven.scanning import DepthNoiseModel
+
+    random, noise = np.random.default_rng(seed), DepthNoiseModel()
+    points = random.uniform([-1.2, -0.2, -1.2], [1.2, 1.2, 1.2], (40, 3))
+    slow = []
+    for point in points:
+        seen = through = 0
+        for image in BEFORE:
+            local = (np.linalg.inv(image.world_from_camera) @ [*point, 1.0])[:3]
+            if local[2] < 0.05:
+                continue
+            u, v = np.floor(project(local[None], CAMERA)[0] + 0.5).astype(int)
+            if not (0 <= u < CAMERA.width and 0 <= v < CAMERA.height) or image.depth[v, u] == 0:
+                continue
+            deep = image.depth[v, u] / 1000.0
+            # 12 mm for a camera that is found off, and three deviations of the depth.
+            near = 0.012 + 3 * noise.sigma(deep)
+            seen += bool(local[2] <= deep + near)
+            through += bool(local[2] < deep - near)
+        slow.append(-1 if through < 0.7 * seen else 1 if through >= 2 else 0)
+    found = compared(points, BEFORE)
+    # Rounding may put a point on the other side of a pixel's edge.
+    assert (found != np.array(slow)).sum() <= 1
+    assert not compared(points, []).any()
+
+
+def test_settings_of_the_smallest_thing_hold_for_boxes():
+    tiny = CutOutSettings(least_area=0.5)
+    with pytest.raises(InputError, match="no surface"):
+        cut_by_box(scene(), box((-0.4, 0.0, -0.4), (0.4, 0.3, 0.4)), tiny)

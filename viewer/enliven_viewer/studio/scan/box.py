@@ -1,0 +1,109 @@
+"""The box that an artist drags round what is meant: a handle in the middle of each side moves that side."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_viewer.studio.viewport import Disc, Lens, Line, Point
+from enliven_viewer.theme import ACCENT, Colour
+
+_REACH = 16.0
+"""Pixels from a handle within which it is taken."""
+_RADIUS = 7.0
+"""Pixels of a handle."""
+_THIN = 0.02
+"""Metres of a box's side at least."""
+_ROOM = 0.03
+"""Metres that a first box is wider than what it holds."""
+_ABOUT = 0.8
+"""Metres about the middle of the stage in which a first box looks for the thing."""
+_STANDS = 0.03
+"""Metres above the floor from which on a surface is no floor."""
+_FIRST = np.array([[-0.4, 0.0, -0.4], [0.4, 1.0, 0.4]])
+"""(2, 3) metres of a box where nothing was scanned yet: a chair's."""
+_EDGES = [(a, b) for a, b in product(range(8), range(8)) if a < b and (a ^ b) in (1, 2, 4)]
+"""The twelve pairs of corners that a side joins; corner k is high along the axes of its bits."""
+_FAINT: Colour = (*ACCENT[:3], 0.7)
+
+
+def box_about(points: Float) -> Float:
+    """Returns (2, 3) the corners of a box round what stands about the middle of the stage.
+
+    Args:
+        points: (N, 3) metres on the stage.
+    """
+    near = (np.abs(points[:, [0, 2]]) < _ABOUT).all(1) & (points[:, 1] > _STANDS)
+    if not near.any():
+        return _FIRST.copy()
+    low, high = np.quantile(points[near], [0.02, 0.98], axis=0)
+    return np.array([[low[0] - _ROOM, 0.0, low[2] - _ROOM], high + _ROOM])
+
+
+class DraggedBox:
+    """A box on the stage, and its handles.
+
+    Attributes:
+        corners: (2, 3) metres, the lowest and the highest.
+    """
+
+    def __init__(self) -> None:
+        self.corners: Float = _FIRST.copy()
+        self._held: tuple[int, int] | None = None
+
+    def press(self, at: Point, lens: Lens) -> bool:
+        """The button went down; returns whether it takes a handle."""
+        found = [(away, side) for side, away in self._away(at, lens) if away <= _REACH]
+        self._held = min(found)[1] if found else None
+        return self._held is not None
+
+    def drag(self, at: Point, lens: Lens) -> None:
+        """Moves the held side to where the pointer is nearest to the line on which its handle may go."""
+        if self._held is None:
+            return
+        end, axis = self._held
+        through, eye, way = self._handle(end, axis), lens.view.eye, lens.ray(at)
+        # Of all points on the line the one nearest to the ray.
+        across = np.cross(np.eye(3)[axis], way)
+        square = float(across @ across)
+        if square < 1e-6:
+            return
+        along = float(np.cross(eye - through, way) @ across) / square
+        wanted = float(through[axis]) + along
+        other = float(self.corners[1 - end, axis])
+        self.corners[end, axis] = min(wanted, other - _THIN) if end == 0 else max(wanted, other + _THIN)
+
+    def release(self) -> None:
+        """The button went up."""
+        self._held = None
+
+    def marks(self, lens: Lens) -> tuple[Line | Disc, ...]:
+        """Returns its edges and handles in the viewport's pixels."""
+        corners = np.array([[self.corners[k >> axis & 1, axis] for axis in range(3)] for k in range(8)])
+        lines = []
+        for a, b in _EDGES:
+            ends = tuple(lens.pixels_of(corners[[a, b]]))
+            if len(ends) == 2:
+                lines.append(Line(ends, _FAINT, 2.0))
+        discs = []
+        for end, axis in product((0, 1), range(3)):
+            for at in lens.pixels_of(self._handle(end, axis)[None]):
+                held = self._held == (end, axis)
+                discs.append(Disc(at, _RADIUS * (1.4 if held else 1.0), ACCENT))
+        return (*lines, *discs)
+
+    def _handle(self, end: int, axis: int) -> Float:
+        """Returns (3,) the middle of a side, low (0) or high (1) along an axis."""
+        middle = np.asarray(self.corners.mean(0))
+        middle[axis] = self.corners[end, axis]
+        return middle
+
+    def _away(self, at: Point, lens: Lens) -> list[tuple[tuple[int, int], float]]:
+        """Returns each handle that is before the eye, with its pixels from a place."""
+        found = []
+        for side in product((0, 1), range(3)):
+            for pixel in lens.pixels_of(self._handle(*side)[None]):
+                found.append((side, float(np.hypot(pixel[0] - at[0], pixel[1] - at[1]))))
+        return found

@@ -1,0 +1,166 @@
+"""Naming the five ends of a possessed mesh: where on it a performer's head, hands and feet are."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Int
+from enliven.document import GraphShape, Project
+from enliven.errors import EnlivenError
+from enliven.meshes import Mesh
+from enliven.person import Joint
+from enliven.possession import find_person_in_mesh, standing_figure
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.viewport import Disc, Label, Overlay, Point, surface_at, vertex_hit
+from enliven_viewer.theme import ACCENT, QUIET
+
+END_NAMES = ("Head", "Left hand", "Right hand", "Left foot", "Right foot")
+"""What the ends are of, in their order."""
+_ENDS_OF_FIGURE = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
+_RADIUS = 8.0
+"""Pixels of the radius of a mark."""
+_ASIDE = (14.0, 0.0)
+"""Pixels from a mark to its name."""
+
+
+class EndsTool(Tool):
+    """Drags the marks of head, hands and feet over the surface of the chosen possessed mesh."""
+
+    name, label, key, icon = "ends", "Name ends", "e", "\uf007"
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self._threads: ThreadPoolExecutor | None = None
+        self._mesh: Mesh | None = None
+        self._found: Future[Int] | None = None
+        self._held: tuple[int, int] | None = None
+
+    @property
+    def hint(self) -> str:
+        shape = self.editor.chosen(GraphShape)
+        if shape is None:
+            return "Click a mesh that performers hold, to name its head, hands and feet."
+        if self._held is not None:
+            return f"Let go where the performer's {END_NAMES[self._held[0]].lower()} is to be; Esc drops it."
+        if len(shape.ends):
+            return "Limb drives limb by these ends. Drag one to move it; Delete lets them be found."
+        return "Where head, hands and feet were found: drag a mark where it is wrong."
+
+    @property
+    def marks(self) -> Int:
+        """(5,) the vertices at the ends; none while they are looked for, or nothing is chosen."""
+        shape = self.editor.chosen(GraphShape)
+        if shape is None:
+            return np.empty(0, np.int64)
+        if len(shape.ends):
+            found = cKDTree(shape.mesh.vertices).query(shape.ends)[1].astype(np.int64)
+        else:
+            found = self._suggested(shape.mesh).copy()
+        if self._held is not None and len(found):
+            found[self._held[0]] = self._held[1]
+        return np.asarray(found)
+
+    def hover(self, pointer: Pointer) -> None:
+        """Nothing but the marks is taken."""
+
+    def press(self, pointer: Pointer) -> bool:
+        shape, self.editor.playing = self.editor.chosen(GraphShape), False
+        if shape is not None and len(marks := self.marks):
+            apart = np.linalg.norm(self._pixels(shape.id, marks) - np.array(pointer.at), axis=1)
+            if apart.min() <= max(self.editor.settings.reach, _RADIUS):
+                end = int(apart.argmin())
+                self._held = end, int(marks[end])
+                return True
+        hit = self.character_at(pointer)
+        if hit is not None and hit.character != self.editor.selection.character:
+            self.editor.choose(hit.character)
+        return False
+
+    def drag(self, pointer: Pointer) -> None:
+        shape = self.editor.chosen(GraphShape)
+        if self._held is None or shape is None:
+            return
+        posed, lens = self.editor.posed(shape.id), self.editor.lens
+        hit = surface_at([posed], lens, pointer.at)
+        if hit is not None:
+            place = lens.view.eye + hit.depth * lens.ray(pointer.at)
+            self._held = self._held[0], vertex_hit(posed.vertices, shape.mesh.faces[hit.face], place)
+
+    def release(self, pointer: Pointer) -> None:
+        shape, held, marks = self.editor.chosen(GraphShape), self._held, self.marks
+        self._held = None
+        if shape is not None and held is not None:
+            self._name(shape, shape.mesh.vertices[marks], f"name the {END_NAMES[held[0]].lower()}")
+
+    def type(self, key: str) -> bool:
+        shape = self.editor.chosen(GraphShape)
+        if key not in ("delete", "backspace") or shape is None or not len(shape.ends):
+            return False
+        self._name(shape, np.empty((0, 3)), "find the ends")
+        return True
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._held = None
+
+    def overlay(self) -> Overlay:
+        shape, marks = self.editor.chosen(GraphShape), self.marks
+        if shape is None or not len(marks):
+            return Overlay()
+        colour = ACCENT if len(shape.ends) else QUIET
+        shown: list[Disc | Label] = []
+        for number, (at, word) in enumerate(zip(self._pixels(shape.id, marks), END_NAMES, strict=True)):
+            if not np.isfinite(at).all():
+                continue
+            held = self._held is not None and self._held[0] == number
+            place: Point = (float(at[0]), float(at[1]))
+            shown += [Disc(place, _RADIUS, colour), Disc(place, _RADIUS, _RING, 3.0 if held else 1.5)]
+            shown.append(Label((place[0] + _ASIDE[0], place[1] + _ASIDE[1]), word, _RING))
+        return Overlay(tuple(shown))
+
+    def wait(self) -> None:
+        """Until the ends are found: for sessions without a window."""
+        if self._found is not None:
+            self._found.result()
+
+    def _pixels(self, character: str, vertices: Int) -> Float:
+        """(5, 2) pixels of vertices as the character stands now."""
+        return self.editor.lens.project(self.editor.posed(character).vertices[vertices])[0]
+
+    def _suggested(self, mesh: Mesh) -> Int:
+        """The vertices at the ends that the mesh itself tells; none while they are looked for."""
+        if self._mesh is not mesh:
+            self._mesh = mesh
+            self._threads = self._threads or ThreadPoolExecutor(1, "suggested ends")
+            self._found = self._threads.submit(suggested_ends, mesh)
+        found = self._found
+        return found.result() if found is not None and found.done() else np.empty(0, np.int64)
+
+    def _name(self, shape: GraphShape, ends: Float, told: str) -> None:
+        def named(project: Project) -> Project:
+            return project.with_characters(shape.with_changes(ends=ends))
+
+        self.editor.edit(told, named)
+
+
+_RING = (1.0, 1.0, 1.0, 0.9)
+"""Rings and names: readable on every mesh."""
+
+
+def suggested_ends(mesh: Mesh) -> Int:
+    """Returns (5,) the vertices at the ends of a mesh's head, hands and feet, of a figure in it otherwise."""
+    try:
+        person = find_person_in_mesh(mesh)
+    except EnlivenError:  # a mesh without area
+        person = None
+    if person is not None:
+        ends = person.ends
+    else:
+        low, high = mesh.bounds
+        foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+        ends = standing_figure(float(high[1] - low[1]))[_ENDS_OF_FIGURE] + foot
+    return np.asarray(cKDTree(mesh.vertices).query(ends)[1], np.int64)
