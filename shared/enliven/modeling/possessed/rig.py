@@ -75,9 +75,11 @@ class GraphRig(RigEdits):
             for part in shape.parts
         )
         mesh = replace(shape.mesh, vertices=larger(shape.mesh.vertices))
+        ends = larger(shape.ends)
         over = tuple(replace(layer, size=layer.size * factor) for layer in shape.over)
-        positions, ends = larger(shape.positions), larger(shape.ends)
-        return shape.with_changes(positions=positions, mesh=mesh, parts=parts, over=over, ends=ends)
+        return shape.with_changes(
+            positions=larger(shape.positions), mesh=mesh, parts=parts, over=over, ends=ends
+        )
 
     def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
         """Rest and motion alike."""
@@ -95,6 +97,8 @@ class GraphRig(RigEdits):
             parts.append(replace(part, turn=turn, axes=rest, place=place, mirrored=flipped, ride=ride))
         mesh = moved_mesh(shape.mesh, centre, axes, centre)
         positions = centre + axes.vectors(shape.positions - centre)
+        ends = centre + axes.vectors(shape.ends - centre)
+        ends = ends[_OTHER_SIDE] if len(ends) else ends
         over = tuple(
             replace(
                 layer,
@@ -103,8 +107,6 @@ class GraphRig(RigEdits):
             )
             for layer in shape.over
         )
-        ends = centre + axes.vectors(shape.ends - centre)
-        ends = ends[_OTHER_SIDE] if len(ends) else ends
         return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), over=over, ends=ends)
 
     def as_graph(
