@@ -5,8 +5,10 @@ Prints what was done as JSON; with a folder as second argument it leaves picture
 
 from __future__ import annotations
 
+import itertools
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +21,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from made_acting_stage import NEEDS, acting_stage, ready_for
 
 from enliven_viewer.studio.actions import KEYS, Action
+from enliven_viewer.studio.picture.viewport import Viewport
 from enliven_viewer.studio.window import StudioWindow
 
 said: dict[str, object] = {"done": False, "menu": [], "keys": [], "refused": {}, "complaints": []}
 wanted: list[str] = []
+SELDOM = 12
+"""Pictures of the window for one in which its 3-D picture is drawn anew, while menus and keys are tried."""
 
 
 def without_stage(workspace: Any) -> list[Action]:
@@ -33,7 +38,8 @@ def without_stage(workspace: Any) -> list[Action]:
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Every action, from its menu and by its key; then the palette, other keys, and the list of steps."""
     workspace = window.workspace
-    workspace.editor.show_meshes = False  # a picture is drawn for each of a thousand frames
+    workspace.editor.show_meshes = False  # there are thousands of pictures
+    always = drawn_seldom()
     for name, way in (("menu", by_menu), ("keys", by_key)):
         for action in without_stage(workspace):
             if name == "keys" and not action.keys:
@@ -55,12 +61,25 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
             workspace.ended = False
             workspace.editor.beside.finish()
     workspace.editor.show_meshes = True
+    always()
     greyed(ctx, window)
     palette(ctx, window)
     keys(ctx, window)
     history(ctx, window)
     said["done"] = True
     workspace.store.forget()
+
+
+def drawn_seldom() -> Callable[[], None]:
+    """Draws the 3-D picture once in a while, until what is returned is called."""
+    draw, count = Viewport.draw, itertools.count()
+
+    def seldom(self: Viewport, *args: Any, **how: Any) -> None:
+        if next(count) % SELDOM == 0:
+            draw(self, *args, **how)
+
+    Viewport.draw = seldom  # type: ignore[method-assign]
+    return lambda: setattr(Viewport, "draw", draw)
 
 
 def by_menu(ctx: imgui.test_engine.TestContext, action: Action) -> None:

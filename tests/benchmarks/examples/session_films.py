@@ -3,6 +3,7 @@
     make session-films                      all of them, into out/sessions
     make session-films ONLY="squid"         some of them
     python tests/benchmarks/examples/session_films.py --check     without window and film, as fast as it goes
+    python tests/benchmarks/examples/session_films.py --small possessed     plainer, to try a session
 
 Every motion and every part is made here: parts are sketched, motions are the studio's library.
 """
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +49,7 @@ from studio_driver import (
 )
 
 from enliven.arrays import Float
+from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -56,6 +59,8 @@ Actions = Iterator[Action]
 SIZE = StudioSettings(width=1200, height=740)
 LARGE = StudioSettings(width=1360, height=820)
 """Of sessions with a puppet: the performer is shown beside it."""
+_PLAIN = RenderSettings(shadow_size=64, contact_size=32, samples=1)
+"""Shadows and edges of pictures that are looked at for what happens alone."""
 
 
 def outline(points: Float, at: tuple[float, float] = (0.0, 0.0), turned: float = 0.0) -> tuple[Place, ...]:
@@ -320,7 +325,9 @@ def main(arguments: list[str]) -> int:
         return _under_xvfb(arguments)
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
-            workspace = Workspace.new(Editor(SIZE if name in SESSIONS else LARGE), Path(folder) / "recovery")
+            how = SIZE if name in SESSIONS else LARGE
+            how = replace(how, render=_PLAIN) if "--small" in arguments else how
+            workspace = Workspace.new(Editor(how), Path(folder) / "recovery")
             made = SESSIONS[name]() if name in SESSIONS else FILMED[name](workspace, Path(folder))
             actions = list(made) if name in SESSIONS else made
             if check:

@@ -14,7 +14,7 @@ import numpy as np
 from made_performer import write_performer
 from real_edge import RealEdge
 from session_interleaved import PACE, joined, recorded, until
-from studio_driver import Action, Click, Do, Drag, Key, OnPuppet, Say, Spot, Wait, Widget
+from studio_driver import Action, Click, Do, Drag, Key, Name, OnPuppet, Say, Spot, Wait, Widget
 
 from enliven.arrays import Float
 from enliven.document import GraphShape
@@ -95,13 +95,16 @@ def _seated(workspace: Workspace) -> Actions:
     level, depth = low[1] + _SEAT, (low[2] + high[2]) / 2
     yield Drag((Spot(high[0] + 0.15, level, depth), Spot(low[0] - 0.15, level, depth)), 0.4)
     yield from until(lambda: len(editor.project.characters) > 2, "the cut")
-    back = list(editor.project.characters)[-1]
-    if extent(editor, back)[0][1] < extent(editor, "chair")[0][1]:
-        raise AssertionError("the seat was cut off the back, and not the back off the seat")
+    pieces = [name for name in editor.project.characters if name != "cactus"]
+    seat, back = sorted(pieces, key=lambda name: float(extent(editor, name)[0][1]))
     yield Wait(0.8)
     yield Key("q")
     yield Click(Widget(f"character {back}"))
     yield Key("delete")
+    if seat != "chair":
+        yield Click(Widget(f"character {seat}"))
+        yield Name("chair")
+        yield Key("q")
     yield Say("...and give it a cactus instead")
     yield Key("3")
     yield Key("f")

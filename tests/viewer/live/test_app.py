@@ -15,7 +15,7 @@ import typer
 from typer.testing import CliRunner
 
 from enliven.errors import InputError, ResourceError
-from enliven_viewer.commands.view import _address, view
+from enliven_viewer.commands.view import _addresses, view
 from enliven_viewer.doctor import checks
 from enliven_viewer.settings import ViewerSettings, sized
 
@@ -94,10 +94,14 @@ def test_a_size_that_is_none_is_said(text: str) -> None:
 
 def test_sizes_and_addresses() -> None:
     assert (sized(ViewerSettings(), "640 x 360").width, sized(ViewerSettings(), None).width) == (640, 1280)
-    assert _address("10.0.0.2", None, None) == "10.0.0.2:5580:5581"
-    assert _address("10.0.0.2:7000", None, None) == "10.0.0.2:7000:7001"
-    assert _address("10.0.0.2:7000", 8000, 9000) == "10.0.0.2:8000:9000"
-    assert _address("10.0.0.2", 8000, None) == "10.0.0.2:8000:8001"
+    assert _addresses(["10.0.0.2"], None, None) == ["10.0.0.2:5580:5581"]
+    assert _addresses(["10.0.0.2:7000"], None, None) == ["10.0.0.2:7000:7001"]
+    assert _addresses(["10.0.0.2:7000"], 8000, 9000) == ["10.0.0.2:8000:9000"]
+    assert _addresses(["10.0.0.2"], 8000, None) == ["10.0.0.2:8000:8001"]
+    several = _addresses(["10.0.0.2", "10.0.0.3:7000"], None, None)
+    assert several == ["10.0.0.2:5580:5581", "10.0.0.3:7000:7001"]
+    with pytest.raises(InputError, match="several edges"):
+        _addresses(["10.0.0.2", "10.0.0.3"], 8000, None)
 
 
 def test_the_doctor_looks_at_what_the_viewer_needs() -> None:

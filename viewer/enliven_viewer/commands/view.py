@@ -21,7 +21,10 @@ LOCAL = "127.0.0.1"
 
 def view(
     take: Annotated[Path | None, typer.Argument(help="Play this take instead of following an edge.")] = None,
-    edge: Annotated[str, typer.Option(help="Where the edge is: HOST, or HOST:PORT.")] = LOCAL,
+    edge: Annotated[
+        list[str] | None,
+        typer.Option(help=f"Where an edge is: HOST, or HOST:PORT; again for others. Default {LOCAL}."),
+    ] = None,
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="Port of the edge's poses.")] = None,
     control_port: Annotated[
         int | None, typer.Option(min=1, max=65535, help="Port of its commands; one on by itself.")
@@ -44,6 +47,7 @@ def view(
     \b
       enliven view                                 the edge on this machine, in a window
       enliven view --edge 192.168.1.20             an edge on the network
+      enliven view --edge 10.0.0.5 --edge 10.0.0.6 two of them, beside one another
       enliven view TAKE.mcap                       play a take: space, arrows, drag the timeline
       enliven view --fullscreen --no-hud           an installation: the picture alone
       enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream
@@ -63,12 +67,12 @@ def view(
             where="enliven view",
             mend="Render without one: enliven view --film out.mp4 --sheet out.png",
         )
-    address = _address(edge, port, control_port)
+    addresses = _addresses(edge or [LOCAL], port, control_port)
     with terminate_as_interrupt():
         if filming:
-            _film(take, address, film, sheet, chosen, seconds, hud)
+            _film(take, addresses, film, sheet, chosen, seconds, hud)
         else:
-            _window(take, address, chosen, seconds, WindowStart(_title(take), not hud, fullscreen, True))
+            _window(take, addresses, chosen, seconds, WindowStart(_title(take), not hud, fullscreen, True))
 
 
 _OTHERS = {
@@ -89,7 +93,7 @@ def _need_take(take: Path | None) -> None:
 
 def _film(
     take: Path | None,
-    address: str,
+    addresses: list[str],
     film: Path | None,
     sheet: Path | None,
     settings: ViewerSettings,
@@ -100,7 +104,7 @@ def _film(
     from enliven_viewer.film import make_film
     from enliven_viewer.playback import Document, Timeline
 
-    feed = _feed(take, address)
+    feed = _feed(take, addresses)
     document = Document(Timeline(settings.playback, bounded=False))
     with contextlib.closing(feed):
         made = make_film(
@@ -111,7 +115,11 @@ def _film(
 
 
 def _window(
-    take: Path | None, address: str, settings: ViewerSettings, seconds: float | None, opening: WindowStart
+    take: Path | None,
+    addresses: list[str],
+    settings: ViewerSettings,
+    seconds: float | None,
+    opening: WindowStart,
 ) -> None:
     """Opens the window in its Play workspace."""
     from enliven_viewer.studio import StudioSettings, StudioWindow
@@ -124,7 +132,8 @@ def _window(
     if take is not None:
         workspace.perform.follow_take(take, settings.playback)
     else:
-        workspace.perform.connect(address, settings.playback)
+        for address in addresses:
+            workspace.perform.join(address, settings.playback)
     StudioWindow(workspace, opening=opening).run(seconds=seconds)
 
 
@@ -132,22 +141,29 @@ def _title(take: Path | None) -> str:
     return f"enliven · {take.name}" if take else "enliven"
 
 
-def _feed(take: Path | None, address: str):  # type: ignore[no-untyped-def]
-    """The take's feed, or the edge's."""
+def _feed(take: Path | None, addresses: list[str]):  # type: ignore[no-untyped-def]
+    """The take's feed, or the edges'."""
     if take is not None:
         from enliven_viewer.link import TakeFeed
 
         return TakeFeed(take)
     from enliven_viewer.link import EdgeClient, EdgeFeed
 
-    return EdgeFeed(EdgeClient([address]))
+    return EdgeFeed(EdgeClient(addresses))
 
 
-def _address(edge: str, port: int | None, control_port: int | None) -> str:
-    """HOST[:PORT[:CONTROL_PORT]] of the options; ports of their own go before those in ``edge``."""
+def _addresses(edges: list[str], port: int | None, control_port: int | None) -> list[str]:
+    """HOST[:PORT[:CONTROL_PORT]] of the options; ports of their own go before those in ``edges``.
+
+    Raises:
+        InputError: for an address that is none, or ports of their own for several edges.
+    """
     from enliven.wire import Endpoint, parse_endpoint
 
-    found = parse_endpoint(edge)
+    if len(edges) > 1 and (port or control_port):
+        what, mend = "one port cannot be that of several edges", "Give each its own: --edge HOST:PORT."
+        raise InputError(what, where="--port", mend=mend)
+    found = parse_endpoint(edges[0])
     pose = port or found.pose_port
     control = control_port or (pose + 1 if port else found.control_port)
-    return str(Endpoint(found.host, pose, control))
+    return [str(Endpoint(found.host, pose, control)), *(str(parse_endpoint(one)) for one in edges[1:])]

@@ -44,7 +44,8 @@ class EdgeClient:
             for received in link.take(POSE):
                 show(link.characters[received.pose.character], received.pose)
 
-    With several edges a character's id is "edge/id" here, with one it is the id that the edge gave it.
+    With several edges a character's id is "edge/id" here; with one it is the id that the edge gave it, unless
+    it is to be ``prefixed`` too.
 
     Making one compiles the decoder of poses, which takes some seconds the first time on a machine.
 
@@ -59,7 +60,13 @@ class EdgeClient:
         InputError: for an address that is none, or no address at all.
     """
 
-    def __init__(self, endpoints: Sequence[str | Endpoint] = (Endpoint(),), name: str = "viewer") -> None:
+    def __init__(
+        self,
+        endpoints: Sequence[str | Endpoint] = (Endpoint(),),
+        name: str = "viewer",
+        *,
+        prefixed: bool = False,
+    ) -> None:
         found = [parse_endpoint(e) if isinstance(e, str) else e for e in endpoints]
         found = list(dict.fromkeys(found))
         if not found:
@@ -69,7 +76,7 @@ class EdgeClient:
         self._context: zmq.Context[Any] = zmq.Context()
         self._notices: deque[Notice] = deque(maxlen=200)
         self._heard: dict[tuple[str, int], tuple[float, float]] = {}
-        several = len(found) > 1
+        self._prefixed = several = prefixed or len(found) > 1
         warm_up()
 
         def label(edge: str, character: str) -> str:
@@ -139,7 +146,7 @@ class EdgeClient:
             return
         for edge in self.edges:
             if character in edge.held:
-                prefix = "" if len(self.edges) == 1 else f"{edge.name}/"
+                prefix = f"{edge.name}/" if self._prefixed else ""
                 own = msgspec.structs.replace(order, character=character.removeprefix(prefix))
                 edge.command(own, on_reply)
                 return

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 from enliven.document import Project
 from enliven.errors import InputError
 from enliven.modeling.edits import alternatives_of, choose_take
-from enliven.takes import with_performed
+from enliven.takes import Performed, with_performed
 from enliven_viewer.live import LiveStage
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform.guests import Guest
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 
 _COUNT = 3.0
@@ -35,6 +36,7 @@ class StageRecording:
         connected: whether an edge is heard.
         may: says what is lacking, as a text that is not empty, and returns whether nothing is.
         lacks: why nothing can be asked of the edge; empty where it can.
+        guests: other edges that are recorded as well, each by its own clock.
 
     Attributes:
         recorder: hears everything that arrives.
@@ -52,6 +54,7 @@ class StageRecording:
         connected: Callable[[], bool],
         may: Callable[[str], bool],
         lacks: Callable[[], str],
+        guests: Sequence[Guest] = (),
     ) -> None:
         self.editor = editor
         self.recorder = LiveRecorder()
@@ -61,6 +64,7 @@ class StageRecording:
         self.loops = False
         self._beside = ""
         self._live, self._connected, self._may, self._lacks = live, connected, may, lacks
+        self._guests = guests
         self._left = self._silent = self._start = 0.0
 
     def advance(self, seconds: float) -> None:
@@ -71,17 +75,23 @@ class StageRecording:
                 self._begin()
         elif self.phase == "recording":
             # What plays keeps step with the sensor's clock, however many pictures a second there are.
-            self.editor.growing = self.editor.time = self._start + self.recorder.seconds
-            self._silent = 0.0 if self._connected() else self._silent + seconds
+            self.editor.growing = self.editor.time = self._start + self.seconds
+            heard = self._connected() or any(guest.connected for guest in self._guests)
+            self._silent = 0.0 if heard else self._silent + seconds
             if self.hold_still and self.recorder.still > self.hold_still:
                 self.stop(self.recorder.stillness.since_ns)
-            elif self.span is not None and self.recorder.seconds >= self.span[1] - self._start:
+            elif self.span is not None and self.seconds >= self.span[1] - self._start:
                 self._span_ended(self.span)
-            elif self.recorder.cut or self._silent > _GONE:
+            elif (self.recorder.cut and not self._guests) or self._silent > _GONE:
                 self.stop()
                 self.editor.toasts.say(
                     "The edge is gone, so the recording ended", "What was done until then is kept."
                 )
+
+    @property
+    def seconds(self) -> float:
+        """Seconds that are recorded so far, by the clock of the edge that goes on longest."""
+        return max(one.seconds for one in (self.recorder, *(guest.recorder for guest in self._guests)))
 
     @property
     def counted(self) -> int:
@@ -126,7 +136,7 @@ class StageRecording:
                 self._beside = alternatives if alternatives != self.recorded else ""
                 self.editor.undo()
         elif self.phase == "recording":
-            self.recorder.end()
+            self._ended()
             self.editor.growing = 0.0
         self.phase = "idle"
         self.editor.scrub(self._start)
@@ -164,14 +174,19 @@ class StageRecording:
                 self.editor.undo()
             return
         editor = self.editor
-        performed, start = self.recorder.end(), self._start
-        performed = performed if until_ns is None else performed.until(until_ns)
-        begin, replaces = performed.since_ns - round(start * 1e9), self.replaces
+        (performed, *others), start, replaces = self._ended(), self._start, self.replaces
+        if until_ns is not None:
+            others = [one.until(one.since_ns + until_ns - performed.since_ns) for one in others]
+            performed = performed.until(until_ns)
         editor.growing, editor.playing = 0.0, False
         made: list[str] = []
 
         def change(project: Project) -> Project:
-            after, names = with_performed(project, performed, begin, replaces=replaces, beside=beside)
+            after, names = project, list[str]()
+            for one in (performed, *others):
+                begin = one.since_ns - round(start * 1e9)
+                after, new = with_performed(after, one, begin, replaces=replaces, beside=beside)
+                names += new
             if not names:
                 what, mend = "nothing moved", "Step in front of the sensor, or take hold of a character."
                 raise InputError(what, where="recording", mend=mend)
@@ -185,6 +200,10 @@ class StageRecording:
             )
             editor.scrub(start)
             editor.playing = True
+
+    def _ended(self) -> list[Performed]:
+        """What the recorders have, the led edge's first; nothing more is recorded."""
+        return [one.end() for one in (self.recorder, *(g.recorder for g in self._guests)) if one.recording]
 
     def _span_ended(self, span: tuple[float, float]) -> None:
         """Keep what was recorded of the span; where it loops, the next one begins at once."""
@@ -202,7 +221,10 @@ class StageRecording:
         self.phase, self._silent = "recording", 0.0
         usual = editor.time if editor.time < editor.length - _SHORTEST else 0.0
         self._start = editor.growing = usual if self.span is None else self.span[0]
-        self.recorder.begin(self._name(), self._delay_ns())
+        name = self._name()
+        self.recorder.begin(name, self._delay_ns())
+        for guest in self._guests:
+            guest.recorder.begin(name, guest.delay_ns)
         editor.time, editor.playing = self._start, True
         live.playhead.go_live()
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from enliven.errors import EnlivenError
-from enliven.wire import CALLS, Topic
+from enliven.errors import EnlivenError, InputError
+from enliven.wire import CALLS, Topic, parse_endpoint
 from enliven_viewer.link import EdgeClient, EdgeFeed, StageLink, TakeFeed
 from enliven_viewer.live import LiveStage
 from enliven_viewer.playback import Document, Timeline
@@ -14,6 +14,7 @@ from enliven_viewer.render import Scene
 from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.addresses import Addresses
+from enliven_viewer.studio.perform.guests import Guest, together
 from enliven_viewer.studio.perform.holders import Holder
 from enliven_viewer.studio.perform.nearby import NearbyEdge
 from enliven_viewer.studio.perform.recorder import LiveRecorder
@@ -38,6 +39,7 @@ class PerformSession:
         scene: what is live, as it is shown beside the project's characters; None without a link.
         there: the character that was chosen in the list of those on the stage, if it is not the project's.
         recording: from the stage onto the timeline.
+        guests: other edges, which are seen and recorded as well.
         address: what is typed into the field.
     """
 
@@ -49,8 +51,9 @@ class PerformSession:
         self.scene: Scene | None = None
         self.there = ""
         self._twins = Twins(editor)
+        self.guests: list[Guest] = []
         self.recording = StageRecording(
-            *(editor, lambda: self.live, lambda: self.connected, self._may, self.lacks_edge)
+            *(editor, lambda: self.live, lambda: self.connected, self._may, self.lacks_edge), self.guests
         )
         self.sender = StageSender(editor.toasts.say)
         self.address = ""
@@ -72,6 +75,40 @@ class PerformSession:
         feed.heard, feed.restarted = self._heard, self._began_again
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
         self.addresses.remember(address.strip())
+
+    def join(self, address: str, settings: PlaybackSettings | None = None) -> None:
+        """Follow one edge more: who performs there is seen, and recorded, beside the others.
+
+        Raises:
+            InputError: where that is no address, or is followed already.
+        """
+        wanted = address.strip()
+        if self._client is None:
+            self.connect(wanted, settings)
+            return
+        known = [self._client.edges[0].endpoint, *(parse_endpoint(one.address) for one in self.guests)]
+        if parse_endpoint(wanted) in known:
+            mend = "Give the address of another camera's computer."
+            raise InputError("that stage is here already", where=wanted, mend=mend)
+        self.guests.append(Guest(wanted, len(self.guests) + 1, settings))
+        self.addresses.remember(wanted)
+
+    def lead(self, guest: Guest, settings: PlaybackSettings | None = None) -> None:
+        """Let orders, and characters that are put on a stage, go to another of the edges."""
+        if self._client is None:
+            return
+        before, others = (
+            str(self._client.edges[0].endpoint),
+            [o.address for o in self.guests if o is not guest],
+        )
+        self.connect(guest.address, settings)
+        for address in (before, *others):
+            self.join(address, settings)
+
+    def part(self, guest: Guest) -> None:
+        """Let one of the other edges go; what was recorded of it until now is kept with the recording."""
+        guest.close()
+        self.guests.remove(guest)
 
     def connect_nearby(self, *words: str) -> None:
         """Start an edge on this machine and follow it; ``words`` are of its command line.
@@ -99,6 +136,9 @@ class PerformSession:
     def disconnect(self) -> None:
         """Let the edge go; what was recorded until now is kept."""
         self.recording.stop()
+        for guest in self.guests:
+            guest.close()
+        self.guests.clear()
         if self.live is not None:
             self.live.close()
         if self._nearby is not None:
@@ -132,7 +172,9 @@ class PerformSession:
     @property
     def holders(self) -> tuple[Holder, ...]:
         """Who holds what now."""
-        return self.recording.recorder.holders.now if self.connected else ()
+        own = self.recording.recorder.holders.now if self.connected else ()
+        beside = (one for guest in self.guests if guest.connected for one in guest.recorder.holders.now)
+        return (*own, *beside)
 
     @property
     def performers(self) -> tuple[int, ...]:
@@ -145,7 +187,8 @@ class PerformSession:
         if self.live is None:
             return ()
         people = (f"Performer {body}" for body in self.performers)
-        return (*people, *self.standing) or ("No one is there yet",)
+        beside = (line for guest in self.guests for line in guest.present)
+        return (*people, *self.standing, *beside) or ("No one is there yet",)
 
     @property
     def standing(self) -> tuple[str, ...]:
@@ -171,6 +214,8 @@ class PerformSession:
             return
         self.live.meant, self.live.held = self.meant, {one.character for one in self.holders}
         self.live.advance(seconds)
+        for guest in self.guests:
+            guest.advance(seconds)
         self.live.report_view(self.editor.lens.view)
         self._watch_edge()
         if self._client is not None:
@@ -182,7 +227,7 @@ class PerformSession:
         performs = self.room in ("Perform", "Play")
         heard = self.recording.phase != "idle" or not self.editor.playing
         telling = Telling(performs and self.connected, heard, self.recording.replaces, self.live.held)
-        self.scene = self._twins.shown(self.live.scene, telling)
+        self.scene = together(self._twins.shown(self.live.scene, telling), self.guests)
         self.editor.beside_box = self.scene.box
         if performs and self.live.present != self._framed and self.live.scene.box:
             self.editor.frame_all(at_once=not self._framed, reset=not self._framed)

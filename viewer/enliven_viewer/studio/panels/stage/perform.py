@@ -92,6 +92,8 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.button("Leave the stage", _WHOLE):
             perform.disconnect()
         workspace.remember("leave")
+        if perform.client is not None:
+            _guests(workspace, perform)
         return
     quiet("Where a camera stands: the address of its computer. Or let somebody recorded perform here.")
     imgui.set_next_item_width(-1)
@@ -117,6 +119,29 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
     workspace.remember("made-up person")
     told("A figure that waves and walks, for trying things out")
+
+
+def _guests(workspace: Workspace, perform: PerformSession) -> None:
+    """The other edges, and a field for one more."""
+    for number, guest in enumerate(list(perform.guests)):
+        state = "connected" if guest.connected else "silent"
+        imgui.text_unformatted(f"{guest.name}: {state}")
+        if imgui.small_button(f"Lead##{number}"):
+            perform.lead(guest)
+        workspace.remember(f"lead {number}")
+        told("What you put on a stage, and what you ask for, goes there from then on")
+        imgui.same_line()
+        if imgui.small_button(f"Leave##{number}"):
+            perform.part(guest)
+        workspace.remember(f"part {number}")
+    imgui.set_next_item_width(-1)
+    entered, workspace.perform.address = imgui.input_text_with_hint(
+        "##beside", "another camera's address", perform.address, imgui.InputTextFlags_.enter_returns_true
+    )
+    workspace.remember("beside address")
+    if entered and perform.address:
+        workspace.attempt(lambda: perform.join(perform.address))
+        workspace.perform.address = ""
 
 
 def _recording(workspace: Workspace, recording: StageRecording) -> None:

@@ -1,0 +1,82 @@
+"""Several edges in one window: seen beside one another, recorded as one, one goes on without the other."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from patience import PATIENCE
+
+from enliven.errors import InputError
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform.guests import APART
+from enliven_viewer.studio.perform.session import PerformSession
+
+EDGE = Path(__file__).parents[2] / "system" / "staged_edge.py"
+
+
+def started(name: str, folder: Path) -> tuple[subprocess.Popen[str], str]:
+    """An edge with a performer in a chair, and its address."""
+    folder.mkdir()
+    edge = subprocess.Popen(
+        [sys.executable, str(EDGE), name, str(folder), "100"], stdout=subprocess.PIPE, text=True
+    )
+    assert edge.stdout is not None
+    return edge, ":".join(["127.0.0.1", *edge.stdout.readline().split()])
+
+
+@pytest.fixture
+def two(tmp_path: Path):  # type: ignore[no-untyped-def]
+    """A session that follows two real edges, and the process of the first."""
+    stamp = time.time_ns()
+    edges = [started(f"{name}-{stamp}", tmp_path / name) for name in ("left", "right")]
+    session = PerformSession(Editor(), tmp_path)
+    session.room = "Perform"
+    session.recording.count_in = False
+    for _, address in edges:
+        session.join(address)
+    yield session, edges
+    session.disconnect()
+    for edge, _ in edges:
+        edge.kill()
+        edge.wait()
+
+
+def until(session: PerformSession, done: Callable[[], object]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < end
+        session.advance(0.01)
+        time.sleep(0.01)
+
+
+def test_two_edges_are_seen_and_recorded_and_one_goes_on_alone(two) -> None:
+    session, edges = two
+    with pytest.raises(InputError, match="here already"):
+        session.join(edges[1][1])
+    (guest,) = session.guests
+    until(session, lambda: session.performers and guest.performers and len(session.holders) == 2)
+    until(session, lambda: session.scene is not None and len(session.scene.actors) == 2)
+    shown = session.scene
+    assert {body.id for body in shown.bodies} == {1, 1 + APART}
+    assert {actor.character.id for actor in shown.actors} == {"chair", f"{guest.name}/chair"}
+    assert f"Performer 1 at {guest.name}" in session.present
+    session.recording.record()
+    until(session, lambda: session.recording.seconds > 0.3)
+    edges[0][0].kill()
+    reached = session.recording.recorder.seconds
+    until(session, lambda: not session.connected)
+    until(session, lambda: session.recording.seconds > reached + 1.0)
+    assert session.recording.phase == "recording" and guest.connected
+    session.recording.stop()
+    project = session.editor.project
+    assert set(project.graphs) == {"chair", f"{guest.name}/chair"}
+    lasts = [project.end_of(one) for one in project.graphs.values()]
+    assert lasts[1] > lasts[0] + 0.5, "the second one was recorded to the end"
+    assert len(session.editor.history.names) == 1, "one edit"
+    session.part(guest)
+    assert session.guests == []
