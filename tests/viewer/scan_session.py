@@ -59,18 +59,6 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
                     ctx.yield_()
         until(done, name)
 
-    def drag(side: list[float], way: list[float]) -> None:
-        """Drag the middle of a side of the box, which lies along ``side``, by ``way`` metres."""
-        corners, area = scan.box.corners, window.places.viewport
-        middle = corners.mean(0) + np.array(side) * np.ptp(corners, axis=0) / 2
-        ends = editor.lens.pixels_of(np.array([middle, middle + way]))
-        ctx.mouse_move_to_pos(ImVec2(area.x + ends[0][0], area.y + ends[0][1]))
-        ctx.mouse_down(0)
-        ctx.yield_()
-        ctx.mouse_move_to_pos(ImVec2(area.x + ends[1][0], area.y + ends[1][1]))
-        ctx.mouse_up(0)
-        ctx.yield_()
-
     def shot(name: str) -> None:
         ctx.yield_(2)
         wanted.append(name)
@@ -117,15 +105,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     fused = scan.said.fused
     workspace.actions.do("scan.again")
     until(lambda: scan.said.phase == "scanning" and scan.said.fused > fused + 5, "more of the same thing")
-    press("scan keep box", lambda: scan.boxed)
-    before = scan.box.corners.copy()
-    drag([0.0, 1.0, 0.0], [0.0, -0.3, 0.0])
-    said["dragged"] = (scan.box.corners - before).round(3).tolist()
-    shot("box")
     workspace.actions.do("scan.done")
     until(lambda: editor.history.undo_name == "add to the scan scan", "the second making")
-    high = float(np.ptp(editor.project.characters["scan"].mesh.vertices[:, 1]))
-    said["boxed"] = [round(high, 2), round(float(scan.box.corners[1, 1]), 2)]
     said["again"] = [sorted(editor.project.characters), scan.said.fused > fused + 5]
     said["done"] = True
     workspace.store.forget()

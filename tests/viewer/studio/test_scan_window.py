@@ -53,9 +53,6 @@ def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Pa
     assert 2000 < faces <= 50_000 and 0.4 < tall < 1.3 and wide < 0.9 and deep < 0.9
     assert said["chosen"] == ["scan", "scan scan", True], "one edit, chosen, with its colours"
     assert said["undone edit"] == []
-    moved = np.array(said["dragged"])
-    assert moved[1, 1] == pytest.approx(-0.3, abs=0.03) and np.abs(moved).sum() == abs(moved[1, 1])
-    assert said["boxed"][0] == pytest.approx(said["boxed"][1], abs=0.06), "it is cut off at the box's top"
     assert said["again"] == [["scan"], True], "the same character, of more pictures"
 
 
