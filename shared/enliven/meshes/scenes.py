@@ -16,6 +16,11 @@ from enliven.errors import InputError
 from enliven.files import Beside
 from enliven.meshes.mesh import Mesh
 
+_VERTICES = 34962
+"""ARRAY_BUFFER of OpenGL, by which a glTF names a buffer of vertices."""
+_INDICES = 34963
+"""ELEMENT_ARRAY_BUFFER of OpenGL, by which it names a buffer of faces."""
+
 
 def read_scene(data: bytes, path: Path) -> Mesh:
     """All triangles of a file in one mesh; what the file names is read from beside ``path``.
@@ -39,8 +44,17 @@ def read_scene(data: bytes, path: Path) -> Mesh:
 def scene_bytes(mesh: Mesh, kind: str) -> bytes:
     """The bytes of a file of a kind, such as "obj", with one mesh."""
     out = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=mesh.colours, process=False)
-    data = out.export(file_type=kind)
+    data = out.export(file_type=kind, **({"tree_postprocessor": _say_targets} if kind == "glb" else {}))
     return data if isinstance(data, bytes) else str(data).encode()
+
+
+def _say_targets(tree: dict[str, Any]) -> None:
+    """Says in a glTF what its buffers are for, which programs that load it at once want to know."""
+    for mesh in tree["meshes"]:
+        for part in mesh["primitives"]:
+            used = dict.fromkeys(part["attributes"].values(), _VERTICES) | {part["indices"]: _INDICES}
+            for accessor, target in used.items():
+                tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = target
 
 
 class _Named(trimesh.resolvers.Resolver):  # type: ignore[misc]

@@ -166,6 +166,20 @@ def test_what_cannot_be_written(tmp_path):
         save_mesh(TETRAHEDRON, tmp_path / "no" / "such" / "folder.obj")
 
 
+@pytest.mark.parametrize("coloured", [False, True])
+def test_a_glb_says_what_its_buffers_are_for(tmp_path, coloured):
+    """With that, Khronos' validator has no error, warning or hint for it."""
+    colours = np.full((len(TETRAHEDRON.vertices), 3), 90, np.uint8) if coloured else None
+    save_mesh(Mesh(TETRAHEDRON.vertices, TETRAHEDRON.faces, colours=colours), tmp_path / "made.glb")
+    data = (tmp_path / "made.glb").read_bytes()
+    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    (part,) = document["meshes"][0]["primitives"]
+    target = [document["bufferViews"][one["bufferView"]].get("target") for one in document["accessors"]]
+    assert target[part["indices"]] == 34963 and set(part["attributes"]) >= {"POSITION"}
+    assert ("COLOR_0" in part["attributes"]) == coloured
+    assert {target[number] for number in part["attributes"].values()} == {34962}
+
+
 def test_the_colour_of_a_gltf_material_is_linear_light(tmp_path):
     import trimesh
 
