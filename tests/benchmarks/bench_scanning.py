@@ -32,7 +32,9 @@ from enliven.scanning import (
     decimated,
     draw_mesh,
 )
-from enliven.scanning.objects import MovedScanner
+from enliven.scanning.objects import MovedScanner, sampled
+from enliven.scanning.objects.registration import laid
+from enliven.scanning.objects.surface_points import nearest_grid
 from enliven_edge.importing.placed_images import PosedDepthReader
 from enliven_edge.stage import cast_mesh
 from enliven_synthesis.sensor import (
@@ -56,7 +58,7 @@ LAID = (14.0, 17.0)
 """Seconds in which the chair is laid on its back."""
 LAID_PATH = FollowingPath(
     target=(0.0, 0.85, 0.15), radius=1.5, height=(0.6, 1.9), turns=2.2, seconds=32.0,
-    later=(0.0, 0.4, 0.15), turning=LAID,
+    later=(0.0, 0.4, 0.15), turning=LAID, nod=0.35,
 )  # fmt: skip
 LAID_EVERY = 2
 """Images of which one is scanned: fifteen a second."""
@@ -196,11 +198,11 @@ def _laid_down(chair: Mesh) -> Iterator[Figure]:
     scanner.close_loops()
     mesh = scanner.joined()
     yield Figure("scanning.join_s", time.perf_counter() - start, "s")
-    true = {round(index * 1e9 / 30.0): scan.pose(index) for index in range(scan.frames)}
-    found = np.array([pose[:3, 3] for _, pose in scanner.poses])
-    turn, move = _laid(found, np.array([true[time_ns][:3, 3] for time_ns, _ in scanner.poses]))
-    mesh = Mesh(mesh.vertices @ turn.T + move, mesh.faces)
     points = _sampled(chair, 600_000)
+    # The first image's pose is the truth's, but not the way's: the surfaces are laid onto one another.
+    grid = nearest_grid(sampled(chair, 60_000), 0.006, 0.1)
+    ((pose,), _) = laid(grid, sampled(mesh, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
+    mesh = Mesh(mesh.vertices @ pose[:3, :3].T + pose[:3, 3], mesh.faces)
     error = _errors(mesh, points)
     yield Figure("scanning.surface_mm_laid", 1e3 * float(error.mean()), "mm")
     yield Figure("scanning.surface_mm_laid_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")

@@ -84,16 +84,21 @@ class FollowingPath(HandheldPath):
     Attributes:
         later: (x, y, z) metres, what is looked at in the end.
         turning: seconds (begin, end) in which it turns there.
+        nod: metres by which what is looked at goes up and down, for things that do not fit into the picture.
+        nods: times a second.
     """
 
     later: tuple[float, float, float] = (0.0, 0.4, 0.0)
     turning: tuple[float, float] = (14.0, 17.0)
+    nod: float = 0.0
+    nods: float = 0.25
 
     def world_from_camera(self, time: float) -> Float:
         """Returns the (4, 4) pose of the camera at a time in seconds from the start."""
         begin, end = self.turning
         share = min(max((time - begin) / (end - begin), 0.0), 1.0)
         x, y, z = (one + share * (two - one) for one, two in zip(self.target, self.later, strict=True))
+        y += self.nod * math.sin(2.0 * math.pi * self.nods * time)
         names = ("radius", "height", "turns", "seconds", "sway", "shake", "seed")
         plain = HandheldPath(target=(x, y, z), **{name: getattr(self, name) for name in names})
         return plain.world_from_camera(time)
