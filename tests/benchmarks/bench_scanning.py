@@ -12,6 +12,7 @@ import os
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +32,20 @@ from enliven.scanning import (
     decimated,
     draw_mesh,
 )
+from enliven.scanning.objects import MovedScanner, sampled
+from enliven.scanning.objects.registration import laid
+from enliven.scanning.objects.surface_points import nearest_grid
 from enliven_edge.importing.placed_images import PosedDepthReader
 from enliven_edge.stage import cast_mesh
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor import (
+    FollowingPath,
+    HandheldPath,
+    HandheldScan,
+    HandledScan,
+    HandledWay,
+    laid_on_its_back,
+    load_profile,
+)
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 PATH = HandheldPath(target=(0.0, 0.8, 0.15), radius=1.45, height=(0.6, 1.9), turns=1.1, seconds=15.0)
@@ -42,6 +54,14 @@ PERSON = 2.0
 NEAR = 0.005
 """Metres within which a point of the truth counts as scanned."""
 
+LAID = (14.0, 17.0)
+"""Seconds in which the chair is laid on its back."""
+LAID_PATH = FollowingPath(
+    target=(0.0, 0.85, 0.15), radius=1.5, height=(0.6, 1.9), turns=2.2, seconds=32.0,
+    later=(0.0, 0.4, 0.15), turning=LAID, nod=0.35,
+)  # fmt: skip
+LAID_EVERY = 2
+"""Images of which one is scanned: fifteen a second."""
 LOOKS = 3
 """Images, of every third, that show a point of the truth that the camera's way shows."""
 
@@ -52,6 +72,7 @@ def figures() -> Iterator[Figure]:
     frames, truth = list(scan), [scan.pose(n) for n in range(scan.frames)]
     yield from _fusion(frames[::15], truth[::15])
     yield from _chair(scan, frames, truth)
+    yield from _laid_down(load_sample("chair"))
     folder = DATA / "scans" / "sevenscenes_kitchen"
     if folder.is_dir():
         posed = list(itertools.islice(PosedDepthReader().read(sorted(folder.iterdir())), 300))
@@ -146,11 +167,7 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
     whole = scanner.surface()
     near = _near(Mesh(whole.vertices @ turn.T + move, whole.faces), scan.thing)
     points = _sampled(scan.thing, 600_000)
-    surface = _sampled(near, 100_000)
-    distance, at = cKDTree(points[0]).query(surface[0])
-    flat = np.abs(((surface[0] - points[0][at]) * points[1][at]).sum(1))
-    # Samples of the truth lie 2 mm apart: near it, its planes tell more than its points.
-    error = np.where(distance < 0.006, np.minimum(flat, distance), distance)
+    error = _errors(near, points)
     yield Figure("scanning.surface_mm", 1e3 * float(error.mean()), "mm")
     yield Figure("scanning.surface_mm_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
     # A million samples lie closer than NEAR; a tenth of them would miss an eighth of a whole surface.
@@ -158,6 +175,48 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
     seen = _seen(scan, points[0][::12], points[1][::12])
     yield Figure("scanning.completeness", float(there[seen].mean()), "of what the camera's way shows")
     yield Figure("scanning.completeness_all", float(there.mean()), "of the surface, undersides included")
+
+
+def _laid_down(chair: Mesh) -> Iterator[Figure]:
+    """The chair is laid on its back half-way: how much of all of it is there, and how far it is off."""
+    poses = [np.eye(4), laid_on_its_back(chair, (0.0, 0.15))]
+    way = HandledWay(poses, [LAID], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
+    scan, scanner = HandledScan(chair, way, load_profile("kinect1"), LAID_PATH), MovedScanner()
+    again, off = None, list[float]()
+    for index in range(0, scan.frames, LAID_EVERY):
+        frame = replace(scan.frame(index), world_from_camera=None if index else scan.pose(0))
+        step, time_s = scanner.add(frame), index / 30.0
+        if step.object_from_camera is not None and time_s > LAID[0] + 1.0:
+            again = time_s if again is None else again
+            true = np.linalg.inv(scan.thing_pose(index)) @ scan.pose(index)
+            off.append(float(np.linalg.norm(step.object_from_camera[:3, 3] - true[:3, 3])))
+    yield Figure(
+        "scanning.found_again_s", (again or np.inf) - LAID[1], "s of the camera's clock after it lay"
+    )
+    yield Figure("scanning.found_again_mm", 1e3 * float(np.median(off)) if off else np.inf, "mm")
+    start = time.perf_counter()
+    scanner.close_loops()
+    mesh = scanner.joined()
+    yield Figure("scanning.join_s", time.perf_counter() - start, "s")
+    points = _sampled(chair, 600_000)
+    # The first image's pose is the truth's, but not the way's: the surfaces are laid onto one another.
+    grid = nearest_grid(sampled(chair, 60_000), 0.006, 0.1)
+    ((pose,), _) = laid(grid, sampled(mesh, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
+    mesh = Mesh(mesh.vertices @ pose[:3, :3].T + pose[:3, 3], mesh.faces)
+    error = _errors(mesh, points)
+    yield Figure("scanning.surface_mm_laid", 1e3 * float(error.mean()), "mm")
+    yield Figure("scanning.surface_mm_laid_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
+    there = cKDTree(_sampled(mesh, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
+    yield Figure("scanning.completeness_laid", float(there.mean()), "of the surface, undersides included")
+
+
+def _errors(mesh: Mesh, points: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Metres from points on a mesh to the truth, of which points and normals are given."""
+    surface = _sampled(mesh, 100_000)
+    distance, at = cKDTree(points[0]).query(surface[0])
+    flat = np.abs(((surface[0] - points[0][at]) * points[1][at]).sum(1))
+    # Samples of the truth lie 2 mm apart: near it, its planes tell more than its points.
+    return np.where(distance < 0.006, np.minimum(flat, distance), distance)
 
 
 def _seen(scan: HandheldScan, points: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -1,4 +1,5 @@
 from .handled import (
+    FollowingPath as FollowingPath,
     HandledScan as HandledScan,
     HandledWay as HandledWay,
     laid_on_its_back as laid_on_its_back,

@@ -12,7 +12,7 @@ from enliven import rotation
 from enliven.arrays import Float
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
-from enliven_synthesis.sensor.handheld import HandheldScan
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
 
 _LIFT = 0.2
 """Metres by which a thing is lifted in the middle of a move."""
@@ -75,6 +75,33 @@ class HandledWay:
         pose, away = self.world_from_thing(time), rotation.unit(np.array(self.towards))
         hands = [pose[:3, :3] @ np.array(grip) + pose[:3, 3] for grip in self.grips]
         return [arm_mesh(hand, hand + _ARM * away) for hand in hands]
+
+
+@dataclass(frozen=True)
+class FollowingPath(HandheldPath):
+    """The way of a camera that looks elsewhere after a move.
+
+    Attributes:
+        later: (x, y, z) metres, what is looked at in the end.
+        turning: seconds (begin, end) in which it turns there.
+        nod: metres by which what is looked at goes up and down, for things that do not fit into the picture.
+        nods: times a second.
+    """
+
+    later: tuple[float, float, float] = (0.0, 0.4, 0.0)
+    turning: tuple[float, float] = (14.0, 17.0)
+    nod: float = 0.0
+    nods: float = 0.25
+
+    def world_from_camera(self, time: float) -> Float:
+        """Returns the (4, 4) pose of the camera at a time in seconds from the start."""
+        begin, end = self.turning
+        share = min(max((time - begin) / (end - begin), 0.0), 1.0)
+        x, y, z = (one + share * (two - one) for one, two in zip(self.target, self.later, strict=True))
+        y += self.nod * math.sin(2.0 * math.pi * self.nods * time)
+        names = ("radius", "height", "turns", "seconds", "sway", "shake", "seed")
+        plain = HandheldPath(target=(x, y, z), **{name: getattr(self, name) for name in names})
+        return plain.world_from_camera(time)
 
 
 class HandledScan(HandheldScan):

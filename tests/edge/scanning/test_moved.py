@@ -4,14 +4,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+import typer
 from scipy.spatial import cKDTree
+from typer.testing import CliRunner
 
 from enliven import rotation
+from enliven.errors import InputError
 from enliven.samples import load_sample
-from enliven.scanning import ScanSettings, VolumeSettings
+from enliven.scanning import ScanSettings, ScanState, VolumeSettings
 from enliven.scanning.decimation import distances
 from enliven.scanning.objects import MovedScanner, ObjectState, sampled
 from enliven.scanning.rigid import apart, inverse
+from enliven_edge.commands.scan import scan
+from enliven_edge.scanning import said_of_things
 from enliven_synthesis.sensor import HandheldPath, HandledScan, HandledWay, laid_on_its_back, load_profile
 
 CHAIR = load_sample("chair")
@@ -70,6 +75,22 @@ def test_where_it_says_that_the_object_is_it_is(scanned):
     assert np.quantile(radians, 0.95) < 0.025
 
 
+def test_what_became_of_it_is_said(scanned):
+    said = " ".join(said_of_things(scanned.scanner))
+    assert f"It was found in {len(scanned.scanner.rests)} places" in said
+    lost = [step.told.state is ScanState.LOST for step in scanned.steps]
+    assert lost == [step.state is ObjectState.LOST for step in scanned.steps] and any(lost)
+
+
+@pytest.mark.parametrize("other", [["--whole"], ["--within", "2"], ["--add", "x.glb"]])
+def test_what_does_not_go_together_is_refused(other, tmp_path):
+    app = typer.Typer(pretty_exceptions_enable=False)
+    app.command()(scan)
+    words = ["--sensor", "none", "-o", str(tmp_path / "x.glb"), "--moved", *other]
+    refused = CliRunner().invoke(app, words).exception
+    assert isinstance(refused, InputError) and f"--moved and {other[0]} do not go together" in str(refused)
+
+
 def complete(mesh, points):
     """Share of points (N, 3) of the truth that have surface within a voxel of them."""
     return float((cKDTree(sampled(mesh, 400_000).points).query(points)[0] < 0.008).mean())
@@ -103,5 +124,5 @@ def test_both_halves_are_one_surface_with_its_undersides(scanned):
     error = distances(CHAIR, sampled(whole, 20_000).points)
     # Voxels are twice as large as a scan's own, and images half as wide.
     assert error.mean() < 0.003 and np.quantile(error, 0.95) < 0.009
-    # A second sheet would lie beside the first: no more than a hundredth of the surface is so far out.
+    # A second sheet, or a hand: no more than a hundredth of the surface is so far out.
     assert (error > 0.02).mean() < 0.01

@@ -148,19 +148,20 @@ class MovedScanner:
         Raises:
             InputError: where nothing stands on a floor.
         """
-        if self._trial is not None and self._trial.count >= self.settings.moved.known_after:
-            self.unplaced.append(self._trial)
-        self._trial = None
-        # More of the object is known than when they were first looked at.
-        self.unplaced = [rest for rest in self.unplaced if not self._place(rest)]
         first, whole = self.rests[0], self.surface()
         ground = find_ground(whole, settings=self.settings.cut_out)
+        self._place_all()
         if len(self.rests) == 1:
             focus = focus_of([pose for _, pose in first.scanner.poses])
             return cut_out(whole, ground, focus, self.settings.cut_out)
+        return whole_part(self.joined(), ground, self.settings.cut_out)
+
+    def joined(self) -> Mesh:
+        """Returns the surface of the object from all rests, metres, the world of the first one."""
+        self._place_all()
         for rest in self.rests:
             rest.look(0)
-        return whole_part(joined_object(self.rests, self.settings), ground, self.settings.cut_out)
+        return joined_object(self.rests, self.settings)
 
     def _try(self, frame: DepthFrame, up: Float | None) -> MovedStep:
         """Scans anew what may stand still again, and looks for the object in it."""
@@ -185,6 +186,13 @@ class MovedScanner:
                 self._now, self._trial = trial, None
                 return self._step(step, ObjectState.RESTING, trial)
         return self._step(step, ObjectState.SETTLING, None)
+
+    def _place_all(self) -> None:
+        """Looks for the object once more where it was not found: more of it is known than then."""
+        if self._trial is not None and self._trial.count >= self.settings.moved.known_after:
+            self.unplaced.append(self._trial)
+        self._trial = None
+        self.unplaced = [rest for rest in self.unplaced if not self._place(rest)]
 
     def _place(self, rest: ObjectRest) -> bool:
         """Looks for the object in a rest; returns whether it was found."""
