@@ -24,6 +24,8 @@ _ANEW = 12
 """Steps after which the matrix is made anew in the middle of a frame: the nodes have moved far in it."""
 _ASSEMBLY = 2
 """Steps that take as long as the terms of a new matrix."""
+_LEAST = 4
+"""Steps that a frame with a budget has to have left beside a new matrix."""
 _NEGLIGIBLE = 1e-9
 """An energy that is invisible: with the default weights, every point 3 micrometres off."""
 _REPULLED = 0.1
@@ -50,8 +52,8 @@ class SolverBuffers(NamedTuple):
         raw, from_here, trial: (16 N,) in the plain unknowns.
         last: (16 N,) the unknowns one frame ago.
         energies: (6,) of the state: E_rot, E_reg, E_con, E_rig, E_planes, E.
-        age: (2,) of the matrix: the steps of the first frame that it ended, -1 before that, and how many more
-            all later frames took.
+        age: (3,) of the matrix: the steps of the first frame that it ended, -1 before that, and how many more
+            all later frames took; and 1 where the last frame ended by its rule, 0 where it ran out of steps.
     """
 
     steps: Float
@@ -72,7 +74,7 @@ class SolverBuffers(NamedTuple):
         """For ``count`` nodes."""
         pairs = np.zeros((2, _PAIRS, 16 * count))
         now, before, own, raw, here, trial, last = np.zeros((7, 16 * count))
-        curvatures, energies, age = np.zeros(_PAIRS), np.zeros(6), np.array([-1, 0])
+        curvatures, energies, age = np.zeros(_PAIRS), np.zeros(6), np.array([-1, 0, 1])
         return SolverBuffers(
             pairs[0], pairs[1], curvatures, now, before, own, raw, here, trial, last, energies, age
         )
@@ -93,8 +95,10 @@ def _add_scaled(u, scale, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def solve_frame(x, rest, t, planes, system, work, most, tolerance):  # type: ignore[no-untyped-def]
+def solve_frame(x, rest, t, planes, system, work, most, tolerance, dear):  # type: ignore[no-untyped-def]
     """Kernel: minimise the energy from ``x``, in place; returns the number of iterations.
+
+    Where ``dear``, a new matrix counts among the ``most`` iterations as the many that it takes as long as.
 
     No step turns a node inside out. One that comes so from a bad start is set upright first; one that is
     pressed flat at the end is given some volume again.
@@ -103,7 +107,7 @@ def solve_frame(x, rest, t, planes, system, work, most, tolerance):  # type: ign
         record_energies(work, gradient(x, t, planes, work.raw))
     if set_upright(x, t.edges):
         record_energies(work, gradient(x, t, planes, work.raw))
-    done = descend(x, t, planes, system, work, most, tolerance)
+    done = descend(x, t, planes, system, work, most, tolerance, dear)
     note_age(work.age, done)
     if thicken(x):
         record_energies(work, gradient(x, t, planes, work.raw))
@@ -132,26 +136,35 @@ def note_age(age, done):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def descend(x, t, planes, system, work, most, tolerance):  # type: ignore[no-untyped-def]
+def descend(x, t, planes, system, work, most, tolerance, dear=False):  # type: ignore[no-untyped-def]
     """Kernel: L-BFGS from ``x``, in place; returns the number of iterations. ``work.raw`` is the gradient at
     ``x``, ``work.energies`` are its energies.
 
     It ends with the first step that promised to lower the energy by less than ``tolerance`` of it; a step
     leaves only a small part of what it promised. Where this step or the one before gained more than promised,
     the energy is softer there than the matrix has it, and the promise is no bound: it has to be smaller.
+    ``work.age[2]`` tells whether it ended so, or after the ``most`` iterations.
     """
     now, before = work.now, work.before
     force_in_node_frame(x, work.raw, now)
-    age = work.age
-    if age[1] > _worth(system) or outdated(t, planes, system, _REPULLED):
+    age, worth = work.age, _worth(system)
+    spent = np.int64(0)
+    age[2] = 1
+    old = age[1] > worth and not (dear and worth + _LEAST > most)
+    if old or outdated(t, planes, system, _REPULLED):
         refactor(x, t, planes, work.raw, system)
         age[0], age[1] = -1, 0
+        spent += worth if dear else 0
     else:
         align(x, system)
     kept = np.int64(0)  # a plain 0 is a type of its own, for which the callees would be compiled again
     soft = False
     for iteration in range(most):
-        if iteration > 0 and iteration % _ANEW == 0:
+        if iteration > 0 and iteration + spent >= most:
+            age[2] = 0
+            return iteration
+        if iteration > 0 and iteration % _ANEW == 0 and not (dear and iteration + spent + worth > most):
+            spent += worth if dear else 0
             refactor(x, t, planes, work.raw, system)
             age[0], age[1] = -1, 0
             kept = np.int64(0)
@@ -170,6 +183,7 @@ def descend(x, t, planes, system, work, most, tolerance):  # type: ignore[no-unt
         if -slope <= 2.0 * enough + _NEGLIGIBLE:
             return iteration + 1
         kept = _remember(work, kept)
+    age[2] = 0
     return most
 
 

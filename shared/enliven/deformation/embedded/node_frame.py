@@ -75,3 +75,14 @@ def step_in_node_frame(here, own, length, x):  # type: ignore[no-untyped-def]
             x[to + 1] = r1 + scale * (t1 + w * t0 - u * t2)
             x[to + 2] = r2 + scale * (t2 + u * t1 - v * t0)
         store4(x, at + 12, fma4(length, load4(own, at + 4), load4(here, at + 12)))
+
+
+@njit(cache=True, nogil=True)
+def plain_state(x, order, linear, positions):  # type: ignore[no-untyped-def]
+    """Kernel: the unknowns (N, 4, 4) as linear parts and positions, in the graph's own order."""
+    for n in range(len(order)):
+        node = order[n]
+        for a in range(3):
+            positions[node, a] = x[n, 3, a]
+            for c in range(3):
+                linear[node, a, c] = x[n, c, a]

@@ -20,7 +20,8 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int32
 from enliven.deformation.embedded.assembly import assemble
-from enliven.deformation.embedded.block_cholesky import SIZE, factorise, substitute
+from enliven.deformation.embedded.block_cholesky import SIZE, BlockPattern, factorise, substitute
+from enliven.deformation.embedded.energy import Terms
 from enliven.kernels import copy_row, njit
 from enliven.lanes import fma8, load8, store8, total8
 
@@ -61,6 +62,33 @@ class RigidSystem(NamedTuple):
     compliance: Float32
     pulls: Float
     side: Float32
+
+    @staticmethod
+    def empty(pattern: BlockPattern, terms: Terms) -> RigidSystem:
+        """Room for the matrix, and where the blocks of each edge and constraint are."""
+        count = len(terms.stretch)
+        ends = np.sort(terms.edges.astype(np.int64), 1)[:, ::-1]
+        places = [(a, b) for a in range(4) for b in range(a + 1)]
+        nodes = terms.nodes.astype(np.int64)
+        pairs = np.stack([nodes[:, list(pair)] for pair in places], 1)
+        return RigidSystem(
+            pattern.start,
+            pattern.row,
+            pattern.product,
+            pattern.block_of(ends),
+            pattern.block_of(pairs.reshape(-1, 2)).reshape(-1, len(places)),
+            np.zeros(SIZE * pattern.blocks, np.float32),
+            np.zeros(SIZE * pattern.blocks, np.float32),
+            np.zeros(9 * count),
+            np.zeros(9 * count),
+            np.zeros(9 * count, np.float32),
+            np.zeros(9 * count),
+            np.zeros(3 * count),
+            np.zeros(SIZE * count, np.float32),
+            np.zeros(SIZE * count, np.float32),
+            np.zeros(len(nodes)),
+            np.zeros(8 * count, np.float32),
+        )
 
 
 @njit(cache=True, nogil=True)
