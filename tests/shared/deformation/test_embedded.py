@@ -11,8 +11,8 @@ from enliven import rotation
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.embedded.energy import gradient
 from enliven.deformation.embedded.lbfgs import descend, record_energies
-from enliven.deformation.embedded.node_frame import force_in_node_frame, step_from_node_frame
-from enliven.deformation.embedded.preconditioner import precondition, refactor
+from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
+from enliven.deformation.embedded.preconditioner import align, precondition, refactor
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.deformation.graph.connectivity import weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
@@ -196,7 +196,7 @@ def test_the_energy_is_the_papers(tail, translation):
 def test_the_derivative_in_the_nodes_own_terms_is_that_of_the_slow_energy(tail, translation):
     solver, slow = made_solver(tail, translation, 2)
     x = solver._x.reshape(-1)
-    raw, force, way, bend = (np.zeros_like(x) for _ in range(4))
+    raw, force = np.zeros_like(x), np.zeros_like(x)
     gradient(x, solver._terms, solver._planes, raw)
     force_in_node_frame(x, raw, force)
     used = np.array([c not in (3, 7, 11, 15) for c in range(16)])
@@ -206,8 +206,7 @@ def test_the_derivative_in_the_nodes_own_terms_is_that_of_the_slow_energy(tail, 
         for s in (1e-5, -1e-5):
             own = np.zeros_like(x)
             own[n] = s
-            step_from_node_frame(here, own, way, bend)
-            x[:] = here + way + bend
+            step_in_node_frame(here, own, 1.0, x)
             value = residuals(flat_of(solver), *slow)
             ends.append(value @ value)
         x[:] = here
@@ -217,22 +216,41 @@ def test_the_derivative_in_the_nodes_own_terms_is_that_of_the_slow_energy(tail, 
 
 @settings(deadline=None, max_examples=50)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.5))
-def test_a_turn_leaves_no_stretch_to_third_order(seed, angle):
+def test_a_step_turns_without_stretching_and_never_turns_inside_out(seed, angle):
     rng = np.random.default_rng(seed)
     turn = rotation.to_matrix(rotation.from_rotation_vector(rng.normal(size=3)))
-    x = np.zeros((1, 4, 4))
+    x, end = np.zeros((1, 4, 4)), np.zeros(16)
     x[0, :3, :3] = turn.T
-    own, way, bend = np.zeros(16), np.zeros(16), np.zeros(16)
+    own = np.zeros(16)
     axis = rng.normal(size=3)
     own[:3] = angle * axis / np.linalg.norm(axis)
-    step_from_node_frame(x.reshape(-1), own, way, bend)
-    moved = (x.reshape(-1) + way + bend).reshape(4, 4)[:3, :3].T
+    step_in_node_frame(x.reshape(-1), own, 1.0, end)
+    moved = end.reshape(4, 4)[:3, :3].T
     expected = rotation.to_matrix(rotation.from_rotation_vector(own[:3])) @ turn
     np.testing.assert_allclose(moved, expected, atol=angle**3 / 4 + 1e-12)
+    np.testing.assert_allclose(moved.T @ moved, np.eye(3), atol=1e-12)
+    own[8:11], own[12:15] = 10.0 * rng.normal(size=(2, 3))
+    step_in_node_frame(x.reshape(-1), own, 1.0, end)
+    assert np.linalg.det(end.reshape(4, 4)[:3, :3]) > 0
+
+
+def jacobian_in_node_frames(solver, slow, order):
+    """(R, 12 N) of the slow residuals by central differences; ``order`` (12,) are the numbers of a node."""
+    x = solver._x.reshape(-1)
+    here, columns, size = x.copy(), [], 1e-4
+    for n in range(len(solver._x)):
+        for c in order:
+            ends, own = [], np.zeros_like(x)
+            for own[16 * n + c] in (size, -size):
+                step_in_node_frame(here, own, 1.0, x)
+                ends.append(residuals(flat_of(solver), *slow))
+            columns.append((ends[0] - ends[1]) / (2 * size))
+    x[:] = here
+    return np.stack(columns, 1)
 
 
 @pytest.mark.parametrize("tail", [False, True])
-def test_the_matrix_is_the_second_derivative_of_what_holds_turns_and_shifts(tail):
+def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_stretch(tail):
     """The step that a force makes, against dense algebra with the slow residuals' Jacobian."""
     solver, (graph, points, targets, pulls, chosen, _, stiffness) = made_solver(tail, "printed", 3)
     if tail:
@@ -242,32 +260,54 @@ def test_the_matrix_is_the_second_derivative_of_what_holds_turns_and_shifts(tail
     solver._x[:, :3, :3] = np.swapaxes(rotation.nearest_rotation(linear), 1, 2)
     solver._planes = solver._planes_of(None)
     x = solver._x.reshape(-1)
-    refactor(x, solver._terms, solver._planes, solver._system)
-    count = len(graph.positions)
-    free = replace(chosen, rotation=0.0)
-    here, columns = x.copy(), []
+    # Without a gradient no force acts on a turning arm.
+    refactor(x, solver._terms, solver._planes, np.zeros_like(x), solver._system)
+    count, order = len(graph.positions), [0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14]
+    slow = graph, points, targets, pulls, chosen, None, stiffness
+    rigid = jacobian_in_node_frames(solver, slow, order)
+    loose = jacobian_in_node_frames(solver, (*slow[:4], replace(chosen, rigidity=0.0), *slow[5:]), order)
+    held = np.tile(np.arange(12) < 6, count)
+    whole = (rigid.T @ rigid)[np.ix_(held, held)] + 1e-4 * np.eye(6 * count)
+    gives, stretch = np.zeros((6 * count, 6 * count)), np.zeros((6 * count, 6 * count))
     for n in range(count):
-        for c in range(6):
-            own, way, bend = (np.zeros_like(x) for _ in range(3))
-            own[16 * n + (c if c < 3 else c + 1)] = 1.0
-            step_from_node_frame(here, own, way, bend)
-            ends = []
-            for s in (0.5, -0.5):
-                x[:] = here + s * way
-                ends.append(residuals(flat_of(solver), graph, points, targets, pulls, free, None, stiffness))
-            columns.append(ends[0] - ends[1])
-    x[:] = here
-    jacobian = np.stack(columns, 1)
+        own, six = loose[:, 12 * n : 12 * n + 12], slice(6 * n, 6 * n + 6)
+        block = own.T @ own
+        gives[six, six] = -np.linalg.solve(whole[six, six], block[:6, 6:])
+        ridge = 0.1 * chosen.rotation * stiffness[solver._order[n]]
+        stretch[six, six] = block[6:, 6:] + ridge * np.eye(6) + block[6:, :6] @ gives[six, six]
     rng = np.random.default_rng(0)
-    force = np.zeros((count, 16))
-    force[:, :3], force[:, 4:7] = rng.normal(size=(2, count, 3))
-    wanted = np.concatenate([force[:, :3], force[:, 4:7]], 1).ravel()
-    expected = 0.5 * np.linalg.solve(jacobian.T @ jacobian + 1e-4 * np.eye(6 * count), wanted)
-    step = force.reshape(-1).copy()
-    precondition(solver._system, step)
-    step = step.reshape(count, 16)
-    found = np.concatenate([step[:, :3], step[:, 4:7]], 1).ravel()
-    np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
+    turns, stretches = rng.normal(size=(2, 6 * count))
+    bent = 0.5 * np.linalg.solve(stretch, stretches + gives.T @ turns)
+    expected = np.zeros((count, 16))
+    expected[:, order[6:]] = bent.reshape(count, 6)
+    expected[:, order[:6]] = (0.5 * np.linalg.solve(whole, turns) + gives @ bent).reshape(count, 6)
+    step = np.zeros((count, 16))
+    step[:, order[:6]], step[:, order[6:]] = turns.reshape(count, 6), stretches.reshape(count, 6)
+    precondition(solver._system, step.reshape(-1))
+    np.testing.assert_allclose(step, expected, atol=2e-3 * np.abs(expected).max())
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.integers(0, 2**32 - 1))
+def test_a_matrix_that_has_turned_with_the_nodes_is_that_of_the_turned_state(seed):
+    """As if it were made anew after all nodes have turned alike; so it serves a body that turns."""
+    solver, _ = made_solver(False, "printed", seed % 30)
+    rng = np.random.default_rng(seed)
+    x, still = solver._x.reshape(-1), solver._planes_of(None)
+    turn = rotation.to_matrix(rotation.from_rotation_vector(3.0 * rng.normal(size=3)))
+    force = rng.normal(size=(len(solver._x), 16)) * [c % 4 < 3 for c in range(16)]
+    steps = []
+    nothing = np.zeros_like(x)
+    refactor(x, solver._terms, still, nothing, solver._system)
+    solver._x[:, :, :3] = solver._x[:, :, :3] @ turn.T
+    for anew in (False, True):
+        if anew:
+            refactor(x, solver._terms, still, nothing, solver._system)
+        else:
+            align(x, solver._system)
+        steps.append(force.copy())
+        precondition(solver._system, steps[-1].reshape(-1))
+    np.testing.assert_allclose(steps[0], steps[1], atol=2e-3 * np.abs(steps[1]).max())
 
 
 @pytest.mark.parametrize(("tail", "translation"), CASES)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.deformation.embedded.block_cholesky import SIZE
+from enliven.deformation.embedded.node_blocks import add_geometric, couple, decouple, stretch_block
 from enliven.kernels import njit
 from enliven.lanes import fma8, load8, store8
-
-_PRESSED = 0.45
-"""The least eigenvalue of RᵀR (a bound of it) above which E_rot's full second derivative is taken."""
 
 
 @njit(cache=True, nogil=True)
@@ -44,55 +42,34 @@ def _add_end(lower, at, v, w, sign):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def assemble(t, planes, s, ridge):  # type: ignore[no-untyped-def]
-    """The matrix into ``s.lower``, and what holds the stretches, inverted, into ``s.compliance``."""
+def assemble(x, t, planes, raw, s, ridge):  # type: ignore[no-untyped-def]
+    """The matrix at x into ``s.lower``, and what holds the stretches, inverted, into ``s.compliance``."""
     lower, start, frames = s.lower, s.start, s.linear
     lower[:] = np.float32(0.0)
-    stiff = s.compliance
-    stiff[:] = 0.0
+    s.held[:] = 0.0
+    s.first[:] = 0.0
     for j in range(start.shape[0] - 1):
         for r in range(6):
             lower[SIZE * start[j] + 9 * r] = ridge
-        hold_stretch(stiff, s.linear, 9 * j, t.stretch[j])
+        add_geometric(x, raw, t.stretch[j], j, lower, SIZE * start[j])
     _add_edges(t, s)
     for m in range(t.rigid.shape[0]):
         _add_rigid(lower, start, frames, t, s.edge_block, m)
     _add_points(t.nodes, t.rows, t.pulls, s)
+    for j in range(start.shape[0] - 1):
+        couple(s.linear, s.held, s.first, j, s.coupling, SIZE * j)
     if planes.nodes.shape[0] > 0:
         _add_planes(planes, s)
+    room, block, product = np.empty((3, 3, 3)), np.empty(2 * SIZE, np.float32), np.empty(SIZE, np.float32)
     for j in range(start.shape[0] - 1):
-        invert3(stiff, 9 * j)
-
-
-@njit(cache=True, nogil=True)
-def hold_stretch(stiff, linear, at, w):  # type: ignore[no-untyped-def]
-    """What E_rot has against a stretch S: w (6 G^2 - 2 G), G = RᵀR, as where S and G commute.
-
-    That is the full second derivative; a node that is pressed flat has nearly none, and where it would be
-    negative the Gauss-Newton part, 4 G^2, stands in.
-    """
-    gram = np.empty((3, 3))
-    for c in range(3):
-        for d in range(3):
-            dot = 0.0
-            for a in range(3):
-                dot += linear[at + 3 * c + a] * linear[at + 3 * d + a]
-            gram[c, d] = dot
-    least = np.inf
-    for c in range(3):
-        least = min(least, gram[c, c] - abs(gram[c, (c + 1) % 3]) - abs(gram[c, (c + 2) % 3]))
-    full = least > _PRESSED
-    for c in range(3):
-        for d in range(3):
-            square = gram[c, 0] * gram[0, d] + gram[c, 1] * gram[1, d] + gram[c, 2] * gram[2, d]
-            stiff[at + 3 * c + d] = w * (6.0 * square - 2.0 * gram[c, d] if full else 4.0 * square)
-        stiff[at + 4 * c] += 0.1 * w + 1e-9
+        stretch_block(s.linear, s.held, 9 * j, t.stretch[j], room, block)
+        decouple(s.lower, SIZE * start[j], s.coupling, s.compliance, SIZE * j, block, product)
 
 
 @njit(cache=True, nogil=True)
 def _add_edges(t, s):  # type: ignore[no-untyped-def]
     """E_reg: the shifts and turns of an edge's two ends."""
-    lower, start, frames, stiff = s.lower, s.start, s.linear, s.compliance
+    lower, start, frames, stiff, first = s.lower, s.start, s.linear, s.held, s.first
     a, b = np.empty(3), np.empty(3)
     for e in range(t.edges.shape[0]):
         i, j, w, d = t.edges[e, 0], t.edges[e, 1], t.smooth[e], t.offsets[e]
@@ -108,6 +85,8 @@ def _add_edges(t, s):  # type: ignore[no-untyped-def]
         _add_cross(lower, at + 24, down, sign)
         for r in range(3):
             lower[at + 27 + 9 * r] -= 2 * w
+            first[3 * i + r] += w * d[r]
+            first[3 * j + r] -= w * d[r]
             for c in range(3):
                 stiff[9 * i + 3 * r + c] += w * d[r] * d[c]
                 stiff[9 * j + 3 * r + c] += w * d[r] * d[c]
@@ -159,7 +138,10 @@ def _add_points(nodes, rows, pulls, s):  # type: ignore[no-untyped-def]
                 if rows[m, a, 3] != 0.0 and rows[m, b, 3] != 0.0:
                     _add_outer(s.lower, SIZE * s.pair_block[m, pair], flat, 24 * a, 24 * b, pull)
                 pair += 1
-        _add_stretch(s.compliance, nodes, rows, m, pulls[m])
+        _add_stretch(s.held, nodes, rows, m, pulls[m])
+        for k in range(4):
+            for r in range(3):
+                s.first[3 * nodes[m, k] + r] += pulls[m] * rows[m, k, 3] * rows[m, k, r]
 
 
 @njit(cache=True, nogil=True)
@@ -207,7 +189,7 @@ def _add_planes(planes, s):  # type: ignore[no-untyped-def]
             for b in range(a + 1):
                 if planes.rows[m, a, 3] != 0.0 and planes.rows[m, b, 3] != 0.0:
                     _add_lines(s, planes.nodes[m, a], planes.nodes[m, b], line[a], line[b], w)
-        _add_stretch(s.compliance, planes.nodes, planes.rows, m, w)
+        _add_stretch(s.held, planes.nodes, planes.rows, m, w)
 
 
 @njit(cache=True, nogil=True)
@@ -229,14 +211,3 @@ def _add_lines(s, i, j, u, v, w):  # type: ignore[no-untyped-def]
         for c in range(r + 1):
             s.lower[SIZE * s.start[i] + 8 * r + c] += w * u[r] * u[c]
             s.lower[SIZE * s.start[j] + 8 * r + c] += w * v[r] * v[c]
-
-
-@njit(cache=True, nogil=True)
-def invert3(m, at):  # type: ignore[no-untyped-def]
-    """Replace the symmetric 3x3 matrix at ``at`` by its inverse."""
-    a, b, c, d, e, f = m[at], m[at + 1], m[at + 2], m[at + 4], m[at + 5], m[at + 8]
-    p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
-    scale = 1.0 / (a * p + b * q + c * r)
-    m[at], m[at + 1], m[at + 2] = p * scale, q * scale, r * scale
-    m[at + 3], m[at + 4], m[at + 5] = q * scale, (a * f - c * c) * scale, (b * c - a * e) * scale
-    m[at + 6], m[at + 7], m[at + 8] = r * scale, (b * c - a * e) * scale, (a * d - b * b) * scale

@@ -102,7 +102,7 @@ def factorise(start, row, product, lower, upper):  # type: ignore[no-untyped-def
     p = np.int64(0)
     for column in range(start.shape[0] - 1):
         first, last = start[column], start[column + 1]
-        if not _invert_factor(lower[SIZE * first : SIZE * first + SIZE]):
+        if not invert_factor(lower[SIZE * first : SIZE * first + SIZE]):
             return False
         transpose6(lower, SIZE * first, upper, SIZE * first)
         for b in range(first + 1, last):
@@ -149,7 +149,7 @@ def _times(lower, target, upper, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _invert_factor(a):  # type: ignore[no-untyped-def]
+def invert_factor(a):  # type: ignore[no-untyped-def]
     """Replace the symmetric block ``a`` (48,) by the inverse of its lower Cholesky factor.
 
     Only the lower half of ``a`` is read.

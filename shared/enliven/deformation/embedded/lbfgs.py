@@ -9,18 +9,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int
 from enliven.deformation.embedded.energy import gradient
-from enliven.deformation.embedded.node_frame import force_in_node_frame, step_from_node_frame
-from enliven.deformation.embedded.preconditioner import outdated, precondition, refactor
-from enliven.deformation.embedded.safeguards import set_upright
+from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
+from enliven.deformation.embedded.preconditioner import align, outdated, precondition, refactor
+from enliven.deformation.embedded.safeguards import set_upright, thicken
 from enliven.deformation.embedded.warm_start import choose_start
 from enliven.kernels import copy_row, njit
 from enliven.lanes import fma4, load4, store4, total4
 
 _PAIRS = 5
-"""Steps after which the matrix is refactored. A matrix that ends its frames sooner is kept for the next
-frame: its cost is saved, and L-BFGS makes up for the rotations since."""
+"""Steps that L-BFGS remembers: each costs a thirtieth of a step in every later one."""
+_ANEW = 12
+"""Steps after which the matrix is made anew in the middle of a frame: the nodes have moved far in it."""
+_ASSEMBLY = 2
+"""Steps that take as long as the terms of a new matrix."""
+_LEAST = 4
+"""Steps that a frame with a budget has to have left beside a new matrix."""
 _NEGLIGIBLE = 1e-9
 """An energy that is invisible: with the default weights, every point 3 micrometres off."""
 _REPULLED = 0.1
@@ -29,6 +34,10 @@ _ARMIJO = 1e-4
 """Share of the linear decrease that a step must reach: the usual constant of Armijo's condition."""
 _HALVINGS = 30
 """Halvings of a step before the frame ends without it: 2^-30 of a step is below what float32 shows."""
+_SOFT = 1.3
+"""Times its promise that a step lowers the energy where that is softer than the matrix: 2 - d.Hd / d.Md."""
+_SURE = 0.1
+"""The part of the tolerance below which a step in a soft direction ends the frame."""
 
 
 class SolverBuffers(NamedTuple):
@@ -40,9 +49,11 @@ class SolverBuffers(NamedTuple):
         curvatures: (P,) s.y.
         now, before: (16 N,) the derivative in the node frames, here and one step ago.
         own: (16 N,) the step in the node frames.
-        raw, way, bend, from_here, trial: (16 N,) in the plain unknowns.
+        raw, from_here, trial: (16 N,) in the plain unknowns.
         last: (16 N,) the unknowns one frame ago.
         energies: (6,) of the state: E_rot, E_reg, E_con, E_rig, E_planes, E.
+        age: (3,) of the matrix: the steps of the first frame that it ended, -1 before that, and how many more
+            all later frames took; and 1 where the last frame ended by its rule, 0 where it ran out of steps.
     """
 
     steps: Float
@@ -52,21 +63,20 @@ class SolverBuffers(NamedTuple):
     before: Float
     own: Float
     raw: Float
-    way: Float
-    bend: Float
     from_here: Float
     trial: Float
     last: Float
     energies: Float
+    age: Int
 
     @staticmethod
     def empty(count: int) -> SolverBuffers:
         """For ``count`` nodes."""
         pairs = np.zeros((2, _PAIRS, 16 * count))
-        now, before, own, raw, way, bend, here, trial, last = np.zeros((9, 16 * count))
-        curvatures, energies = np.zeros(_PAIRS), np.zeros(6)
+        now, before, own, raw, here, trial, last = np.zeros((7, 16 * count))
+        curvatures, energies, age = np.zeros(_PAIRS), np.zeros(6), np.array([-1, 0, 1])
         return SolverBuffers(
-            pairs[0], pairs[1], curvatures, now, before, own, raw, way, bend, here, trial, last, energies
+            pairs[0], pairs[1], curvatures, now, before, own, raw, here, trial, last, energies, age
         )
 
 
@@ -85,20 +95,21 @@ def _add_scaled(u, scale, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def solve_frame(x, rest, t, planes, system, work, most, tolerance):  # type: ignore[no-untyped-def]
+def solve_frame(x, rest, t, planes, system, work, most, tolerance, dear):  # type: ignore[no-untyped-def]
     """Kernel: minimise the energy from ``x``, in place; returns the number of iterations.
 
-    No node is left inside out: where the descent ends with one, it is set upright and the descent goes on.
+    Where ``dear``, a new matrix counts among the ``most`` iterations as the many that it takes as long as.
+
+    No step turns a node inside out. One that comes so from a bad start is set upright first; one that is
+    pressed flat at the end is given some volume again.
     """
     if not choose_start(x, rest, t, planes, work):
         record_energies(work, gradient(x, t, planes, work.raw))
-    done = descend(x, t, planes, system, work, most, tolerance)
-    for _ in range(2):
-        if not set_upright(x, t.edges):
-            return done
-        record_energies(work, gradient(x, t, planes, work.raw))
-        done += descend(x, t, planes, system, work, most, tolerance)
     if set_upright(x, t.edges):
+        record_energies(work, gradient(x, t, planes, work.raw))
+    done = descend(x, t, planes, system, work, most, tolerance, dear)
+    note_age(work.age, done)
+    if thicken(x):
         record_energies(work, gradient(x, t, planes, work.raw))
     return done
 
@@ -111,19 +122,52 @@ def record_energies(work, energies):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def descend(x, t, planes, system, work, most, tolerance):  # type: ignore[no-untyped-def]
+def _worth(system):  # type: ignore[no-untyped-def]
+    """How many steps take as long as a new matrix: its products of blocks over the blocks of a solve."""
+    return _ASSEMBLY + system.product.shape[0] // system.row.shape[0]
+
+
+@njit(cache=True, nogil=True)
+def note_age(age, done):  # type: ignore[no-untyped-def]
+    """Count into ``age`` the steps of a frame beyond those of the first frame after the matrix was made."""
+    if age[0] < 0:
+        age[0] = done
+    age[1] += max(done - age[0], 0)
+
+
+@njit(cache=True, nogil=True)
+def descend(x, t, planes, system, work, most, tolerance, dear=False):  # type: ignore[no-untyped-def]
     """Kernel: L-BFGS from ``x``, in place; returns the number of iterations. ``work.raw`` is the gradient at
     ``x``, ``work.energies`` are its energies.
 
-    It ends with the first step with a predicted decrease below ``tolerance`` of the energy. A step leaves
-    only a small part of its predicted decrease, and one more test would cost as much as a step.
+    It ends with the first step that promised to lower the energy by less than ``tolerance`` of it; a step
+    leaves only a small part of what it promised. Where this step or the one before gained more than promised,
+    the energy is softer there than the matrix has it, and the promise is no bound: it has to be smaller.
+    ``work.age[2]`` tells whether it ended so, or after the ``most`` iterations.
     """
     now, before = work.now, work.before
     force_in_node_frame(x, work.raw, now)
+    age, worth = work.age, _worth(system)
+    spent = np.int64(0)
+    age[2] = 1
+    old = age[1] > worth and not (dear and worth + _LEAST > most)
+    if old or outdated(t, planes, system, _REPULLED):
+        refactor(x, t, planes, work.raw, system)
+        age[0], age[1] = -1, 0
+        spent += worth if dear else 0
+    else:
+        align(x, system)
     kept = np.int64(0)  # a plain 0 is a type of its own, for which the callees would be compiled again
+    soft = False
     for iteration in range(most):
-        if kept == 0 and (iteration > 0 or outdated(t, planes, system, _REPULLED)):
-            refactor(x, t, planes, system)
+        if iteration > 0 and iteration + spent >= most:
+            age[2] = 0
+            return iteration
+        if iteration > 0 and iteration % _ANEW == 0 and not (dear and iteration + spent + worth > most):
+            spent += worth if dear else 0
+            refactor(x, t, planes, work.raw, system)
+            age[0], age[1] = -1, 0
+            kept = np.int64(0)
         slope = _direction(now, work, kept, system)
         if not -slope > _NEGLIGIBLE:
             return iteration
@@ -132,29 +176,29 @@ def descend(x, t, planes, system, work, most, tolerance):  # type: ignore[no-unt
         if not _step(x, slope, t, planes, work):
             if kept == 0:
                 return iteration
-            kept = np.int64(0)
+            kept, soft = np.int64(0), False
             continue
-        if -slope <= 2.0 * tolerance * energy + _NEGLIGIBLE:
+        was_soft, soft = soft, energy - work.energies[5] > -_SOFT * 0.5 * slope
+        enough = tolerance * (_SURE if soft or was_soft else 1.0) * energy
+        if -slope <= 2.0 * enough + _NEGLIGIBLE:
             return iteration + 1
         kept = _remember(work, kept)
+    age[2] = 0
     return most
 
 
 @njit(cache=True, nogil=True)
 def _step(x, slope, t, planes, work):  # type: ignore[no-untyped-def]
-    """Go along ``work.own``, bent as the nodes turn, as far as it lowers the energy; False where it does not.
+    """Go along ``work.own`` as far as it lowers the energy; False where it does not.
 
     ``work.now`` takes the derivative there, and ``work.own`` the part that was gone. The full step is nearly
     always the right one.
     """
-    here, way, bend = work.from_here, work.way, work.bend
+    here = work.from_here
     copy_row(here, x)
-    step_from_node_frame(x, work.own, way, bend)
     energy, length = work.energies[5], 1.0
     for _ in range(_HALVINGS):
-        for i in range(0, x.shape[0], 4):
-            ahead = fma4(length, load4(way, i), load4(here, i))
-            store4(x, i, fma4(length * length, load4(bend, i), ahead))
+        step_in_node_frame(here, work.own, length, x)
         energies = gradient(x, t, planes, work.raw)
         if energies[5] <= energy + _ARMIJO * length * slope:
             record_energies(work, energies)
@@ -173,14 +217,13 @@ def _step(x, slope, t, planes, work):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _remember(work, kept):  # type: ignore[no-untyped-def]
     """Keep the last step and its change of the gradient; returns the count of kept pairs, 0 to restart."""
-    if kept == _PAIRS:
-        return 0
-    step, change = work.steps[kept], work.changes[kept]
+    place = kept % _PAIRS
+    step, change = work.steps[place], work.changes[place]
     copy_row(step, work.own)
     for i in range(0, step.shape[0], 4):
         store4(change, i, load4(work.now, i) - load4(work.before, i))
-    work.curvatures[kept] = _dot(step, change)
-    return kept + 1 if work.curvatures[kept] > 0.0 else 0
+    work.curvatures[place] = _dot(step, change)
+    return kept + 1 if work.curvatures[place] > 0.0 else 0
 
 
 @njit(cache=True, nogil=True)
@@ -190,10 +233,13 @@ def _direction(now, work, kept, system):  # type: ignore[no-untyped-def]
     for i in range(way.shape[0]):
         way[i] = -now[i]
     share = np.empty(_PAIRS)
-    for m in range(kept - 1, -1, -1):
+    oldest = max(0, kept - _PAIRS)
+    for k in range(kept - 1, oldest - 1, -1):
+        m = k % _PAIRS
         share[m] = _dot(work.steps[m], way) / work.curvatures[m]
         _add_scaled(way, -share[m], work.changes[m])
     precondition(system, way)
-    for m in range(kept):
+    for k in range(oldest, kept):
+        m = k % _PAIRS
         _add_scaled(way, share[m] - _dot(work.changes[m], way) / work.curvatures[m], work.steps[m])
     return _dot(now, way)

@@ -12,6 +12,7 @@ Sixteen numbers a node: w and a 0, the shift and a 0, S00 S11 S22 and a 0, S01 S
 from __future__ import annotations
 
 from enliven.kernels import njit
+from enliven.lanes import fma4, load4, splat4, store4
 
 
 @njit(cache=True, nogil=True)
@@ -43,31 +44,45 @@ def force_in_node_frame(x, gradient, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def step_from_node_frame(x, own, way, bend):  # type: ignore[no-untyped-def]
-    """Kernel: ``way`` takes the step ``own`` in the plain unknowns, and ``bend`` how it goes on to second
-    order, half of w x (w x R).
+def step_in_node_frame(here, own, length, x):  # type: ignore[no-untyped-def]
+    """Kernel: ``x`` takes ``here`` gone along ``length`` of the step: R(1) = Q R (I + S + S S / 2).
 
-    Without the latter a turn by ten degrees would stretch a node by 1.5 %, and E_rot would stop the step.
+    Q is the rotation of Cayley's formula by the turn w: exp(w x) to second order, and without any stretch.
+    A turn by ten degrees along a straight line would stretch a node by 1.5 %, and E_rot would stop the step.
+    The stretch is exp(S) to second order, with eigenvalues from a half: no step turns a node inside out.
     """
+    half = 0.5 * length
     for j in range(x.shape[0] // 16):
         at = 16 * j
-        u, v, w = own[at], own[at + 1], own[at + 2]
-        square = u * u + v * v + w * w
-        for c in range(3):
-            to = at + 4 * c
+        u, v, w = half * own[at], half * own[at + 1], half * own[at + 2]
+        scale = 2.0 / (1.0 + u * u + v * v + w * w)
+        a, b, c = length * own[at + 8], length * own[at + 9], length * own[at + 10]
+        d, e, f = length * own[at + 12], length * own[at + 13], length * own[at + 14]
+        s00 = 1.0 + a + 0.5 * (a * a + d * d + e * e)
+        s11 = 1.0 + b + 0.5 * (d * d + b * b + f * f)
+        s22 = 1.0 + c + 0.5 * (e * e + f * f + c * c)
+        s01 = d + 0.5 * (a * d + d * b + e * f)
+        s02 = e + 0.5 * (a * e + d * f + e * c)
+        s12 = f + 0.5 * (d * e + b * f + f * c)
+        p, q, r = load4(here, at), load4(here, at + 4), load4(here, at + 8)
+        store4(x, at, fma4(s00, p, fma4(s01, q, splat4(s02) * r)))
+        store4(x, at + 4, fma4(s01, p, fma4(s11, q, splat4(s12) * r)))
+        store4(x, at + 8, fma4(s02, p, fma4(s12, q, splat4(s22) * r)))
+        for to in range(at, at + 12, 4):
             r0, r1, r2 = x[to], x[to + 1], x[to + 2]
-            along = u * r0 + v * r1 + w * r2
-            bend[to] = 0.5 * (u * along - r0 * square)
-            bend[to + 1] = 0.5 * (v * along - r1 * square)
-            bend[to + 2] = 0.5 * (w * along - r2 * square)
-            bend[to + 3] = 0.0
-            s0 = own[at + 8] if c == 0 else (own[at + 12] if c == 1 else own[at + 13])
-            s1 = own[at + 12] if c == 0 else (own[at + 9] if c == 1 else own[at + 14])
-            s2 = own[at + 13] if c == 0 else (own[at + 14] if c == 1 else own[at + 10])
-            way[to] = v * r2 - w * r1 + s0 * x[at] + s1 * x[at + 4] + s2 * x[at + 8]
-            way[to + 1] = w * r0 - u * r2 + s0 * x[at + 1] + s1 * x[at + 5] + s2 * x[at + 9]
-            way[to + 2] = u * r1 - v * r0 + s0 * x[at + 2] + s1 * x[at + 6] + s2 * x[at + 10]
-            way[to + 3] = 0.0
-        for a in range(4):
-            way[at + 12 + a] = own[at + 4 + a]
-            bend[at + 12 + a] = 0.0
+            t0, t1, t2 = v * r2 - w * r1, w * r0 - u * r2, u * r1 - v * r0
+            x[to] = r0 + scale * (t0 + v * t2 - w * t1)
+            x[to + 1] = r1 + scale * (t1 + w * t0 - u * t2)
+            x[to + 2] = r2 + scale * (t2 + u * t1 - v * t0)
+        store4(x, at + 12, fma4(length, load4(own, at + 4), load4(here, at + 12)))
+
+
+@njit(cache=True, nogil=True)
+def plain_state(x, order, linear, positions):  # type: ignore[no-untyped-def]
+    """Kernel: the unknowns (N, 4, 4) as linear parts and positions, in the graph's own order."""
+    for n in range(len(order)):
+        node = order[n]
+        for a in range(3):
+            positions[node, a] = x[n, 3, a]
+            for c in range(3):
+                linear[node, a, c] = x[n, c, a]

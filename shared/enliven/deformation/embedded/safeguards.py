@@ -7,8 +7,12 @@ import numpy as np
 from enliven.kernels import njit
 from enliven.rotation import nearest_rotations
 
-_LEAST_VOLUME = 0.05
+_SOUND = 0.02
 """The determinant of a node's linear part below which it counts as collapsed or inside out."""
+_LEAST_VOLUME = 0.05
+"""The determinant that a node keeps when it is pressed flat: a surface of a twentieth of its thickness."""
+_NEWTON = 8
+"""Newton steps to that determinant: each squares the error, and three are enough from 0.02."""
 
 
 @njit(cache=True, nogil=True)
@@ -23,7 +27,7 @@ def set_upright(flat, edges):  # type: ignore[no-untyped-def]
     count = x.shape[0]
     sound = np.empty(count, np.bool_)
     for n in range(count):
-        sound[n] = _volume(x[n]) > _LEAST_VOLUME
+        sound[n] = volume(x[n]) > _SOUND
     if sound.all():
         return False
     mean, turn = np.empty((1, 3, 3)), np.empty((1, 3, 3))
@@ -57,6 +61,35 @@ def set_upright(flat, edges):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def thicken(flat):  # type: ignore[no-untyped-def]
+    """Kernel: give each node of ``flat`` (16 N,) that is pressed flatter than the least volume that volume.
+
+    The cofactors of R have its singular vectors, and most in the direction in which R is flattest: along them
+    the energy hardly changes. Returns whether any was found.
+    """
+    x = flat.reshape(-1, 4, 4)
+    found = False
+    cofactor = np.empty((3, 3))
+    for n in range(x.shape[0]):
+        if volume(x[n]) >= _LEAST_VOLUME:
+            continue
+        found = True
+        for _ in range(_NEWTON):
+            square = 0.0
+            for c in range(3):
+                d, e = (c + 1) % 3, (c + 2) % 3
+                for a in range(3):
+                    b, k = (a + 1) % 3, (a + 2) % 3
+                    cofactor[c, a] = x[n, d, b] * x[n, e, k] - x[n, d, k] * x[n, e, b]
+                    square += cofactor[c, a] ** 2
+            scale = (1.001 * _LEAST_VOLUME - volume(x[n])) / (square + 1e-12)
+            for c in range(3):
+                for a in range(3):
+                    x[n, c, a] += scale * cofactor[c, a]
+    return found
+
+
+@njit(cache=True, nogil=True)
 def _copy_turn(target, source):  # type: ignore[no-untyped-def]
     """Write the first three rows and columns of ``source`` into those of ``target``."""
     for a in range(3):
@@ -65,7 +98,7 @@ def _copy_turn(target, source):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _volume(node):  # type: ignore[no-untyped-def]
+def volume(node):  # type: ignore[no-untyped-def]
     """The determinant of R: its columns are the first three rows of ``node`` (4, 4)."""
     return (
         node[0, 0] * (node[1, 1] * node[2, 2] - node[1, 2] * node[2, 1])

@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.deformation.embedded.energy import constraint_energy, gradient
+from enliven.deformation.embedded.safeguards import volume
 from enliven.kernels import copy_row, njit
 from enliven.lanes import fma4, load4, store4
 from enliven.rotation import nearest_rotations
 
 _FAR = 4.0
 """Times the last frame's energy beyond which a start counts as bad, and more places are tried."""
+
+_SHRUNK = 0.5
+"""The share of its volume that a node keeps at least where it goes on as it did."""
 
 
 @njit(cache=True, nogil=True)
@@ -72,6 +76,10 @@ def _go_on(x, last, out):  # type: ignore[no-untyped-def]
             out[at + c + 1] = 2 * r1 - last[at + c + 1] + v * along - r1 * square
             out[at + c + 2] = 2 * r2 - last[at + c + 2] + w * along - r2 * square
             out[at + c + 3] = 0.0
+        if volume(out[at : at + 16].reshape(4, 4)) < _SHRUNK * volume(x[at : at + 16].reshape(4, 4)):
+            # A node that was pressed on for another frame would be flat, or inside out.
+            for c in range(12):
+                out[at + c] = x[at + c]
         here = load4(x, at + 12)
         store4(out, at + 12, fma4(-1.0, load4(last, at + 12), here + here))
 

@@ -1,7 +1,7 @@
 """The peer: embedded deformation by sparse Gauss-Newton as a paper's reader would write it with SciPy.
 
-KinÊtre, eq. 3-8, all twelve unknowns a node; Levenberg's damping; a sparse Jacobian whose pattern is made
-once, JᵀJ by SciPy, factorised by SuperLU with a symmetric ordering in every iteration.
+KinÊtre, eq. 3-8 as printed, all twelve unknowns a node; Levenberg's damping; a sparse Jacobian whose pattern
+is made once, JᵀJ by SciPy, factorised by SuperLU with a symmetric ordering in every iteration.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, identity, vstack
 from scipy.sparse.linalg import splu
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Int
 from enliven.deformation.constraints import PointConstraints
 from enliven.deformation.embedded.solver import EmbeddedSettings
 from enliven.deformation.graph.graph import DeformationGraph
@@ -29,7 +29,12 @@ class PlainGaussNewton:
         self.graph, self.points = graph, points
         self.settings = settings or EmbeddedSettings()
         self._count = len(graph.positions)
+        self._rigid = graph.edges[graph.rigid].astype(np.int64)
         self._linear, self._constant = self._linear_part()
+        self._pattern, self._hanging = self._quadratic_patterns()
+
+    def _quadratic_patterns(self) -> tuple[tuple[Int, Int], tuple[Int, Int]]:
+        """Rows and columns of the Jacobians of E_rot and of E_rig's turns, in the order of their values."""
         rows, columns = [], []
         for node in range(self._count):
             for c in range(3):
@@ -38,7 +43,12 @@ class PlainGaussNewton:
                         # d(RᵀR)_cd / dR_ac = R_ad, and / dR_ad = R_ac.
                         rows += [9 * node + 3 * c + d] * 2
                         columns += [9 * node + 3 * a + c, 9 * node + 3 * a + d]
-        self._pattern = np.array(rows), np.array(columns)
+        pattern = np.array(rows), np.array(columns)
+        # E_rig's (R_kᵀ R_j)_cd, by R_k's (a, c), and by R_j's (a, d).
+        m, c, d, a = np.meshgrid(np.arange(len(self._rigid)), *[np.arange(3)] * 3, indexing="ij")
+        j, k = self._rigid[m, 0], self._rigid[m, 1]
+        row, of_k, of_j = 9 * m + 3 * c + d, 9 * k + 3 * a + c, 9 * j + 3 * a + d
+        return pattern, (np.stack([row, row], -1).ravel(), np.stack([of_k, of_j], -1).ravel())
 
     def _linear_part(self) -> tuple[csr_matrix, Float]:
         """E_reg and E_con: residual = matrix x - constant, of which the targets' rows come last."""
@@ -55,7 +65,13 @@ class PlainGaussNewton:
             for node, sign in ((i, 1.0), (j, -1.0)):
                 rows, columns = [*rows, row], [*columns, 9 * count + 3 * node + a]
                 values.append(np.full(len(i), sign * smooth))
-        first, pull = 3 * len(i), np.sqrt(self.settings.constraint)
+        rigid, hang = self._rigid, np.sqrt(self.settings.rigidity)
+        for a in range(3):
+            row = 3 * len(i) + 3 * np.arange(len(rigid)) + a
+            for side, sign in ((1, 1.0), (0, -1.0)):
+                rows, columns = [*rows, row], [*columns, 9 * count + 3 * rigid[:, side] + a]
+                values.append(np.full(len(rigid), sign * hang))
+        first, pull = 3 * len(i) + 3 * len(rigid), np.sqrt(self.settings.constraint)
         for k in range(4):
             node, weight = points.node_indices[:, k].astype(np.int64), points.node_weights[:, k]
             arm = points.points - graph.positions[node]
@@ -68,7 +84,10 @@ class PlainGaussNewton:
                 values.append(pull * weight)
         shape = first + 3 * len(points.points), 12 * count
         entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-        return csr_matrix(entries, shape), np.zeros(shape[0])
+        constant = np.zeros(shape[0])
+        along = graph.positions[rigid[:, 1]] - graph.positions[rigid[:, 0]]
+        constant[3 * len(i) : first] = hang * along.ravel()
+        return csr_matrix(entries, shape), constant
 
     def aim(self, targets: Float) -> None:
         """Where the points should go, (L, 3)."""
@@ -82,8 +101,13 @@ class PlainGaussNewton:
         """All of them, weighted."""
         r = x[: 9 * self._count].reshape(-1, 3, 3)
         turned = np.swapaxes(r, 1, 2) @ r - np.eye(3)
+        apart = np.swapaxes(r[self._rigid[:, 1]], 1, 2) @ r[self._rigid[:, 0]] - np.eye(3)
         return np.concatenate(
-            [np.sqrt(self.settings.rotation) * turned.ravel(), self._linear @ x - self._constant]
+            [
+                np.sqrt(self.settings.rotation) * turned.ravel(),
+                np.sqrt(self.settings.rigidity) * apart.ravel(),
+                self._linear @ x - self._constant,
+            ]
         )
 
     def _jacobian(self, x: Float) -> csc_matrix:
@@ -96,7 +120,13 @@ class PlainGaussNewton:
         weight = np.sqrt(self.settings.rotation)
         shape = 9 * self._count, 12 * self._count
         upper = csr_matrix((weight * values.ravel(), self._pattern), shape)
-        return vstack([upper, self._linear]).tocsc()
+        rj, rk = r[self._rigid[:, 0]], r[self._rigid[:, 1]]
+        # Both indexed (m, c, d, a): R_j's (a, d), and R_k's (a, c).
+        by_k = np.broadcast_to(np.swapaxes(rj, 1, 2)[:, None], (len(rj), 3, 3, 3))
+        by_j = np.broadcast_to(np.swapaxes(rk, 1, 2)[:, :, None], (len(rk), 3, 3, 3))
+        values = np.sqrt(self.settings.rigidity) * np.stack([by_k, by_j], -1).ravel()
+        hanging = csr_matrix((values, self._hanging), (9 * len(rj), 12 * self._count))
+        return vstack([upper, hanging, self._linear]).tocsc()
 
     def solve(self, x: Float, done: Callable[[float], bool], most: int = 100) -> tuple[Float, float, int]:
         """From ``x`` until ``done`` with the energy, or nothing falls any more: x, energy, iterations."""
