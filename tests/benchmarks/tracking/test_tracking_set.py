@@ -11,23 +11,24 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import tracking_cache
 import tracking_set
-from tracking_set import HELD_OUT, TUNING, Sequence, sequences
+from tracking_set import CLOSE, HELD_OUT, SEALED, TUNING, Sequence, sequences
 
 from enliven.camera import world_from_level_camera
 from enliven_synthesis.sensor.profile import load_profile
 
 
-def test_names_are_given_once_and_splits_share_no_scene() -> None:
+@pytest.mark.parametrize(("seen", "kept"), [(TUNING, HELD_OUT), (CLOSE, SEALED), (TUNING, SEALED)])
+def test_names_are_given_once_and_splits_share_no_scene(seen: str, kept: str) -> None:
     names = [s.name for s in sequences()]
     assert len(set(names)) == len(names)
     moves = {
         split: {move for s in sequences(split) for p in s.people for _, move, _, _ in p.moves}
-        for split in (TUNING, HELD_OUT)
+        for split in (seen, kept)
     }
-    shared = moves[TUNING] & moves[HELD_OUT]
+    shared = moves[seen] & moves[kept]
     assert not shared, shared
-    builds = {split: {p.build for s in sequences(split) for p in s.people} for split in (TUNING, HELD_OUT)}
-    assert not builds[TUNING] & builds[HELD_OUT]
+    builds = {split: {p.build for s in sequences(split) for p in s.people} for split in (seen, kept)}
+    assert not builds[seen] & builds[kept]
 
 
 @pytest.mark.parametrize("split", [TUNING, HELD_OUT])
