@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films session-films example-films setup setup-dev docs record-references clean test-more test-matrix test-bare test-arm test-devices panel audit
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs record-references clean test-more test-matrix test-bare test-arm test-devices panel audit
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -60,6 +60,9 @@ films: setup-dev ## film what the tracker makes of the real recordings, into out
 
 possess-films: setup-dev ## film what real people possess, into out/possess: make possess-films ONLY="chair horse"
 	@.venv/bin/python tests/benchmarks/possession/possess_films.py $(ONLY)
+
+scan-films: setup-dev ## film scans that are cut out and act, into out/scanning: make scan-films ONLY="chair"
+	@.venv/bin/python tests/benchmarks/scanning/scan_films.py $(ONLY)
 
 session-films: setup-dev ## film the paper's sessions in the studio, into out/sessions: make session-films ONLY="squid"
 	@.venv/bin/python tests/benchmarks/examples/session_films.py $(ONLY)

@@ -40,6 +40,8 @@ _LEAST_ALONE = 0.01
 """Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
 
 Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
+_PHASE_AFTER: dict[str, Phase] = {"pause": "paused", "go on": "scanning", "done": "finishing"}
+"""The phase that begins with an order, as soon as it is heard."""
 Cast = Callable[[Mesh, str], Any]
 """Makes a character's actor of a mesh and its id."""
 
@@ -113,10 +115,14 @@ class LiveScan(threading.Thread):
             raise InputError("the mesh is being made", where="scan", mend="Wait until it stands there.")
         if order.do == "undo" and not self._checkpoints.seconds(self._now_ns):
             raise InputError("there is nothing to take back", where="scan", mend="Cancel it, or scan on.")
-        if order.do == "done":
-            self.phase = "finishing"
+        after = _PHASE_AFTER.get(order.do)
+        if after is not None and (order.do != "pause" or self.phase == "scanning"):
+            # At once, and not when the thread comes to it, which may look at a large surface for seconds.
+            self.phase, self._note = after, ("", "")
+            self._messages.append(self._message())
         with self._wake:
-            self._orders.append(order)
+            if order.do in ("undo", "done"):
+                self._orders.append(order)
             self._wake.notify()
 
     def messages(self) -> list[ScanMessage | ScanPieceMessage]:
@@ -168,17 +174,11 @@ class LiveScan(threading.Thread):
     def _obey(self, order: Scan) -> None:
         """Does what a viewer asked for."""
         self._note = ("", "")
-        if order.do == "pause" and self.phase == "scanning":
-            self.phase = "paused"
-        elif order.do == "go on":
-            self.phase = "scanning"
-        elif order.do == "undo":
+        if order.do == "undo":
             before = self._checkpoints.back(self._now_ns)
             self._run = before or self._run
             self._camera = self._run.scanner.poses[-1][1] if self._run.scanner.poses else None
         elif order.do == "done":
-            self.phase = "finishing"
-            self._tell(at_once=True)
             self._finish(order)
 
     def _finish(self, order: Scan) -> None:
@@ -200,18 +200,18 @@ class LiveScan(threading.Thread):
 
     def _fail(self, error: EnlivenError) -> None:
         """Says what is wrong; the scan goes on where it is asked to."""
-        self.phase = "failed"
         # In a window it is a button, and no option of a command.
         self._note = error.what[:160], error.mend.replace("add --whole to keep", "keep")[:160]
+        self.phase = "failed"
 
-    def _tell(self, *, at_once: bool = False) -> None:
+    def _tell(self) -> None:
         """Tells how it goes, and the pieces that changed."""
         now, scanner = time.monotonic(), self._run.scanner
         if now - self._shown >= _SHOWN_EVERY and self.phase in ("scanning", "paused", "failed"):
             since, self._shown = min(now - self._shown, 1.0), now
             self._messages.extend(self._growing.changes(scanner.volumes[0], round(_BYTES * since)))
             self._place.look(scanner)
-        if at_once or now - self._told >= _TOLD_EVERY or self.phase == "done":
+        if now - self._told >= _TOLD_EVERY or self.phase == "done":
             self._told = now
             self._messages.append(self._message())
 

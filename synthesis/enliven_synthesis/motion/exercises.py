@@ -81,7 +81,7 @@ def _keyed(name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]) -
 
     def posture(time: float) -> PerformerPosture:
         k = max(0, min(int(np.searchsorted(times, time, side="right")) - 1, len(times) - 2))
-        return _mixed(postures[k], postures[k + 1], ease((time - times[k]) / (times[k + 1] - times[k])))
+        return mixed_fields(postures[k], postures[k + 1], ease((time - times[k]) / (times[k + 1] - times[k])))
 
     def planted(side: int, time: float) -> bool:
         made = posture(time)
@@ -90,11 +90,11 @@ def _keyed(name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]) -
     return Choreography(name, times[-1], posture, planted)
 
 
-def _mixed(a: T, b: T, part: float) -> T:
+def mixed_fields(a: T, b: T, part: float) -> T:
     """Interpolates every number of two dataclasses of a kind by ``part``."""
     ours, theirs = vars(a), vars(b)
     mixed = {
-        name: _mixed(value, theirs[name], part)
+        name: mixed_fields(value, theirs[name], part)
         if is_dataclass(value)
         else (1.0 - part) * value + part * theirs[name]
         for name, value in ours.items()

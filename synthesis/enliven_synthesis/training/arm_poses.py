@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 from enliven.arrays import Float
 from enliven.person import Limb
-from enliven_synthesis.body import Performer, about_x, about_y, about_z
+from enliven_synthesis.body import Performer, about_x, about_y, about_z, reach
 
 _ANGLES: dict[str, tuple[tuple[float, float], ...]] = {
     "hang": ((-0.25, 0.3), (0.05, 0.35), (-0.4, 0.6), (0.05, 0.6)),
@@ -87,23 +87,10 @@ def _reach(
 ) -> tuple[Float, float]:
     """Returns (3, 3) the upper arm and the elbow's bend, radians, that bring the wrist near a target."""
     sign = np.array([1.0 - 2.0 * side, 1.0, 1.0])
-    shoulder = performer.shoulder * sign
-    wanted = (np.array(target) * performer.scale + rng.normal(0, 0.05, 3)) * sign - shoulder
-    a, b = performer.upper_arm, performer.forearm
-    distance = float(np.clip(np.linalg.norm(wanted), 0.35 * (a + b), 0.995 * (a + b)))
-    along = wanted / (float(np.linalg.norm(wanted)) + 1e-9)
-    bend = float(np.arccos(np.clip((distance**2 - a**2 - b**2) / (2 * a * b), -1, 1)))
-    inner = float(np.arccos(np.clip((distance**2 + a**2 - b**2) / (2 * a * distance), -1, 1)))
+    wanted = (np.array(target) * performer.scale + rng.normal(0, 0.05, 3)) * sign
     # The elbow points down, outward and back, as it does in most people most of the time.
-    outward = np.array([0.7 * sign[0], -0.7, -0.35]) + rng.normal(0, 0.3, 3)
-    outward -= (outward @ along) * along
-    outward /= float(np.linalg.norm(outward)) + 1e-9
-    upper = np.cos(inner) * along + np.sin(inner) * outward
-    fore = (distance * along - a * upper) / b
-    y = -upper
-    z = fore - (fore @ upper) * upper
-    z /= float(np.linalg.norm(z)) + 1e-9
-    return chest @ np.stack([np.cross(y, z), y, z], 1), bend
+    out = np.array([0.7 * sign[0], -0.7, -0.35]) + rng.normal(0, 0.3, 3)
+    return reach(performer, chest, wanted, out, side)
 
 
 def _inside_trunk(performer: Performer, rotations: Float, side: int) -> bool:

@@ -35,8 +35,8 @@ class Studio:
 
     def __init__(self, size: tuple[int, int] = SIZE) -> None:
         self.size = size
-        self._renderer = Renderer(offscreen_context(), size)
-        self._canvas = Canvas(self._renderer.ctx)
+        self.renderer = Renderer(offscreen_context(), size)
+        self._canvas = Canvas(self.renderer.ctx)
 
     def film(self, take: Take, path: Path, title: str) -> int:
         """The film and its contact sheet; the number of pictures."""
@@ -46,7 +46,7 @@ class Studio:
         camera = FilmCamera()
         with FilmWriter(path.with_suffix(".mp4"), self.size, RATE, BIT_RATE) as writer:
             for n, time_ns in enumerate(times):
-                picture = self._draw(take, time_ns, camera, title)
+                picture = self.draw(take, time_ns, camera, title)
                 writer.add(picture)
                 if n in tiles:
                     kept.append(Tile(n / RATE, _smaller(picture)))
@@ -65,22 +65,26 @@ class Studio:
                 kept.append(Tile(n / RATE, _smaller(self._picture(scene, camera, title, take, time_ns))))
         _sheet(path, kept, title, len(times))
 
-    def _draw(self, take: Take, time_ns: int, camera: FilmCamera, title: str) -> UInt8:
+    def draw(self, take: Take, time_ns: int, camera: FilmCamera, title: str) -> UInt8:
         scene = self._scene(take, time_ns)
         camera.follow(scene.box or EMPTY_BOX, 1 / RATE, self.size[0] / self.size[1])
         return self._picture(scene, camera, title, take, time_ns)
 
     def _picture(self, scene: Scene, camera: FilmCamera, title: str, take: Take, time_ns: int) -> UInt8:
-        self._renderer.draw(scene, camera.view(self.size[0] / self.size[1]))
-        width, height = self.size
+        self.renderer.draw(scene, camera.view(self.size[0] / self.size[1]))
         second = (time_ns - take.shots[0].time_ns) * 1e-9
         word = "possessed" if _since(take, time_ns) >= 0 else "free"
-        places = ((28, 28, title, 0.0), (width - 28, height - 46, f"{time_text(second)}  ·  {word}", 1.0))
-        with self._canvas.over(self._renderer.picture.resolved):
+        return self.labelled(self.renderer, title, f"{time_text(second)}  ·  {word}")
+
+    def labelled(self, renderer: Renderer, title: str, below: str) -> UInt8:
+        """The last picture of a renderer of this context, with words at its top left and bottom right."""
+        width, height = self.size
+        places = ((28, 28, title, 0.0), (width - 28, height - 46, below, 1.0))
+        with self._canvas.over(renderer.picture.resolved):
             for x, y, text, align in places:
                 self._canvas.text(x + 1, y + 1, text, _TEXT, (0.0, 0.0, 0.0, 0.5), align=align)
                 self._canvas.text(x, y, text, _TEXT, (0.95, 0.96, 0.98, 0.8), align=align)
-        return self._renderer.pixels()
+        return renderer.pixels()
 
     def _scene(self, take: Take, time_ns: int) -> Scene:
         """What is to be seen at a time: the nearest shot, its bodies stepping out of the mesh."""

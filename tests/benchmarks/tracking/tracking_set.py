@@ -17,6 +17,7 @@ from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.capture import Capture
 from enliven.formats.motion.expmap import read_expmap
 from enliven_synthesis.body.performer import Performer, Proportions
+from enliven_synthesis.motion.close_limbs import CloseLimbs
 from enliven_synthesis.motion.exercises import exercise
 from enliven_synthesis.motion.mocap import Captured
 from enliven_synthesis.motion.motion import Chained, Danced, HeldMotion, Motion, MotionSegment
@@ -26,6 +27,8 @@ from enliven_synthesis.sensor.scene import ROOM, Box
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 TUNING, HELD_OUT = "tuning", "held-out"
+CLOSE, SEALED = "close", "sealed"
+"""Limbs close before the trunk, to tune on and kept shut: the sealed split is measured once, at the end."""
 SIDE, BACK = 1.5708, 3.1416
 
 DESK = (
@@ -42,9 +45,8 @@ class Move:
     """A motion by name.
 
     Attributes:
-        source: "exercise", or the path of a motion capture below the data folder.
-        name: of the exercise.
-        seed: of the exercise.
+        source: "exercise", "close" (limbs close to the trunk), or the path of a capture in the data folder.
+        name, seed: of the exercise, or of the motion with close limbs.
         start, stop: seconds of the capture.
         held: the second of an exercise at which the performer stays, or None.
     """
@@ -58,9 +60,11 @@ class Move:
 
     @property
     def available(self) -> bool:
-        return self.source == "exercise" or (DATA / self.source).exists()
+        return self.source in ("exercise", "close") or (DATA / self.source).exists()
 
     def made_for(self, performer: Performer) -> Motion:
+        if self.source == "close":
+            return CloseLimbs(performer, self.name, self.seed)
         if self.source == "exercise":
             danced = Danced(performer, exercise(self.name, self.seed))
             return danced if self.held is None else HeldMotion(danced, self.held)
@@ -374,10 +378,45 @@ def troubles() -> list[Sequence]:
     return out
 
 
+_CLOSE: tuple[tuple[str, float], ...] = (
+    ("folded", 0.0), ("akimbo", 0.4), ("jog", -0.2), ("jog", 0.7), ("guard", 0.1), ("guard", -0.5),
+    ("belly", 0.0), ("lens", 0.0), ("lens", -0.35), ("chin", 0.2), ("chin and belly", -0.3), ("seat", 0.0),
+    ("seat", 0.5),
+)  # fmt: skip
+"""Motions with limbs close to the trunk, and radians by which the performer is turned from the sensor."""
+STOOL = (Box((-0.2, 0.0, -3.22), (0.2, 0.40, -2.82)),)
+"""What a performer of average height at the usual place sits down on."""
+
+
+def close_limbs() -> list[Sequence]:
+    """Limbs close before the trunk: in either split of its own builds, seeds and sensors."""
+    out = []
+    for split, builds, first in ((CLOSE, (AVERAGE, SMALL, TALL, STOUT), 200), (SEALED, _SEALED_BUILDS, 900)):
+        turn = 1.0 if split == CLOSE else -1.0
+        for n, (name, yaw) in enumerate(_CLOSE):
+            move = Move("close", name, first + n)
+            build = builds[n % len(builds)]
+            furniture = STOOL if name == "seat" and yaw == 0.0 else ()
+            place = _HOME if furniture else (0.1 * turn, -2.5 - 0.15 * (n % 3))
+            cast = _one(build, move, place, turn * yaw)
+            sensor = ("oak-d", "kinect1")[(n + (split == SEALED)) % 2]
+            title = f"{split[0]} {name} {n}"
+            out.append(Sequence(title, split, cast, 4.5, sensor, furniture=furniture, seed=first + n))
+    return out
+
+
+_SEALED_BUILDS = (
+    Proportions(1.83, 1.02, shoulders=1.08),
+    Proportions(1.62, 0.93, hips=1.04, arms=1.03),
+    Proportions(1.72, 1.15, legs=0.97),
+)
+"""Builds of no other split."""
+
+
 def sequences(split: str | None = None, only: str | None = None) -> list[Sequence]:
     """The sequences that can be made here: of a split (or all), whose names have ``only`` in them."""
     return [
         s
-        for s in (*_accuracy(), *recoveries(), *troubles())
+        for s in (*_accuracy(), *recoveries(), *troubles(), *close_limbs())
         if s.available and split in (None, s.split) and (only is None or only in s.name)
     ]

@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 
 from enliven import rotation
 from enliven.scanning.loops import PoseLink, cost_of, settled
-from enliven.scanning.loops.pose_graph import residual_of
+from enliven.scanning.loops.pose_graph import residual_of, slopes_of
 from enliven.scanning.rigid import apart, inverse, moved
 
 SEEDS = st.integers(0, 10_000)
@@ -105,3 +105,29 @@ def test_what_is_felt_up_keeps_a_chain_level():
     bent, _ = settled(poses, links)
     level, _ = settled(poses, links, [up] * 11, level=0.001)
     assert np.arccos(bent[-1][1, 1]) > 0.15 and np.arccos(level[-1][1, 1]) < 0.005
+
+
+@settings(max_examples=25)
+@given(seed=SEEDS)
+def test_the_slopes_are_those_of_small_differences(seed):
+    """Large residuals: there the inverse left Jacobian differs from 1, and its sign from the other one."""
+    random = np.random.default_rng(seed)
+    first, second = (moved(np.eye(4), random.normal(0, 1.0, 6)) for _ in range(2))
+    off = np.concatenate(
+        [random.normal(0, 0.5, 3), random.uniform(0.3, 1.5) * rotation.unit(random.normal(size=3))]
+    )
+    link = PoseLink(0, 1, moved(inverse(first) @ second, off), np.eye(6))
+    error, of_first, of_second = slopes_of(link, first, second)
+    np.testing.assert_allclose(error, residual_of(link, first, second))
+    step = 1e-6
+    for slopes, at in ((of_first, 0), (of_second, 1)):
+        found = np.empty((6, 6))
+        for k in range(6):
+            ends = []
+            for way in (step, -step):
+                poses = [first, second]
+                poses[at] = moved(poses[at], way * np.eye(6)[k])
+                ends.append(residual_of(link, *poses))
+            found[:, k] = (ends[0] - ends[1]) / (2 * step)
+        # Central differences are off by the square of the step, and by the rounding over the step.
+        np.testing.assert_allclose(slopes, found, atol=1e-6)

@@ -137,7 +137,7 @@ def _normal_equations(
     blocks: dict[tuple[int, int], Float] = {(n, n): np.zeros((6, 6)) for n in range(count)}
     gradient = np.zeros((count, 6))
     for link, trust in zip(links, belief, strict=True):
-        error, of_first, of_second = _slopes(link, poses[link.first], poses[link.second])
+        error, of_first, of_second = slopes_of(link, poses[link.first], poses[link.second])
         weight = trust * link.information
         for a, slope_a in ((link.first - 1, of_first), (link.second - 1, of_second)):
             if a < 0:
@@ -163,7 +163,7 @@ def _normal_equations(
     return csc_matrix((np.concatenate(values), place), shape=(6 * count, 6 * count)), gradient.ravel()
 
 
-def _slopes(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float, Float]:
+def slopes_of(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float, Float]:
     """Returns the residual and its (6, 6) slopes along a move and a turn of either pose, world axes."""
     error = residual_of(link, first, second)
     turn, apart = first[:3, :3].T, second[:3, 3] - first[:3, 3]

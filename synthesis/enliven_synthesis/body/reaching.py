@@ -1,0 +1,34 @@
+"""An arm that reaches for a place: the two-bone inverse kinematics of shoulder, elbow and wrist."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_synthesis.body.performer import Performer
+
+
+def reach(performer: Performer, chest: Float, wanted: Float, out: Float, side: int) -> tuple[Float, float]:
+    """Returns (3, 3) world_from_upper_arm and the elbow's bend, radians, that bring the wrist near a place.
+
+    Args:
+        chest: (3, 3) world_from_chest.
+        wanted: (3,) metres, chest's frame: the wrist; brought to the arm's reach where it is out of it.
+        out: (3,) chest's frame: the direction in which the elbow points.
+        side: 0 the left arm, 1 the right one.
+    """
+    shoulder = performer.shoulder * np.array([1.0 - 2.0 * side, 1.0, 1.0])
+    way = np.asarray(wanted) - shoulder
+    a, b = performer.upper_arm, performer.forearm
+    distance = float(np.clip(np.linalg.norm(way), 0.35 * (a + b), 0.995 * (a + b)))
+    along = way / (float(np.linalg.norm(way)) + 1e-9)
+    bend = float(np.arccos(np.clip((distance**2 - a**2 - b**2) / (2 * a * b), -1, 1)))
+    inner = float(np.arccos(np.clip((distance**2 + a**2 - b**2) / (2 * a * distance), -1, 1)))
+    outward = out - (out @ along) * along
+    outward /= float(np.linalg.norm(outward)) + 1e-9
+    upper = np.cos(inner) * along + np.sin(inner) * outward
+    fore = (distance * along - a * upper) / b
+    y = -upper
+    z = fore - (fore @ upper) * upper
+    z /= float(np.linalg.norm(z)) + 1e-9
+    return chest @ np.stack([np.cross(y, z), y, z], 1), bend

@@ -1,0 +1,246 @@
+"""Films of scans into out/scanning: a camera is carried, the surface grows, it is cut out, and it acts.
+
+    python tests/benchmarks/scanning/scan_films.py            all of them
+    python tests/benchmarks/scanning/scan_films.py chair      those with one of the words in the name
+
+What grows is drawn as the window draws it. Without the recordings of ENLIVEN_DATA only made-up ones are.
+Another film is a function that returns a :class:`Film`, and a line of :func:`films`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "possession"))
+
+import numpy as np
+from PIL import Image
+from possess_cast import danced
+from possess_films import DATA, LIFT, RAISED, TRUNK, read
+from possess_studio import SIZE, Studio
+from possess_take import Act, perform
+
+from enliven.arrays import Float, UInt8
+from enliven.errors import InputError
+from enliven.film_writer import FilmWriter
+from enliven.frames import BodyFrame, DepthFrame
+from enliven.meshes import Mesh
+from enliven.samples import load_sample
+from enliven.scanning import (
+    Scanner,
+    ScanSettings,
+    ScanState,
+    VolumeSettings,
+    find_ground,
+    focus_of,
+    surface_of,
+    upright_frame,
+)
+from enliven_edge.importing.placed_images import PosedDepthReader
+from enliven_edge.scanning import GrowingSurface, Keep, finished
+from enliven_edge.stage.casting import cast_mesh
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_viewer.film.sheet import Tile, write_sheet
+from enliven_viewer.render import FilmCamera
+from enliven_viewer.studio.picture import GrowingPicture, Viewport
+from enliven_viewer.studio.scan import GrowingMesh
+from enliven_viewer.studio.viewport import Lens, Overlay, Selection
+
+OUT = Path(__file__).parents[3] / "out" / "scanning"
+RATE, BIT_RATE = 30.0, 5.0
+_SHOWN_EVERY = 4
+"""Images of the scan between two looks at what grew."""
+_TURNED = 3.0
+"""Seconds in which what was cut out is shown from all round."""
+_INSET = 300
+"""Pixels across what the camera sees, in a corner of the picture."""
+_FARTHEST = 3.0
+"""Metres that are black in it."""
+_TILES, _COLUMNS, _TILE_WIDTH = 16, 4, 480
+_NO_NUMBER = 1
+"""The scan's number on the wire that is not there."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """A scan, and what becomes of it.
+
+    Attributes:
+        title: what stands in the picture.
+        frames: the camera's images.
+        settings: of the scanner.
+        keep: what is cut out.
+        bodies: who takes hold of it, or None.
+        act: how.
+        colour: sRGB of a mesh without colours.
+    """
+
+    title: str
+    frames: Iterable[DepthFrame]
+    settings: ScanSettings
+    keep: Keep = field(default_factory=Keep)
+    bodies: Callable[[], list[BodyFrame]] | None = None
+    act: Act = Act(0.45, TRUNK)  # noqa: RUF009 - it is frozen
+
+
+def chair() -> Film:
+    """The shipped chair, carried round by a hand, with a Kinect's noise; a recorded person takes it."""
+    path = HandheldPath(target=(0.0, 0.6, 0.0), radius=1.5, height=(0.6, 1.7), turns=1.1, seconds=12.0)
+    take = HandheldScan(load_sample("chair"), load_profile("kinect1"), path, width=320, colour=True)
+    settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
+    bodies = (lambda: read(LIFT)) if DATA.is_dir() else (lambda: danced("chair"))
+    return Film("A chair is scanned, cut out, and possessed", take, settings, Keep(), bodies)
+
+
+def table() -> Film:
+    """The table of a real kitchen, cut out by a box."""
+    frames = PosedDepthReader().read(sorted((DATA / "scans" / "sevenscenes_kitchen").iterdir()))
+    settings = ScanSettings(volume=VolumeSettings(voxel=0.01, reach=3.5))
+    box = np.array([-1.3, 0.02, -2.9]), np.array([1.0, 1.05, -1.8])
+    alone = (frame if n == 0 else replace(frame, world_from_camera=None) for n, frame in enumerate(frames))
+    return Film("A real kitchen's table is cut out", alone, settings, Keep("box", *box))
+
+
+def films() -> dict[str, Callable[[], Film]]:
+    """By name, those that can be made here."""
+    made: dict[str, Callable[[], Film]] = {"chair": chair}
+    if (DATA / "scans" / "sevenscenes_kitchen").is_dir():
+        made["kitchen-table"] = table
+    return made
+
+
+class Growth:
+    """The surface as a window would have it of the messages of an edge, and where it stands."""
+
+    def __init__(self) -> None:
+        self._sent, self._mesh = GrowingSurface(_NO_NUMBER), GrowingMesh()
+        self._pieces: dict[str, object] = {}
+        self.stage_from_scan = np.eye(4)
+
+    def look(self, scanner: Scanner) -> GrowingPicture | None:
+        """Takes in what grew."""
+        for piece in self._sent.changes(scanner.volumes[0], 10**9):
+            self._pieces[str(piece.place)] = piece
+        self._mesh.take(self._pieces, _NO_NUMBER)  # type: ignore[arg-type]
+        try:
+            ground = find_ground(surface_of(scanner.volumes[1]), settings=scanner.settings.cut_out)
+        except InputError:
+            return self._mesh.picture
+        self.stage_from_scan = upright_frame(ground, focus_of([pose for _, pose in scanner.poses]))
+        return self._mesh.picture
+
+    @property
+    def box(self) -> tuple[Float, Float] | None:
+        """The corners of what was seen, on the stage."""
+        if self._mesh.picture is None:
+            return None
+        points = self._mesh.picture.vertices[::20].astype(float)
+        points = points @ self.stage_from_scan[:3, :3].T + self.stage_from_scan[:3, 3]
+        low, high = np.quantile(points, [0.02, 0.98], axis=0)
+        return low, high
+
+
+class Filming:
+    """Draws the three parts of a film, one after the other."""
+
+    def __init__(self) -> None:
+        self.studio = Studio()
+        self.viewport = Viewport(self.studio.renderer.ctx, SIZE, self.studio.renderer.settings)
+        self.camera = FilmCamera()
+
+    def pictures(self, film: Film) -> Iterator[UInt8]:
+        """Yields the pictures of a film."""
+        scanner = Scanner(film.settings)
+        yield from self._scanned(film, scanner)
+        made = finished(scanner, film.keep, 50_000, "thing")
+        print(f"  {len(made.mesh.faces)} triangles; {made.said}", flush=True)
+        yield from self._turned(made.mesh, film.title)
+        if film.bodies is not None:
+            actor = cast_mesh(made.mesh, "thing", settings=RAISED)
+            take = perform(film.bodies(), actor, (film.act,))
+            count = int((take.shots[-1].time_ns - take.shots[0].time_ns) * 1e-9 * RATE)
+            for n in range(count):
+                time_ns = take.shots[0].time_ns + round(n * 1e9 / RATE)
+                yield self.studio.draw(take, time_ns, self.camera, film.title)
+
+    def _scanned(self, film: Film, scanner: Scanner) -> Iterator[UInt8]:
+        """While it grows."""
+        growth, shown = Growth(), None
+        for number, frame in enumerate(film.frames):
+            step = scanner.add(frame)
+            if number % _SHOWN_EVERY == 0:
+                shown = growth.look(scanner)
+            if shown is None or growth.box is None or number % 2:
+                continue
+            word = "scanning" if step.state is ScanState.SCANNING else step.state.value
+            self._draw(shown, growth.stage_from_scan, growth.box)
+            below = f"{len(scanner.poses)} images  ·  {word}"
+            yield _with_inset(self.studio.labelled(self.viewport.renderer, film.title, below), frame)
+
+    def _turned(self, mesh: Mesh, title: str) -> Iterator[UInt8]:
+        """What was cut out, from all round."""
+        seen = np.full(len(mesh.vertices), 255, np.uint8)
+        colours = mesh.colours if mesh.colours is not None else np.full((len(seen), 3), 200, np.uint8)
+        normals, box = mesh.vertex_normals().astype(np.float32), mesh.bounds
+        shown = GrowingPicture(mesh.vertices.astype(np.float32), normals, colours, seen, mesh.faces)
+        count = round(_TURNED * RATE)
+        for n in range(count):
+            angle, turn = 2 * math.pi * n / count, np.eye(4)
+            turn[0, 0] = turn[2, 2] = math.cos(angle)
+            turn[0, 2], turn[2, 0] = math.sin(angle), -math.sin(angle)
+            self._draw(shown, turn, (box[0], box[1]))
+            below = f"cut out: {len(mesh.faces)} triangles"
+            yield self.studio.labelled(self.viewport.renderer, title, below)
+
+    def _draw(self, shown: GrowingPicture, stage: Float, box: tuple[Float, Float]) -> None:
+        aspect = SIZE[0] / SIZE[1]
+        self.camera.follow(box, 1 / RATE, aspect)
+        lens = Lens(self.camera.view(aspect), (float(SIZE[0]), float(SIZE[1])))
+        self.viewport.draw([], lens, Selection(), Overlay(), growing=(shown, stage))
+
+
+def _with_inset(picture: UInt8, frame: DepthFrame) -> UInt8:
+    """A picture with what the camera sees in a corner."""
+    if frame.colour is not None:
+        seen = frame.colour
+    else:
+        near = np.clip(1.0 - np.asarray(frame.depth, float) / (1000.0 * _FARTHEST), 0.0, 1.0)
+        seen = np.repeat((255 * np.where(frame.depth > 0, near, 0.0)).astype(np.uint8)[..., None], 3, 2)
+    high = round(seen.shape[0] * _INSET / seen.shape[1])
+    small = np.asarray(Image.fromarray(np.ascontiguousarray(seen)).resize((_INSET, high)))
+    out = picture.copy()
+    out[-high - 24 : -24, 24 : 24 + _INSET] = small
+    return out
+
+
+def write_film(name: str, film: Film, filming: Filming) -> int:
+    """Writes a film and its contact sheet; returns the number of pictures."""
+    OUT.mkdir(parents=True, exist_ok=True)
+    kept: list[UInt8] = []
+    with FilmWriter(OUT / f"{name}.mp4", SIZE, RATE, BIT_RATE) as writer:
+        for picture in filming.pictures(film):
+            writer.add(picture)
+            high = round(picture.shape[0] * _TILE_WIDTH / picture.shape[1])
+            kept.append(np.asarray(Image.fromarray(picture).resize((_TILE_WIDTH, high))))
+    chosen = np.linspace(0.02 * len(kept), 0.98 * len(kept), _TILES).astype(int)
+    tiles = [Tile(n / RATE, kept[n]) for n in chosen]
+    write_sheet(OUT / f"{name}.png", tiles, _COLUMNS, film.title, f"{len(kept) / RATE:.0f} s")
+    return len(kept)
+
+
+def main(words: list[str]) -> int:
+    filming = Filming()
+    for name, made in films().items():
+        if words and not any(word in name for word in words):
+            continue
+        print(name, flush=True)
+        print(f"  {write_film(name, made(), filming)} pictures", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

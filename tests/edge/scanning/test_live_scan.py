@@ -1,0 +1,124 @@
+"""A scan beside the edge's loop: what a viewer orders holds at once, however busy the scan is."""
+
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from carrying import take_of
+
+from enliven.camera import LEVEL_WORLD_FROM_CAMERA
+from enliven.errors import InputError
+from enliven.wire import Scan, ScanMessage
+from enliven_edge.scanning import LiveScan
+from enliven_edge.scanning.standing import ScanPlace
+
+PATIENCE = 60.0
+"""Seconds in which anything has happened, on any machine."""
+
+
+def phases(scan):
+    return [one.phase for one in scan.messages() if isinstance(one, ScanMessage)]
+
+
+@pytest.fixture
+def busy(monkeypatch):
+    """A scan that looks at its surface until it is let go, and what says that it does, and lets it go."""
+    looks, free = threading.Event(), threading.Event()
+
+    def look(place, scanner):
+        looks.set()
+        assert free.wait(PATIENCE)
+
+    monkeypatch.setattr(ScanPlace, "look", look)
+    scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name: name)
+    scan.start()
+    yield scan, looks, free
+    free.set()
+    scan.end()
+    scan.join(PATIENCE)
+    assert not scan.is_alive()
+
+
+def test_a_pause_holds_and_is_told_while_the_scan_is_busy(busy):
+    scan, looks, free = busy
+    take = take_of()
+    scan.offer(take.frame(0))
+    assert looks.wait(PATIENCE)
+    scan.messages()
+    scan.ask(Scan("pause"))
+    assert scan.phase == "paused" and phases(scan) == ["paused"]
+    scan.offer(take.frame(2))
+    fused = len(scan._run.scanner.poses)
+    free.set()
+    threading.Event().wait(0.3)
+    assert len(scan._run.scanner.poses) == fused, "no image is added after it"
+    assert scan.phase == "paused"
+
+
+def test_of_several_orders_the_last_one_holds(busy):
+    scan, looks, free = busy
+    assert looks.wait(PATIENCE)
+    for word in ("pause", "go on", "pause", "pause", "go on"):
+        scan.ask(Scan(word))
+    assert phases(scan)[-4:] == ["paused", "scanning", "paused", "scanning"]
+    free.set()
+    threading.Event().wait(0.3)
+    assert scan.phase == "scanning"
+    with pytest.raises(InputError, match="nothing to take back"):
+        scan.ask(Scan("undo"))
+
+
+def test_done_is_refused_in_words_and_it_can_go_on(busy):
+    scan, _, free = busy
+    free.set()
+    scan.ask(Scan("done"))
+    told, end = list[ScanMessage](), threading.Event()
+    for _ in range(round(PATIENCE / 0.05)):
+        told += [one for one in scan.messages() if isinstance(one, ScanMessage)]
+        if told and told[-1].phase == "failed":
+            break
+        end.wait(0.05)
+    assert told[-1].phase == "failed" and "no frame shows enough depth" in told[-1].note
+    scan.ask(Scan("go on"))
+    assert scan.phase == "scanning"
+    assert phases(scan)[-1] == "scanning" and scan._note == ("", "")
+
+
+def test_a_box_of_the_stage_cuts_out_what_it_holds():
+    scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name: mesh)
+    scan.start()
+    take = take_of()
+    told = list[ScanMessage]()
+
+    def until(done):
+        for _ in range(round(PATIENCE / 0.02)):
+            told.extend(one for one in scan.messages() if isinstance(one, ScanMessage))
+            if told and done(told[-1]):
+                return
+            threading.Event().wait(0.02)
+        raise AssertionError(told[-1])
+
+    try:
+        for index in range(0, 60, 4):
+            while not scan.offer(take.frame(index), waits=True):
+                pass
+        until(lambda said: said.fused == 15 and said.view)
+        scan.ask(Scan("pause"))
+        place = np.array(told[-1].stage_from_scan).reshape(3, 4)
+        # The box is 0.5 m high and stands about the origin of the made-up world, by the first camera.
+        world = take.pose(0) @ np.linalg.inv(LEVEL_WORLD_FROM_CAMERA)
+        at = place[:, :3] @ (np.linalg.inv(world) @ [0.0, 0.25, 0.0, 1.0])[:3] + place[:, 3]
+        assert abs(at[1] - 0.25) < 0.02, "the floor is y = 0 on the stage"
+        wide = np.array([0.4, 0.0, 0.4])
+        corners = [float(x) for x in (*((at - wide) * [1, 0, 1]), *(at + wide))]
+        scan.ask(Scan("done", box=corners, stage_from_scan=told[-1].stage_from_scan))
+        until(lambda said: said.phase == "done")
+        mesh = scan.actor
+        assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(0.25, abs=0.025), "its lower half"
+        assert 0.3 < np.ptp(mesh.vertices[:, 0]) < 0.6
+    finally:
+        scan.end()

@@ -1,0 +1,56 @@
+"""Motions with limbs close to the trunk: bones keep, forearms lie before the trunk, seeds differ."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from enliven.errors import InputError
+from enliven.person.joints import BONES, Joint
+from enliven_synthesis.body import Performer, Proportions, reach
+from enliven_synthesis.motion.close_limbs import CloseLimbs, close_limb_names
+
+FASTEST = 9.0
+"""Metres a second of any joint at most: a jab."""
+WRISTS = [Joint.WRIST_LEFT, Joint.WRIST_RIGHT]
+
+
+def moved(name: str, seed: int, build: Proportions | None = None) -> np.ndarray:
+    """(F, 20, 3) joints at 60 frames a second."""
+    motion = CloseLimbs(Performer(build), name, seed)
+    return np.stack([motion.figure(t).joints for t in np.arange(0.0, motion.duration, 1 / 60)])
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+@pytest.mark.parametrize("name", close_limb_names())
+def test_a_body_does_it(name: str, seed: int) -> None:
+    joints = moved(name, seed, Proportions(1.62, 1.1))
+    lengths = np.stack([np.linalg.norm(joints[:, b] - joints[:, a], axis=-1) for a, b in BONES], -1)
+    assert np.ptp(lengths, axis=0).max() < 1e-6
+    assert joints[..., 1].min() > 0.0
+    assert (np.linalg.norm(np.diff(joints, axis=0), axis=-1) * 60).max() < FASTEST
+    # At its middle a wrist lies before the trunk or on a hip: that is what the motions are for.
+    wrists = joints[len(joints) // 2, WRISTS]
+    assert np.linalg.norm(wrists - joints[len(joints) // 2, Joint.SPINE], axis=1).min() < 0.6
+
+
+def test_seeds_differ_and_an_unknown_name_is_refused() -> None:
+    assert np.abs(CloseLimbs(Performer(), "guard", 1).figure(1.0).joints - moved("guard", 2)[60]).max() > 0.01
+    with pytest.raises(InputError, match=r"Known: .*folded"):
+        CloseLimbs(Performer(), "somersault")
+
+
+@given(st.tuples(*[st.floats(-0.6, 0.6)] * 3), st.integers(0, 1))
+@settings(max_examples=60, deadline=None)
+def test_a_wrist_is_where_it_is_wanted_or_as_near_as_the_arm_goes(wanted, side) -> None:
+    performer = Performer()
+    upper, bend = reach(performer, np.eye(3), np.array(wanted), np.array([0.3, -0.8, -0.5]), side)
+    shoulder = performer.shoulder * [1.0 - 2.0 * side, 1.0, 1.0]
+    elbow = shoulder - performer.upper_arm * upper[:, 1]
+    fore = upper @ [0.0, -np.cos(bend), np.sin(bend)]
+    away = np.linalg.norm(wanted - shoulder)
+    arm = performer.upper_arm + performer.forearm
+    missed = max(0.0, 0.35 * arm - away, away - 0.995 * arm)
+    assert np.linalg.norm(elbow + performer.forearm * fore - wanted) == pytest.approx(missed, abs=1e-6)
