@@ -18,6 +18,7 @@ from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace.clip_actions import clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, add_sample, exportable
+from enliven_viewer.studio.workspace.fitting import fitting_actions
 from enliven_viewer.studio.workspace.input import ViewportInput
 from enliven_viewer.studio.workspace.take_commands import take_actions
 
@@ -54,6 +55,7 @@ def _every(
     yield from _motion(commands)
     yield from _keys(commands)
     yield from _shape(commands)
+    yield from fitting_actions(commands.fitting)
     yield from _tools(user_input)
     yield from clip_actions(commands.clips)
     yield from take_actions(commands.takes)

@@ -27,6 +27,7 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove_joint
 from enliven_viewer.studio.workspace.clip_commands import ClipCommands
+from enliven_viewer.studio.workspace.fitting import Fitting
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, aside
 from enliven_viewer.studio.workspace.take_commands import TakeCommands
@@ -41,7 +42,7 @@ class Commands:
         self._pasted = 0
         self._motion: tuple[str, tuple[int, ...]] | None = None
         self.puppets, self.clips = PuppetCommands(editor, self.add), ClipCommands(editor)
-        self.takes = TakeCommands(editor)
+        self.takes, self.fitting = TakeCommands(editor), Fitting(editor)
         self.keys = KeyCommands(editor)
 
     def play(self) -> None:

@@ -146,7 +146,10 @@ class Workspace:
         if lacks_tracking(path):
             self.depth.begin(path)
         elif path.suffix.lower() != PROJECT:
+            before = len(self.editor.project.characters)
             add_file(self.editor, path)
+            if len(self.editor.project.characters) > before:
+                self.commands.fitting.tell()
         elif self.store.dirty:
             self._after, self._wanted, self.asking = "open", path, "unsaved"
             return

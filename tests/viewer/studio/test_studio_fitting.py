@@ -1,0 +1,63 @@
+"""A thing of another size than the others: said where it is opened, and fitted by one action."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_acting_stage import acting_stage
+
+from enliven.meshes.files import save_mesh
+from enliven.modeling.edits import scale_character, vertices_of
+from enliven.samples import load_sample
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+    return acting_stage(tmp_path_factory.mktemp("fitting"))
+
+
+def box(stage: Workspace, name: str) -> tuple[np.ndarray, np.ndarray]:
+    vertices = vertices_of(stage.editor.project, name, stage.editor.time)
+    return vertices.min(0), vertices.max(0)
+
+
+@given(st.sampled_from(["limb", "post", "star"]), st.floats(0.2, 6.0))
+@settings(max_examples=12)
+def test_the_chosen_one_is_as_tall_as_the_others_and_stands_where_it_stood(stage, name, size) -> None:
+    editor = stage.editor
+    editor.go_to(0)
+    editor.scrub(0.0)
+    editor.edit("scale", lambda project: scale_character(project, name, size))
+    editor.choose(name)
+    low, high = box(stage, name)
+    others = [
+        np.ptp([side[1] for side in box(stage, one)]) for one in editor.project.characters if one != name
+    ]
+    assert stage.actions.do("shape.fit") == (abs((high - low)[1] / np.median(others) - 1.0) >= 0.01)
+    now_low, now_high = box(stage, name)
+    assert (now_high - now_low)[1] == pytest.approx(np.median(others), rel=0.02)
+    assert now_low[1] == pytest.approx(low[1], abs=5e-3)
+    np.testing.assert_allclose(((now_low + now_high) / 2)[[0, 2]], ((low + high) / 2)[[0, 2]], atol=5e-3)
+
+
+def test_what_is_opened_at_another_size_is_said_and_of_the_same_is_not(
+    stage: Workspace, tmp_path: Path
+) -> None:
+    editor = stage.editor
+    editor.go_to(0)
+    chair = load_sample("chair")
+    for name, size in (("giant", 5.0), ("alike", 0.8)):
+        tall = float(np.ptp(chair.vertices[:, 1]))
+        save_mesh(replace(chair, vertices=chair.vertices * size / tall), tmp_path / f"{name}.ply")
+        stage.open(tmp_path / f"{name}.ply")
+        told = [toast.text for toast in editor.toasts.shown if f"It is {size:g} m tall" in toast.text]
+        assert bool(told) == (name == "giant")
+        editor.undo()
+    editor.choose(None)
+    assert not stage.actions.do("shape.fit")
