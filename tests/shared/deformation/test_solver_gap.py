@@ -51,21 +51,3 @@ def test_what_a_frame_cannot_do_in_its_steps_is_said_and_made_up_by_the_next(see
             break
     assert solver.settled
     assert gap_of(peer, solver, targets) <= GAP
-
-
-def test_a_budget_in_time_ends_a_frame_and_the_next_ones_make_it_up():
-    problem = random_problem(3, 48, 12, 2.0)
-    quick, free = (
-        EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(budget_ms=budget))
-        for budget in (1e-6, 0.0)
-    )
-    for targets in problem.targets[1:]:
-        quick.solve(targets)
-        assert quick.iterations <= 4
-    assert not quick.settled
-    for _ in range(200):
-        quick.solve(targets)
-    free.solve(targets)
-    assert quick.settled
-    assert free.settled
-    assert quick.energy["total"] <= 1.002 * max(free.energy["total"], quick.energy["total"] / 1.002)

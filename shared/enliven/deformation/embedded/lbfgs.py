@@ -24,8 +24,8 @@ _ANEW = 12
 """Steps after which the matrix is made anew in the middle of a frame: the nodes have moved far in it."""
 _ASSEMBLY = 2
 """Steps that take as long as the terms of a new matrix."""
-_LEAST = 4
-"""Steps that a frame with a budget has to have left beside a new matrix."""
+_USUAL = 4
+"""Steps that a frame with a new matrix takes at least: one where nothing moves says nothing of its age."""
 _NEGLIGIBLE = 1e-9
 """An energy that is invisible: with the default weights, every point 3 micrometres off."""
 _REPULLED = 0.1
@@ -95,10 +95,8 @@ def _add_scaled(u, scale, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def solve_frame(x, rest, t, planes, system, work, most, tolerance, dear):  # type: ignore[no-untyped-def]
+def solve_frame(x, rest, t, planes, system, work, most, tolerance):  # type: ignore[no-untyped-def]
     """Kernel: minimise the energy from ``x``, in place; returns the number of iterations.
-
-    Where ``dear``, a new matrix counts among the ``most`` iterations as the many that it takes as long as.
 
     No step turns a node inside out. One that comes so from a bad start is set upright first; one that is
     pressed flat at the end is given some volume again.
@@ -107,7 +105,7 @@ def solve_frame(x, rest, t, planes, system, work, most, tolerance, dear):  # typ
         record_energies(work, gradient(x, t, planes, work.raw))
     if set_upright(x, t.edges):
         record_energies(work, gradient(x, t, planes, work.raw))
-    done = descend(x, t, planes, system, work, most, tolerance, dear)
+    done = descend(x, t, planes, system, work, most, tolerance)
     note_age(work.age, done)
     if thicken(x):
         record_energies(work, gradient(x, t, planes, work.raw))
@@ -131,12 +129,12 @@ def _worth(system):  # type: ignore[no-untyped-def]
 def note_age(age, done):  # type: ignore[no-untyped-def]
     """Count into ``age`` the steps of a frame beyond those of the first frame after the matrix was made."""
     if age[0] < 0:
-        age[0] = done
+        age[0] = max(done, _USUAL)
     age[1] += max(done - age[0], 0)
 
 
 @njit(cache=True, nogil=True)
-def descend(x, t, planes, system, work, most, tolerance, dear=False):  # type: ignore[no-untyped-def]
+def descend(x, t, planes, system, work, most, tolerance):  # type: ignore[no-untyped-def]
     """Kernel: L-BFGS from ``x``, in place; returns the number of iterations. ``work.raw`` is the gradient at
     ``x``, ``work.energies`` are its energies.
 
@@ -147,24 +145,17 @@ def descend(x, t, planes, system, work, most, tolerance, dear=False):  # type: i
     """
     now, before = work.now, work.before
     force_in_node_frame(x, work.raw, now)
-    age, worth = work.age, _worth(system)
-    spent = np.int64(0)
+    age = work.age
     age[2] = 1
-    old = age[1] > worth and not (dear and worth + _LEAST > most)
-    if old or outdated(t, planes, system, _REPULLED):
+    if age[1] > _worth(system) or outdated(t, planes, system, _REPULLED):
         refactor(x, t, planes, work.raw, system)
         age[0], age[1] = -1, 0
-        spent += worth if dear else 0
     else:
         align(x, system)
     kept = np.int64(0)  # a plain 0 is a type of its own, for which the callees would be compiled again
     soft = False
     for iteration in range(most):
-        if iteration > 0 and iteration + spent >= most:
-            age[2] = 0
-            return iteration
-        if iteration > 0 and iteration % _ANEW == 0 and not (dear and iteration + spent + worth > most):
-            spent += worth if dear else 0
+        if iteration > 0 and iteration % _ANEW == 0:
             refactor(x, t, planes, work.raw, system)
             age[0], age[1] = -1, 0
             kept = np.int64(0)

@@ -20,7 +20,6 @@ a limb buckles and the energy first falls slowly; with the promise alone it was 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Literal
 
 import numpy as np
@@ -39,12 +38,6 @@ from enliven.settings import setting
 
 _STALE = 1 << 30
 """Steps that count as an age at which a matrix is always made anew."""
-_AROUND = 1
-"""Steps that take as long as what a frame does before and after them."""
-_FIRST = 4
-"""Steps of the first frame with a budget, while it is not known how long one takes."""
-_HEED = 0.1
-"""How much the last frame counts in the time of a step: one that another program held up says little."""
 _FARTHEST = 1e4
 """Metres; a target farther away than this is no measurement."""
 _NONE = np.empty(0)
@@ -68,14 +61,6 @@ class EmbeddedSettings:
     )
     planes: float = setting(10.0, "Weight of soft planes: the floor, limbs beside limbs, depth.", low=0.0)
     iterations: int = setting(60, "Most iterations in a frame.", low=1, high=3000)
-    budget_ms: float = setting(
-        0.0,
-        "Most milliseconds of a frame, by the clock: the best so far is taken, and the next frames make it "
-        "up. 0: no clock is read, and the same input gives the same frames.",
-        unit="ms",
-        low=0.0,
-        high=1000.0,
-    )
     tolerance: float = setting(
         1e-4,
         "A frame is done after an iteration that promised to lower the energy by less than this part, or a "
@@ -99,7 +84,7 @@ class EmbeddedSolver:
         energy: "rotation", "smoothness", "constraint", "rigidity", "planes" and "total", weighted.
         iterations: of the last frame.
         settled: whether the last frame came as near to the minimum as ``tolerance`` says; False where it ran
-            out of its ``iterations`` or ``budget_ms``. The next frames start from its answer and make it up.
+            out of its ``iterations``. The next frames start from its answer and make it up.
     """
 
     def __init__(
@@ -131,7 +116,6 @@ class EmbeddedSolver:
         self.energy: dict[str, float] = {}
         self.iterations = 0
         self.settled = True
-        self._step_ms = 0.0
         self.reset(start)
 
     def _terms_of(self, attachment: PointConstraints, stiffness: Float) -> Terms:
@@ -214,7 +198,6 @@ class EmbeddedSolver:
         Returns:
             (N, 3, 3) the nodes' linear parts R_j and (N, 3) their positions g_j + t_j; always finite.
         """
-        begun = perf_counter() if self.settings.budget_ms else 0.0
         self._take(targets, weights)
         self._planes = self._planes_of(planes)
         self.iterations = solve_frame(
@@ -224,26 +207,12 @@ class EmbeddedSolver:
             self._planes,
             self._system,
             self._work,
-            self._most_steps(),
+            self.settings.iterations,
             self.settings.tolerance,
-            self.settings.budget_ms > 0,
         )
         self.settled = bool(self._work.age[2])
         self._report()
-        answer = self.state()
-        if self.settings.budget_ms:
-            taken = 1e3 * (perf_counter() - begun) / (self.iterations + _AROUND)
-            self._step_ms += (taken - self._step_ms) * (_HEED if self._step_ms else 1.0)
-        return answer
-
-    def _most_steps(self) -> int:
-        """Returns how many steps the frame may take: all, or those for which the budget has the time."""
-        if not self.settings.budget_ms:
-            return self.settings.iterations
-        if not self._step_ms:
-            return _FIRST
-        within = int(self.settings.budget_ms / self._step_ms) - _AROUND
-        return min(self.settings.iterations, max(within, 1))
+        return self.state()
 
     def state(self) -> tuple[Float, Float]:
         """(N, 3, 3) linear parts and (N, 3) positions as they are."""
