@@ -84,7 +84,7 @@ def without_processes(monkeypatch):
         edge[edge.index("--wait-for-viewer") + 1] = "0"
         from test_command_lines import parse
 
-        assert parse(view).params["edge"] == "127.0.0.1"
+        assert parse(view).params["edge"] == ["127.0.0.1"]
         return cli.run([*edge, *BOUNDS["edge"]])
 
     class Closed:

@@ -47,14 +47,14 @@ def test_a_reader_bears_every_mutation(target, folder, tmp_path):
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name.replace(" ", "-"))
 def test_the_mutations_reach_behind_the_door(target, folder):
     """Some mutated files are still read: otherwise only the first check of a reader would be tested."""
-    read = 0
-    for number in range(min(target.count, 60)):
+    for number in range(target.count):
         try:
             target.read(target.make(fuzz_law.dice_of(target, str(number))), folder)
-            read += 1
+            break
         except target.allowed:
             continue
-    assert read > 0
+    else:
+        pytest.fail(f"none of {target.count} mutations was read")
 
 
 def raises(error):

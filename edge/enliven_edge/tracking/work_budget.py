@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
 """The type of a task's result."""
-Steps = Generator[float, Any, T]
+Steps = Generator[int, Any, T]
 """A task in parts: it yields the cost of each part, in coarse fits, and returns its result."""
 LOOK = 2
 """Coarse fits that the network costs for one group of pixels."""
@@ -29,18 +29,16 @@ class Budget:
         self.left = fits
 
 
-def frame_budget(fits: int, elapsed: float | None, spent: float = 0.0) -> Budget:
+def frame_budget(fits: int, elapsed: float | None) -> Budget:
     """The budget of a frame, more where frames are rare: a search takes as long at every frame rate.
 
     Args:
         fits: coarse fits a frame at 30 frames a second; 0: no limit.
         elapsed: seconds since the frame before; None: it is the first.
-        spent: coarse fits that other work costs in the frame; half the setting is left all the same.
     """
     if fits == 0:
         return Budget(float("inf"))
-    rarer = max(1.0, (elapsed or 0.0) * _RATE)
-    return Budget(max(fits * rarer - spent, 0.5 * fits * rarer))
+    return Budget(fits * max(1.0, (elapsed or 0.0) * _RATE))
 
 
 class BudgetedTask(Generic[T]):

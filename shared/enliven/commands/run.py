@@ -94,7 +94,7 @@ def run(
     kept = {"record": record, "settings": settings, "name": f"run-{os.getpid()}", "wait_for_viewer": 60}
     edge = _words("edge", **source, **moves, **kept, **where)
     film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_PATIENCE:g}"}
-    view = _words("view", edge="127.0.0.1", **(film_to if as_film else {}), **where, size=size)
+    view = _words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
     # The edge compiles and prepares the mesh before it listens, a minute the very first time.
     processes = [
         Process("edge", edge, ready=lambda: as_film or is_listening("127.0.0.1", ports[0])),

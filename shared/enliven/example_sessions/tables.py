@@ -105,6 +105,8 @@ class LayerTable:
     travel: bool = setting(True, "Whether the puppet goes through the world.")
     level_feet: bool = setting(True, "Feet are equally high where one takes over from another.")
     mirrored: bool = setting(False, "Whether it turns the other way round.")
+    recorded: str = setting("", "The name of the recording that it came from.")
+    alternatives: str = setting("", "The name of the takes of which it is one; one of them is heard.")
 
 
 INSIDE: dict[str, tuple[str, type]] = {

@@ -8,8 +8,8 @@ import pytest
 from enliven_edge.tracking.settings import PeopleSettings, SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
-APPEARS = 8
-"""Frames, a quarter of a second, within which two people who are in the first one are there."""
+APPEARS = 6
+"""Frames, a fifth of a second, within which people who are in the first one are there."""
 JOINED = 11
 """Frames within which two are there who seem to be one: as one they are looked for first."""
 

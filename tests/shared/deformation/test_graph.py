@@ -9,6 +9,7 @@ from sample_meshes.isosurface import surface_of
 
 from enliven.deformation.graph.connectivity import components, joints, weak_edges
 from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.sampling import _clamped_shares, nearest_on_surface
 from enliven.deformation.graph.surface import between_nodes, net_of, voronoi_cells
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
@@ -41,6 +42,22 @@ def chair():
 def side(points):
     """-1 or 1 on the lower half of a leg, 0 near the hip."""
     return np.sign(points[:, 0]) * (points[:, 1] < 0.55)
+
+
+@given(st.integers(0, 10**6), st.floats(0.0, 0.3), st.floats(-1e3, 1e3))
+def test_the_nearest_place_is_that_of_all_faces(seed, off, far):
+    rng = np.random.default_rng(seed)
+    mesh = Mesh(
+        rng.normal(size=(12, 3)) + far, np.array([rng.permutation(12)[:3] for _ in range(20)], np.int32)
+    )
+    on = mesh.vertices[mesh.faces[rng.integers(0, 20, 5)]].mean(1)
+    points = on + off * rng.normal(size=(5, 3))
+    found = nearest_on_surface(mesh, points).positions
+    for point, place in zip(points, found, strict=True):
+        shares = _clamped_shares(mesh.vertices[mesh.faces], point)
+        every = np.linalg.norm((mesh.vertices[mesh.faces] * shares).sum(1) - point, axis=1)
+        # A micrometre a kilometre from the origin is rounding.
+        assert np.linalg.norm(place - point) <= every.min() + 1e-9
 
 
 @pytest.mark.parametrize("nodes", [24, 64, 128])

@@ -47,7 +47,7 @@ def view(
     \b
       enliven view                                 the edge on this machine, in a window
       enliven view --edge 192.168.1.20             an edge on the network
-      enliven view --edge 10.0.0.5 --edge 10.0.0.6 two of them, beside one another
+      enliven view --edge 10.0.0.5 --edge 10.0.0.6  two of them, beside one another
       enliven view TAKE.mcap                       play a take: space, arrows, drag the timeline
       enliven view --fullscreen --no-hud           an installation: the picture alone
       enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream

@@ -18,28 +18,20 @@ from enliven_edge.tracking.detect.appearance import (
     turned_about,
 )
 from enliven_edge.tracking.detect.extremities import extremities
-from enliven_edge.tracking.detect.fit_quality import likely_builds, oddness, quality
+from enliven_edge.tracking.detect.fit_quality import likely_builds, oddness
 from enliven_edge.tracking.detect.hypotheses import banked_starts, posed, standing_starts
 from enliven_edge.tracking.estimator import FACINGS, Estimate, PoseEstimator
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.work_budget import Steps
 
-Refined = tuple[float, Posture, FitReport]
-"""A hypothesis fitted to the end: its whole cost, its posture, and how it fits."""
 _REFINED = 3
 """Hypotheses that are refined. Of eight, wrongly turned ones won on real shots: coarse fits tell front from
 back better."""
 _SAME = 0.12
 """Metres: hypotheses with every pair of joints nearer than this would end in the same fit."""
 _LIKELIEST = 3
-"""Likeliest facings to condition the network on, besides the opposite of the likeliest: each costs a run."""
-_AT_A_TIME = 2
-"""Runs of the network in one part of a search: two cost less together than apart, all take too long."""
-_RUN = 1.6
-"""Coarse fits: the cost of one of them."""
-_UNLIKELY = -4.0
-"""Log probability of a facing against that of the likeliest below which it is not tried: two in a hundred."""
+"""Likeliest facings to condition the network on, besides none and the opposite: each costs a run."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
 """(12,) weights that hold the lengths in a refinement: loosely, as the person is not measured yet."""
 _COARSE_POINTS = 160
@@ -68,24 +60,16 @@ _BANKED = 8
 """Hypotheses taken from the bank where there is no network, the most alike first: each costs a coarse fit."""
 _BANKED_BESIDES = 3
 """Hypotheses taken from the bank beside the network's, which are better."""
-_POSED = 2
+_POSED = 1
 """Coarse fits: the cost of turning the network's estimates into postures of one build."""
-_ENDS = 4
+_ENDS = 3
 """Coarse fits: the cost of the geodesic extremities."""
-_CLEARLY = 0.95
-"""Quality of a refined hypothesis of the network's, see :func:`fit_quality.quality`, beside which no other is
-tried."""
-_HOPELESS = 1.5
-"""Times the present cost from which a hypothesis is dropped after its first steps: of 14 that were taken on
-the tuning set the worst had 1.42, and half of the others exceed 1.17."""
-_FITS_BADLY = 0.85
-"""Quality of a followed person's posture below which others than the network's are tried as well."""
-_REFINEMENT = 1.7
+_BANK = 4
+"""Coarse fits: the cost of comparing the bank with the points."""
+_REFINEMENT = 2
 """Coarse fits: the cost of half a refinement of one hypothesis."""
-_GLANCED = 0.4
-"""Coarse fits: the cost of the first steps of one, mostly of what every fit begins with."""
-_RANKED = 0.6
-"""Coarse fits: the cost of its other steps."""
+_GLANCED = 1
+"""Coarse fits: the cost of the first steps of one coarse fit."""
 
 
 def detect(
@@ -99,8 +83,7 @@ def detect(
 ) -> Steps[tuple[Posture, FitReport]]:
     """Finds the posture that explains an observation best, from no other frame; in parts.
 
-    A short coarse fit of every hypothesis ranks them, and the best three are refined to all points. Where one
-    of the network's explains nearly all, the others are not tried.
+    A short coarse fit of every hypothesis ranks them, and the best three are refined to all points.
 
     Args:
         eye: (3,) the sensor's position, world frame.
@@ -110,21 +93,16 @@ def detect(
         lengths: (12,) metres, of this person where they are known already.
     """
     coarse = _Coarse(fitter, observation, seen, eye, height)
-    builds = [lengths] if lengths is not None else likely_builds(observation, height)
-    ranked = yield from coarse.ranked((yield from _by_network(by_facing or [], builds)))
-    tried = _best_distinct(ranked, 1)
-    found = yield from _refined(fitter, observation, seen, tried, height)
-    if not found or quality(found[0][2]) < _CLEARLY:
-        others = yield from _others(observation, builds, eye, _BANKED_BESIDES if by_facing else _BANKED)
-        ranked += yield from coarse.ranked(others)
-        kept = [p for p in _best_distinct(ranked, _REFINED) if all(p is not other for other in tried)]
-        found += yield from _refined(fitter, observation, seen, kept, height)
+    starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
+    ranked = []
+    for start in starts:
+        ranked.append(coarse.fitted(start))
+        yield 1
+    kept = _best_distinct(ranked, _REFINED)
+    best = yield from _refined(fitter, observation, seen, kept, height)
     # A front is easily taken for a back: the best is tried turned about as well.
-    around = coarse.fitted(turned_about(min(found, key=_cost)[1]))
-    yield 1
-    if around[0] < _HOPELESS * min(ranked, key=_cost)[0]:
-        found += yield from _refined(fitter, observation, seen, [around[1]], height)
-    _, posture, report = min(found, key=_cost)
+    other = yield from _refined(fitter, observation, seen, [turned_about(best[1])], height)
+    _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report
 
 
@@ -141,26 +119,21 @@ def detect_another(
     """Finds a posture that may explain an observation better than ``now``, in parts; None: there is none.
 
     The present posture is fitted as coarsely as all others. A hypothesis that is no better then is hardly
-    ever better in the end, so it is not refined. Where the present posture explains most of the frame, only
-    the network's hypotheses are tried: no other one was ever taken then.
+    ever better in the end, so it is not refined.
 
     Args:
         seen, by_facing, eye, height, lengths: as of :func:`detect`.
     """
     coarse = _Coarse(fitter, observation, seen, eye, height, _COARSE_POINTS)
-    mark, (_, present) = coarse.fitted(now)[0], fitter.fit(observation, now, iterations=0)
+    mark, _ = coarse.fitted(now)
     yield 1
-    builds = [lengths] if lengths is not None else likely_builds(observation, height)
-    starts = yield from _by_network(by_facing or [], builds)
-    if not starts or quality(present) < _FITS_BADLY:
-        starts += yield from _others(observation, builds, eye, _BANKED_BESIDES if by_facing else _BANKED)
-    ranked = yield from coarse.ranked(starts, _HOPELESS * mark)
+    starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
+    ranked = yield from coarse.ranked(starts)
     promising = [pair for pair in ranked if pair[0] < _PROMISING * mark]
     if not promising:
         return None
     kept = _best_distinct(promising, _REFINED)
-    found = yield from _refined(fitter, observation, seen, kept, height, _MIDDLE_POINTS)
-    _, posture, report = min(found, key=_cost)
+    _, posture, report = yield from _refined(fitter, observation, seen, kept, height, _MIDDLE_POINTS)
     return posture, report
 
 
@@ -181,20 +154,19 @@ class _Coarse:
         self._seen = None if seen is None else seen.thinned(step)
         self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
 
-    def ranked(self, starts: list[Posture], most: float = np.inf) -> Steps[list[tuple[float, Posture]]]:
+    def ranked(self, starts: list[Posture]) -> Steps[list[tuple[float, Posture]]]:
         """Returns the costs and postures of the better half of some hypotheses, in parts.
 
-        One among the worse half after a few steps hardly ever wins, nor one that costs ``most`` then.
+        A hypothesis among the worse half after a few steps hardly ever wins.
         """
         glanced, ranked = [], []
         for start in starts:
             glanced.append(self.fitted(start, _GLANCE))
             yield _GLANCED
-        glanced.sort(key=_cost)
-        for glance, posture in glanced[: max(_REFINED, len(starts) // 2)]:
-            if glance < most:
-                ranked.append(self.fitted(posture, _COARSE_STEPS - _GLANCE))
-                yield _RANKED
+        glanced.sort(key=lambda pair: pair[0])
+        for _, posture in glanced[: max(_REFINED, len(starts) // 2)]:
+            ranked.append(self.fitted(posture, _COARSE_STEPS - _GLANCE))
+            yield _GLANCED
         return ranked
 
     def fitted(self, start: Posture, steps: int = _COARSE_STEPS) -> tuple[float, Posture]:
@@ -204,15 +176,10 @@ class _Coarse:
         return report.energy + oddness(self._seen, posture, self._eye, self._height), posture
 
 
-def _cost(found: tuple[float, Posture] | Refined) -> float:
-    """Returns the first of a tuple, the cost; postures cannot be ordered."""
-    return found[0]
-
-
 def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Posture]:
     """Returns the cheapest postures, leaving out each that is much like a cheaper one."""
     kept: list[tuple[Float, Posture]] = []
-    for _, posture in sorted(ranked, key=_cost):
+    for _, posture in sorted(ranked, key=lambda pair: pair[0]):
         joints = posture.joints()
         if all(np.linalg.norm(joints - other, axis=1).max() > _SAME for other, _ in kept):
             kept.append((joints, posture))
@@ -223,37 +190,31 @@ def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Postu
 
 def estimates_by_facing(
     estimator: PoseEstimator, estimate: Estimate, world_from_camera: Float
-) -> Steps[list[Estimate]]:
-    """Returns an estimate, and the network's on its crop conditioned on each likely facing; in parts."""
+) -> list[Estimate]:
+    """Runs the network on the crop of an estimate, conditioned on each likely facing."""
     ways = np.argsort(-estimate.facing)[:_LIKELIEST]
-    likely = estimate.facing[ways] > estimate.facing[ways[0]] + _UNLIKELY
-    turns = [float(way) for way in ways[likely]] + [float(ways[0]) + 0.5 * FACINGS]
-    facings: list[float | None] = [turn * 2.0 * np.pi / FACINGS for turn in turns]
-    made = [estimate]
-    for first in range(0, len(facings), _AT_A_TIME):
-        some = facings[first : first + _AT_A_TIME]
-        made += estimator.estimates(estimate.crop, world_from_camera, some)
-        yield _RUN * len(some)
-    return made
+    turns = [float(way) for way in ways] + [float(ways[0]) + 0.5 * FACINGS]
+    facings = [None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)]
+    return estimator.estimates(estimate.crop, world_from_camera, facings)
 
 
-def _by_network(by_facing: list[Estimate], builds: list[Float]) -> Steps[list[Posture]]:
-    """Returns the network's estimates as postures of some builds, (12,) lengths each; in parts."""
-    starts = []
-    for build in builds:
-        if by_facing:
-            starts += [posed(estimate, build) for estimate in by_facing]
-            yield _POSED
-    return starts
+def _starts(
+    observation: Observation, by_facing: list[Estimate], eye: Float, height: float, lengths: Float | None
+) -> Steps[list[Posture]]:
+    """Returns the hypotheses to begin from: by the network, standing, and of the bank; in parts.
 
-
-def _others(observation: Observation, builds: list[Float], eye: Float, banked: int) -> Steps[list[Posture]]:
-    """Returns standing postures and so many of the bank, to begin from; in parts."""
+    Args:
+        lengths: (12,) metres, of this person; None: of an average person, and of one as tall as what is seen.
+    """
     z, mask, _, camera, pose = observation.view
+    builds = [lengths] if lengths is not None else likely_builds(observation, height)
+    by_estimate = [posed(estimate, build) for build in builds for estimate in by_facing]
+    yield _POSED * len(builds)
     ends = extremities(z, mask, camera, pose)
     yield _ENDS
-    held = yield from banked_starts(observation, ends, eye, builds[0], banked)
-    return [*standing_starts(observation, eye, builds[-1]), *held]
+    banked = banked_starts(observation, ends, eye, builds[0], _BANKED_BESIDES if by_facing else _BANKED)
+    yield _BANK
+    return [*by_estimate, *standing_starts(observation, eye, builds[-1]), *banked]
 
 
 def _refined(
@@ -263,17 +224,18 @@ def _refined(
     starts: list[Posture],
     height: float,
     points: int | None = None,
-) -> Steps[list[Refined]]:
-    """Fits some hypotheses to the end, lengths too; in parts.
+) -> Steps[tuple[float, Posture, FitReport]]:
+    """Fits some hypotheses to the end, lengths too; returns the best with its cost; in parts.
 
     Args:
-        points: how many the first half of the fit uses, after which a much worse one is dropped; None: all.
+        points: how many the first half of the fit uses, after which a much worse one is dropped; None: all,
+            and none is dropped.
     """
     few, guide = observation, seen
     if points is not None:
         step = max(1, len(observation.points) // points)
         few, guide = observation.thinned(step), None if seen is None else seen.thinned(step)
-    halfway: list[tuple[float, Posture]] = []
+    halfway = []
     for start in starts:
         guided = _guided(few, guide, _HALF_AFFINITY * _AFFINITY)
         posture, report = fitter.fit(
@@ -281,15 +243,15 @@ def _refined(
         )
         halfway.append((report.energy, posture))
         yield _REFINEMENT
-    most = _LEFT * min((energy for energy, _ in halfway), default=0.0)
-    ready: list[Refined] = []
+    most = np.inf if points is None else _LEFT * min(energy for energy, _ in halfway)
+    ready = []
     for energy, posture in halfway:
         if energy <= most:
             posture, report = fitter.fit(observation, posture, iterations=_HALF_STEPS, proportions=_LOOSE)
             odd = oddness(seen, posture, observation.view.world_from_camera[:3, 3], height)
             ready.append((report.energy + odd, posture, report))
             yield _REFINEMENT
-    return ready
+    return min(ready, key=lambda found: found[0])
 
 
 def _guided(observation: Observation, seen: EstimateAtPoints | None, metres: float) -> Observation:

@@ -21,7 +21,6 @@ from enliven_edge.tracking.detect.extremities import Extremities
 from enliven_edge.tracking.estimator import Estimate
 from enliven_edge.tracking.fit import align
 from enliven_edge.tracking.frame import Observation
-from enliven_edge.tracking.work_budget import Steps
 
 _DOUBTED = 0.3
 """Metres beyond which a joint is doubted while the model is brought to it."""
@@ -81,10 +80,6 @@ _THINNED = 100
 """Points that a posture of the bank is compared with: enough to rank it."""
 _FARTHEST_POINT = 0.4
 """Metres at which a point's distance from a posture is clipped: one stray point must not decide."""
-_COMPARED = 3
-"""Coarse fits: the cost of comparing the bank with the points."""
-_REACHED = 1
-"""Coarse fits: the cost of bringing one posture to the extremities."""
 BEHIND_SURFACE = 0.1
 """Metres from the seen surface back to the middle of a standing body: half of a trunk's depth."""
 _BEHIND_POINTS = 0.08
@@ -156,8 +151,8 @@ def standing_starts(observation: Observation, eye: Float, lengths: Float) -> lis
 
 def banked_starts(
     observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
-) -> Steps[list[Posture]]:
-    """Returns so many postures of the bank, those most like the points, at the extremities; in parts."""
+) -> list[Posture]:
+    """Returns so many postures of the bank, those most like the points, brought to the extremities."""
     points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _THINNED)])
     centre = np.median(points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)
@@ -169,11 +164,9 @@ def banked_starts(
     positions = _around(points, centre, ends, radii, eye)
     misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _FARTHEST_POINT)
     made = []
-    yield _COMPARED
     for index in np.argsort(misfit, kind="stable")[:most]:
         rotations = _turned(held[index // len(turns)].rotations, facing + _YAWS[index % len(turns)])
         made.append(_reaching(Posture(positions[index], rotations, lengths.copy()), extremities, eye))
-        yield _REACHED
     return made
 
 

@@ -24,6 +24,7 @@ from enliven_edge.tracking.frame import FrameView, Observation
 from enliven_edge.tracking.people.confidence import confidence
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
 from enliven_edge.tracking.people.redetection import (
+    SUPPOSING,
     Redetection,
     conditioned_on_facing,
     guided_by,
@@ -66,6 +67,8 @@ _SOME_POINTS = np.log1p(4)
 """Evidence of support, log(1 + points), from which a joint counts as supported in a frame."""
 _SEEN_SHARE = 0.3
 """Share of a joint's bone that must be visible for its support to count: fewer samples may be an edge."""
+_HARDLY = 0.02
+"""Probability of being a person below which a group of pixels is not searched: so plain a no needs no fit."""
 _BESIDE = 0.12
 """Metres from the model's surface beyond which a point is something else: clothes stay within."""
 _MOSTLY = 0.5
@@ -117,18 +120,9 @@ class Follower:
 
     @classmethod
     def sought(
-        cls,
-        view: FrameView,
-        pixels: Bool,
-        settings: TrackerSettings,
-        fitter: Fitter,
-        least: float = 0.0,
+        cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> Steps[tuple[Follower, float] | None]:
-        """Does what :meth:`found` does, in parts.
-
-        Args:
-            least: the probability of being a person below which the pixels are not searched.
-        """
+        """Does what :meth:`found` does, in parts."""
         if np.count_nonzero(pixels) < FEWEST_PIXELS:
             return None
         observation = observation_of(view, pixels, settings)
@@ -136,11 +130,10 @@ class Follower:
         if settings.estimator:
             seen = run_network(view, pixels, observation, None)
             yield LOOK
-            if seen.estimate.person_probability < least:
+            if seen.estimate.person_probability < _HARDLY:
                 return None
-            by_facing = yield from estimates_by_facing(
-                shipped_estimator(), seen.estimate, view.world_from_camera
-            )
+            by_facing = estimates_by_facing(shipped_estimator(), seen.estimate, view.world_from_camera)
+            yield SUPPOSING
         height = settings.body_height
         posture, report = yield from detect(fitter, observation, view.eye, height, seen, by_facing)
         if quality(report) < _GOOD:
@@ -148,7 +141,7 @@ class Follower:
             # Once more without what touches the person, a table say.
             if not _MOSTLY < bare.sum() / pixels.sum() < 1.0:
                 return None
-            return (yield from cls.sought(view, bare, settings, fitter, least))
+            return (yield from cls.sought(view, bare, settings, fitter))
         follower = cls(settings, fitter, posture)
         follower.person_probability = 1.0 if seen is None else seen.estimate.person_probability
         follower._update_evidence(report, observation, seen)

@@ -36,10 +36,8 @@ _WHOLE = 0.12
 """Share of a body, a hand or a foot say, that may be covered or outside the image of a whole body."""
 _ZONE_MARGIN = 0.15
 """Metres outside the zone at which a performer has left it: the border must not flicker."""
-_FOLLOWING = 6
-"""Coarse fits by which the search budget is less where people are followed: their fits take time too."""
-_REDETECTION = 1 / 2
-"""Share of it for detecting followed people again; new people need the rest."""
+_REDETECTION = 1 / 4
+"""Share of a frame's search budget for detecting followed people again; new people need the rest."""
 
 
 @dataclass
@@ -132,16 +130,14 @@ class MultiPersonTracker:
         """Divides the frame's search budget among new people and the people being detected again."""
         elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
         self._before_ns = time_ns
-        spent = _FOLLOWING if self.people else 0
-        whole = frame_budget(self.settings.search.fits_per_frame, elapsed, spent).left
+        whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
         redetecting = [p.follower for p in self.people if p.follower.redetecting]
         for person in self.people:
             # A search that begins in a frame goes on from the next one: its share is not known before.
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
             follower.budget = Budget(_REDETECTION * whole / len(redetecting))
-        left = (1.0 - _REDETECTION if redetecting else 1.0) * whole
-        self.finder.allot(Budget(left), first=elapsed is None)
+        self.finder.allot(Budget(whole), first=elapsed is None)
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
         """Takes in a frame of a covered lens: all people move on as hidden ones do."""

@@ -51,12 +51,6 @@ _CLEAR = 0.68
 """Mean confidence of the joints that this takes too: a false body does more harm than a late one."""
 _PERSON = 0.8
 """Probability by the network from which a body is a person's: of people nearly all exceed 0.85."""
-_HARDLY = 0.1
-"""Probability by the network below which upright pixels are not searched: a pushed chair has 0.05, and a body
-explains nine tenths of it now and then."""
-_UNLIKELY = 0.3
-"""The same for pixels of another shape, never believed against the network; a person who touches things may
-have this."""
 _PLAINLY = 0.9
 """Share of the points explained that makes up for a lower one, where a head is seen above shoulders."""
 _ONE = 0.9
@@ -134,8 +128,7 @@ class Search:
             if body is not None and body[1] > _ONE:
                 newcomer.grow(view, union)
                 return body
-        least = _HARDLY if newcomer.shape.upright else _UNLIKELY
-        return (yield from Follower.sought(view, newcomer.pixels, expecting, self._fitter, least))
+        return (yield from Follower.sought(view, newcomer.pixels, expecting, self._fitter))
 
     def best_guess(self, view: FrameView, due: Sequence[Candidate], *, alone: bool) -> Steps[list[Found]]:
         """Returns the likeliest of some doubtful newcomers, or one explained clearly better; at most one."""

@@ -36,6 +36,8 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         told("Carry the camera round it, and it becomes a character")
         _characters(workspace, perform)
         _performers(workspace, perform)
+        if perform.client is not None:
+            _guests(workspace, perform)
 
 
 def stage_words(perform: PerformSession) -> tuple[str, Colour]:
@@ -92,8 +94,6 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.button("Leave the stage", _WHOLE):
             perform.disconnect()
         workspace.remember("leave")
-        if perform.client is not None:
-            _guests(workspace, perform)
         return
     quiet("Where a camera stands: the address of its computer. Or let somebody recorded perform here.")
     imgui.set_next_item_width(-1)
@@ -101,8 +101,9 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
         "##address", _LOCAL, perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     workspace.remember("address")
-    if imgui.button("Connect", _WHOLE) or entered:
-        workspace.attempt(lambda: perform.connect(perform.address or _LOCAL))
+    wanted = imgui.button("Connect", _WHOLE) or entered
+    if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL)):
+        perform.address = ""  # the field is another camera's from now on
     workspace.remember("connect")
     for address in perform.known:
         if imgui.selectable(f"{address}##known {address}", False)[0]:
@@ -122,7 +123,8 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _guests(workspace: Workspace, perform: PerformSession) -> None:
-    """The other edges, and a field for one more."""
+    """The other edges, and a field for one more, below what is used more often."""
+    heading("Other cameras")
     for number, guest in enumerate(list(perform.guests)):
         state = "connected" if guest.connected else "silent"
         imgui.text_unformatted(f"{guest.name}: {state}")
@@ -135,13 +137,12 @@ def _guests(workspace: Workspace, perform: PerformSession) -> None:
             perform.part(guest)
         workspace.remember(f"part {number}")
     imgui.set_next_item_width(-1)
-    entered, workspace.perform.address = imgui.input_text_with_hint(
+    entered, perform.address = imgui.input_text_with_hint(
         "##beside", "another camera's address", perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     workspace.remember("beside address")
-    if entered and perform.address:
-        workspace.attempt(lambda: perform.join(perform.address))
-        workspace.perform.address = ""
+    if entered and perform.address and workspace.attempt(lambda: perform.join(perform.address)):
+        perform.address = ""
 
 
 def _recording(workspace: Workspace, recording: StageRecording) -> None:
