@@ -107,7 +107,7 @@ def _join_around(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
     away = corners[rows, (k + 2) % 3] - a
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     angle = np.arctan2(away @ np.cross(axis, across), away @ across)
-    # A face whose edge runs along the axis has its solid towards smaller angles.
+    # The solid behind a forward half-edge lies at smaller angles than its face.
     wedge = np.where(forward[:, None] & ~forward, (angle[:, None] - angle) % (2 * np.pi), np.inf)
     while np.isfinite(wedge).any():
         one, other = np.unravel_index(int(wedge.argmin()), wedge.shape)
