@@ -155,6 +155,18 @@ def test_bodies_are_blended_by_identity() -> None:
     assert abs(early[0].joints[0, 0] - 0.25) < 1e-6
 
 
+def test_a_performer_is_seen_on_until_the_bodies_of_the_next_pose_are_here() -> None:
+    timeline = Timeline()
+    timeline.add_bodies(0, [body(1.0)])
+    for step in (1, 2):
+        timeline.add_pose(pose(step * FRAME))
+    assert [len(timeline.at(round(s * FRAME)).bodies) for s in (0.5, 1, 1.5, 2)] == [1] * 4
+    timeline.add_bodies(FRAME, [])
+    assert not timeline.at(FRAME).bodies, "nobody is in view: that was said"
+    timeline.add_pose(pose(2 * FRAME + round(timeline.settings.gap * 1e9)))
+    assert not timeline.at(timeline.end_ns).bodies, "those of long ago"
+
+
 def test_cues_hold_from_their_moment_on() -> None:
     timeline = Timeline()
     timeline.add_pose(pose(0))

@@ -61,6 +61,7 @@ def test_two_edges_are_seen_and_recorded_and_one_goes_on_alone(two) -> None:
     (guest,) = session.guests
     until(session, lambda: session.performers and guest.performers and len(session.holders) == 2)
     until(session, lambda: session.scene is not None and len(session.scene.actors) == 2)
+    until(session, lambda: session.scene is not None and len(session.scene.bodies) == 2)
     shown = session.scene
     assert {body.id for body in shown.bodies} == {1, 1 + APART}
     assert {actor.character.id for actor in shown.actors} == {"chair", f"{guest.name}/chair"}

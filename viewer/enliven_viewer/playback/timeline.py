@@ -53,11 +53,13 @@ class TimelineMoment:
 
     ``others`` has the messages of other topics of the wire, by topic and key, which are not blended.
     ``characters`` has, of each pose, the revision of its character that it is of, as far as known.
+    ``bodies_ns`` is the time of the bodies: an earlier one until the moment's own have arrived.
     """
 
     time_ns: int
     poses: dict[str, Pose] = field(default_factory=dict)
     bodies: tuple[Body, ...] = ()
+    bodies_ns: int = 0
     cues: dict[str, CueFrame] = field(default_factory=dict)
     props: Props | None = None
     boards: dict[str, Board] = field(default_factory=dict)
@@ -111,7 +113,7 @@ class Timeline:
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
         """Put the bodies of one time; they replace earlier ones of the same time."""
-        self._put(replace(self._at(time_ns), bodies=tuple(bodies)))
+        self._put(replace(self._at(time_ns), bodies=tuple(bodies), bodies_ns=time_ns))
 
     def add_props(self, props: Props) -> None:
         """Put the props of one time; they replace earlier ones of the same time."""
@@ -191,7 +193,10 @@ class Timeline:
         bodies = blend_bodies(before.bodies, after.bodies, share)
         props = blend_props(before.props, after.props, share, time_ns)
         boards = blend_boards(before.boards, after.boards, share)
-        return TimelineMoment(time_ns, poses, bodies, before.cues, props, boards, before.others, of)
+        bodies_ns = near.bodies_ns
+        return TimelineMoment(
+            time_ns, poses, bodies, bodies_ns, before.cues, props, boards, before.others, of
+        )
 
     def _hold(self, cues: dict[str, CueFrame]) -> None:
         """Set the cues of the newest moment and all that follow."""
@@ -205,11 +210,15 @@ class Timeline:
         found = index < len(self._times) and self._times[index] == time_ns
         if found:
             return self._moments[index]
-        # Boards come after the poses of their time, and must not vanish meanwhile.
-        boards = self._moments[index - 1].boards if index else {}
-        return TimelineMoment(
-            time_ns, cues=self._cues, props=self._still_loose(index, time_ns), boards=boards
-        )
+        empty = TimelineMoment(time_ns, cues=self._cues)
+        if not index:
+            return empty
+        # Boards and bodies come after the poses of their time, and must not vanish meanwhile.
+        before = self._moments[index - 1]
+        held = replace(empty, props=self._still_loose(index, time_ns), boards=before.boards)
+        if not self._fresh(before.bodies_ns, time_ns):
+            return held
+        return replace(held, bodies=before.bodies, bodies_ns=before.bodies_ns)
 
     def _whole(self, index: int) -> TimelineMoment:
         """A moment, with the last poses of characters that have none in it yet: theirs come after others'."""
