@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
 import tempfile
@@ -25,6 +26,20 @@ class RealEdge:
     def address(self) -> str:
         """HOST:PORT:CONTROL_PORT."""
         return ":".join(["127.0.0.1", *self.ports])
+
+    def wait(self, seconds: float = 180.0) -> None:
+        """Return once it listens; films need no pictures of its start.
+
+        Raises:
+            TimeoutError: where it does not listen in so long.
+        """
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            with socket.socket() as trial:
+                if trial.connect_ex(("127.0.0.1", int(self.ports[0]))) == 0:
+                    return
+            time.sleep(0.2)
+        raise TimeoutError(f"no edge listens at {self.address}")
 
     def close(self) -> None:
         """End it as Ctrl-C does, or at once where it does not."""

@@ -84,6 +84,7 @@ def interleaved(workspace: Workspace, folder: Path) -> Actions:
     write_performer(folder / "person.mcap")
     edge = RealEdge("--recording", str(folder / "person.mcap"), "--loop", "--speed", str(PACE))
     with contextlib.closing(edge):
+        edge.wait()
         yield from _sitting(workspace, edge)
 
 

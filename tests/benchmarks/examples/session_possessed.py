@@ -23,8 +23,8 @@ from enliven_viewer.studio.workspace.files import add_sample
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
-_SEAT = 0.5
-"""Metres over the floor at which the chair is cut: over its seat."""
+_SEAT = 0.53
+"""Share of the chair's height at which it is cut: over its seat, and under the rests for the arms."""
 _SUNK = 0.06
 """Metres by which the cactus's pot stands in the seat: two surfaces that only touch have no union."""
 
@@ -34,6 +34,7 @@ def possessed(workspace: Workspace, folder: Path) -> Actions:
     write_performer(folder / "person.mcap")
     edge = RealEdge("--recording", str(folder / "person.mcap"), "--loop", "--speed", str(PACE))
     with contextlib.closing(edge):
+        edge.wait()
         yield from _sitting(workspace, edge)
 
 
@@ -92,7 +93,7 @@ def _seated(workspace: Workspace) -> Actions:
     yield Wait(0.6)
     yield Key("c")
     low, high = extent(editor, "chair")
-    level, depth = low[1] + _SEAT, (low[2] + high[2]) / 2
+    level, depth = low[1] + _SEAT * (high[1] - low[1]), (low[2] + high[2]) / 2
     yield Drag((Spot(high[0] + 0.15, level, depth), Spot(low[0] - 0.15, level, depth)), 0.4)
     yield from until(lambda: len(editor.project.characters) > 2, "the cut")
     pieces = [name for name in editor.project.characters if name != "cactus"]

@@ -243,6 +243,16 @@ def test_possessed_meshes_are_saved(walking, tmp_path):
     assert same(read_project(tmp_path / "block.enliven"), edited)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_after_a_cut_the_larger_side_keeps_the_name(walking, way, share):
+    project, _, _ = walking
+    low, high = project.graph("block").mesh.bounds
+    plane = PlaneCut(low + share * (high - low), [way, 0, 0])
+    edited, (kept, off) = cut_graph(project, "block", plane, 0.0)
+    assert kept == "block" and volume(edited.graph(kept).mesh) > volume(edited.graph(off).mesh)
+
+
 def test_undo_knows_possessed_meshes_too(walking):
     project, _, _ = walking
     history = History(project)

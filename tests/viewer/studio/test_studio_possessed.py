@@ -81,7 +81,7 @@ def test_a_stroke_cuts_it_and_both_parts_move_as_before(workspace: Workspace) ->
     do(workspace, Key("c"), Drag((Spot(-0.2, 0.62), Spot(0.2, 0.66))))
     assert set(workspace.editor.project.graphs) == {"post", "other", "post 2"}, workspace.editor.toasts.shown
     parts = vertices(workspace)
-    assert parts["post"].max(0)[1] < 0.75 < parts["post 2"].max(0)[1]
+    assert parts["post 2"].max(0)[1] < 0.75 < parts["post"].max(0)[1], "the larger part keeps the name"
     kept = np.concatenate([parts["post"], parts["post 2"]])
     away = np.linalg.norm(before[:, None] - kept[None], axis=2).min(1)
     assert away.max() < 1e-6, "every vertex is where it was"
@@ -99,6 +99,23 @@ def test_with_shift_two_become_one(workspace: Workspace) -> None:
     assert workspace.editor.selection.character == "post"
     workspace.editor.undo()
     assert set(workspace.editor.project.graphs) == {"post", "other"}
+
+
+def test_dropped_where_they_touch_it_is_merged_whatever_is_under_the_pointer(workspace: Workspace) -> None:
+    """Its own top is carried, over which nothing of the other is seen."""
+    low = vertices(workspace)["other"][:, 0].min() - vertices(workspace)["post"][:, 0].max()
+    drag = Drag((Spot(0.8, 1.29), Spot(0.8 - low - 0.02, 1.34)), shift=True)
+    do(workspace, Key("g"), drag)
+    assert list(workspace.editor.project.graphs) == ["post"], workspace.editor.toasts.shown
+
+
+def test_dropped_with_shift_where_nothing_is_near_it_is_moved_and_says_so(workspace: Workspace) -> None:
+    do(workspace, Key("g"), Drag((Spot(0.8, 0.7), Spot(0.6, 0.75)), shift=True))
+    assert workspace.editor.history.names == ("move other",)
+    assert workspace.editor.toasts.shown[-1].text == "No shape is near other"
+    do(workspace, Click(Spot(0.0, 0.7)), Key("delete"))
+    do(workspace, Key("g"), Drag((Spot(0.6, 0.75), Spot(0.7, 0.75)), shift=True))
+    assert workspace.editor.toasts.shown[-1].text == "There is no other shape to merge with"
 
 
 def test_it_is_copied_and_deleted(workspace: Workspace) -> None:

@@ -19,12 +19,15 @@ from enliven.arrays import Float
 from enliven.deformation.graph import components
 from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
-from enliven.meshes import Mesh, weld
+from enliven.meshes import Mesh, face_areas, weld
 from enliven.modeling.mesh.cut_pieces import Piece, piece_of
 from enliven.modeling.mesh.cut_plan import CutPlan, CutSettings
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.modeling.mesh.poisson_equation import poisson
 from enliven.modeling.skinning import skin_values as skins
+
+_LARGER = 1.01
+"""Area of the far side over that of the near one from which it is larger: no matter of rounding."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,14 @@ class Cut:
     near: Piece
     far: Piece
     notes: tuple[str, ...] = ()
+
+    @property
+    def larger_first(self) -> tuple[Piece, Piece]:
+        """Both sides, the one with more surface first; of two halves the near one."""
+        near, far = (
+            float(face_areas(one.mesh.vertices, one.mesh.faces).sum()) for one in (self.near, self.far)
+        )
+        return (self.far, self.near) if far > _LARGER * near else (self.near, self.far)
 
 
 def cut_across_bone(

@@ -39,7 +39,8 @@ def cut_graph(
         notes: takes sentences about how the mesh was closed.
 
     Returns:
-        The project and the ids: the near side keeps ``shape_id``, the far side gets a new one.
+        The project and the ids: the larger side keeps ``shape_id`` (of two halves the near one), the other
+        gets a new one.
 
     Raises:
         InputError: where there is no such shape, or the stroke cuts nothing off.
@@ -47,11 +48,12 @@ def cut_graph(
     shape = project.graph(shape_id)
     seen = graph_vertices(shape, *graph_pose(project, shape, time))
     cut = cut_by_stroke(shape.mesh, shape.skin, stroke, seen)
-    far_id = unused(shape_id, project.characters)
-    near, far = _side(shape, cut.near, shape_id), _side(shape, cut.far, far_id)
+    off_id = unused(shape_id, project.characters)
+    larger, smaller = cut.larger_first
     if notes is not None:
         notes.extend(cut.notes)
-    return project.with_characters(near, far), (shape_id, far_id)
+    made = _side(shape, larger, shape_id), _side(shape, smaller, off_id)
+    return project.with_characters(*made), (shape_id, off_id)
 
 
 def merge_graphs(project: Project, merge: Merge) -> Project:

@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Float, Int32
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, unused
 from enliven.examples import in_world
-from enliven.modeling.mesh import CutSurface, Piece, cut_by_stroke
+from enliven.modeling.mesh import Cut, CutSurface, Piece, cut_by_stroke
 from enliven.modeling.puppet.parts import (
     distinguishing_points,
     nearest_paired,
@@ -68,7 +68,8 @@ def cut_puppet(
         notes: takes how the mesh was closed, and how far the halves are from what they were.
 
     Returns:
-        The project and the ids: the near side keeps ``puppet_id``, the far side gets a new one.
+        The project and the ids: the side with more feet keeps ``puppet_id``, where both have as many the
+        larger (of two halves the near one); the other gets a new one.
 
     Raises:
         InputError: where there is no such puppet, the time is not finite, or the stroke cuts nothing off.
@@ -78,18 +79,26 @@ def cut_puppet(
     seen = in_world(puppet, before, surface.settle(before.places))
     cut = cut_by_stroke(puppet.mesh, None, stroke, seen)
     told.extend(cut.notes)
-    far_id = unused(puppet_id, project.characters)
+    off_id = unused(puppet_id, project.characters)
     whole = unfolded(project, with_moment(project, puppet, time))
     places = [pose.places for pose in whole.poses]
     was = shown(surface, np.array(places).reshape(len(places), len(whole.points), 3))
     if puppet.symmetry is not None:
         told.append("The halves have no plane of symmetry; mirrored key poses became their own.")
     halves = []
-    for piece, name in ((cut.near, puppet_id), (cut.far, far_id)):
+    for piece, name in zip(_standing_first(puppet, cut), (puppet_id, off_id), strict=True):
         half = _Half(project, whole, was, piece, settings or PuppetCutSettings()).made(name, told)
         now = state_at(project.with_characters(half), half, time)
         halves.append(stood_as(half, now, puppet, before))
-    return project.with_characters(*halves), (puppet_id, far_id)
+    return project.with_characters(*halves), (puppet_id, off_id)
+
+
+def _standing_first(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
+    """Both sides, the one with more feet first; where both have as many, the larger."""
+    feet = [point.vertex for point in puppet.points if point.foot]
+    first, second = cut.larger_first
+    ours, theirs = (int(np.isin(feet, one.kept).sum()) for one in (first, second))
+    return (second, first) if theirs > ours else (first, second)
 
 
 class _Half:

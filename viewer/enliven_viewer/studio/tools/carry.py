@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Int32
 from enliven.document import Project
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone_at, joint_at
 from enliven_viewer.theme import GOOD, INK, STROKE
+
+_NEAR = 0.05
+"""Share of its own size: what is let go with Shift as near as this to another is merged with it."""
+_LOOKED_AT = 4000
+"""Vertices of what is dragged that are compared with the others: a drag of a scan stays fluent."""
 
 
 class CarryTool(Tool):
@@ -18,6 +27,7 @@ class CarryTool(Tool):
         super().__init__(editor)
         self._held: CharacterDrag | None = None
         self._host: Hit | None = None
+        self._others: list[tuple[str, cKDTree]] = []
 
     @property
     def hint(self) -> str:
@@ -26,7 +36,7 @@ class CarryTool(Tool):
         if self._held is not None and self._held.rooted:
             return "Bring the red root onto a node of another shape to merge, or let go anywhere."
         if self._held is not None:
-            return "Let go anywhere; with Shift over another character to make one of the two."
+            return "Let go anywhere; with Shift over another, or where they touch, to make one of the two."
         if self.editor.selection.character is not None and not self._chosen_is_rooted:
             return "Drag it to move it; let go with Shift over another to make one of the two."
         return "Drag a shape to move it. Drop its red root on another shape's node to merge the two."
@@ -38,6 +48,7 @@ class CarryTool(Tool):
     def press(self, pointer: Pointer) -> bool:
         hit = self.character_at(pointer)
         self._held = None if hit is None else CharacterDrag(self.editor, hit, pointer)
+        self._others = []
         if hit is not None:
             self.editor.select(handle=None)
         return hit is not None
@@ -52,6 +63,8 @@ class CarryTool(Tool):
             others = [one for one in editor.handled if one.id != held.character]
             lens, at, snap = editor.lens, pixels[0], editor.settings.snap
             self._host = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
+        elif not held.several:
+            self._host = self._beneath(pointer) if pointer.shift else None
 
     def release(self, pointer: Pointer) -> None:
         """Merge at the playhead's time, where nothing turns then and both go on moving; or let it stand."""
@@ -61,9 +74,11 @@ class CarryTool(Tool):
             return
         name, notes = held.character, list[str]()
         if host is None and pointer.shift and not held.several:
-            host = self.character_at(pointer, without=name)
+            host = self._beneath(pointer)
         if host is None:
             editor.edit(f"move {held.told}", lambda project: held.moved(project, pointer))
+            if pointer.shift:
+                self._tell_apart(held)
             return
         other = host
 
@@ -78,12 +93,57 @@ class CarryTool(Tool):
             for note in notes[:1]:
                 editor.toasts.say(note)
 
+    def _beneath(self, pointer: Pointer) -> Hit | None:
+        """What a drop with Shift merges with: the character under the pointer, or else the nearest."""
+        held = self._held
+        if held is None:
+            return None
+        return self.character_at(pointer, without=held.character) or self._beside(held)
+
+    def _beside(self, held: CharacterDrag) -> Hit | None:
+        """The character that the dragged one touches, or all but touches."""
+        vertices = self.editor.posed(held.character).vertices
+        if not len(vertices):
+            return None
+        if not self._others:  # nothing plays during a drag, so that the others stand still
+            self._others = [
+                (one.id, cKDTree(_spread(one.vertices, one.character.mesh.faces)))
+                for one in self.editor.reachable
+                if one.id != held.character and one.character.mesh is not None
+            ]
+        near = _NEAR * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        step = -(-len(vertices) // _LOOKED_AT)
+        gaps = [
+            (float(tree.query(vertices[::step], distance_upper_bound=near)[0].min()), name)
+            for name, tree in self._others
+        ]
+        gap, name = min(gaps, default=(np.inf, ""))
+        return Hit(name) if gap < near else None
+
+    def _tell_apart(self, held: CharacterDrag) -> None:
+        """Say why a drop with Shift merged nothing."""
+        if held.several:
+            what, mend = "Several were moved, and none merged", "Choose one, and let go of it with Shift."
+        elif not [one for one in self.editor.reachable if one.id != held.character]:
+            what, mend = (
+                "There is no other shape to merge with",
+                "Draw or open one; what is locked stays as it is.",
+            )
+        else:
+            what, mend = (
+                f"No shape is near {held.character}",
+                "Let go over another, or where they touch.",
+            )
+        self.editor.toasts.say(what, mend)
+
     def cancel(self) -> None:
         super().cancel()
         self._held = self._host = None
 
     def overlay(self) -> Overlay:
         plain, node = super().overlay(), self.on_bone(self._host)
+        if self._held is not None and self._host is not None and self._host.handle < 0:
+            return self._named(self._held, self._host, plain)
         if self._held is None or node is None:
             return plain
         root = self.editor.lens.pixels_of(self.editor.posed(self._held.character).handles[:1])
@@ -93,3 +153,15 @@ class CarryTool(Tool):
             Label((node[0] + 20, node[1]), "merge", INK),
         )
         return Overlay(marks, plain.chain, plain.hovered)
+
+    def _named(self, held: CharacterDrag, host: Hit, plain: Overlay) -> Overlay:
+        """What it would be merged with, in words over what is dragged."""
+        vertices, lens = self.editor.posed(held.character).vertices, self.editor.lens
+        top = vertices.mean(0) + np.ptp(vertices @ lens.up) / 2 * lens.up
+        marks = tuple(Label(at, f"merge with {host.character}", INK) for at in lens.pixels_of(top[None]))
+        return Overlay(marks, plain.chain, plain.hovered)
+
+
+def _spread(vertices: Float, faces: Int32) -> Float:
+    """(V + F, 3) vertices and the middles of faces, metres: large faces are near, too."""
+    return np.concatenate([vertices, vertices[faces].mean(1)])
