@@ -14,7 +14,7 @@ import numpy as np
 from made_performer import write_performer
 from real_edge import RealEdge
 from session_interleaved import PACE, joined, recorded, until
-from studio_driver import Action, Click, Do, Drag, Key, Name, OnPuppet, Say, Spot, Wait, Widget
+from studio_driver import Action, Click, Do, Drag, Key, Name, Near, Say, Spot, Wait, Widget
 
 from enliven.arrays import Float
 from enliven.document import GraphShape
@@ -25,6 +25,14 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 Actions = Iterator[Action]
 _SEAT = 0.53
 """Share of the chair's height at which it is cut: over its seat, and under the rests for the arms."""
+_MIDDLE = 0.12
+"""Metres around the middle of the seat in which its top is looked for: the pot's radius."""
+_ASIDE = 0.2
+"""Metres beside the seat's middle where the cactus is held before it is let go on it."""
+_OVER = 12.0
+"""Pixels over its rim at which the pot is taken hold of: at the rim itself the pointer may miss it."""
+_NEAR = 0.015
+"""Metres within which a thing is where it was to be carried."""
 _SUNK = 0.06
 """Metres by which the cactus's pot stands in the seat: two surfaces that only touch have no union."""
 
@@ -107,24 +115,49 @@ def _seated(workspace: Workspace) -> Actions:
         yield Name("chair")
         yield Key("q")
     yield Say("...and give it a cactus instead")
-    yield Key("3")
-    yield Key("f")
-    yield Wait(0.8)
     yield Key("g")
-    (pot, foot), (low, high) = lowest(editor, "cactus"), extent(editor, "chair")
-    target = np.array([0.0, high[1] - _SUNK, (low[2] + high[2]) / 2])
-    yield Drag((OnPuppet("cactus", pot), Spot(foot[0], target[1], target[2])), 1.2)
-    yield Key("1")
-    yield Key("f")
-    yield Wait(0.8)
-    pot, foot = lowest(editor, "cactus")
-    low, high = extent(editor, "chair")
-    yield Drag((OnPuppet("cactus", pot), Spot((low[0] + high[0]) / 2, foot[1], foot[2])), 1.2, shift=True)
+    target = seat_top(editor) - np.array([0.0, _SUNK, 0.0])
+    beside = target + np.array([_ASIDE, 0.0, 0.0])
+    yield from _carried(editor, "3", beside)
+    yield from _carried(editor, "1", beside)
+    foot = lowest(editor, "cactus")
+    yield Drag(_over(foot, foot - np.array([_ASIDE, 0.0, 0.0])), 1.0, shift=True)
     yield from until(lambda: list(editor.project.characters) == ["chair"], "the merge")
     yield Say("Chair and cactus are one; all motion is kept")
     yield Key("f")
     yield Key("space")
     yield Wait(4.0)
+
+
+def _carried(editor: Editor, view: str, target: Float) -> Actions:
+    """Drags the cactus in a view until its lowest place is at a place, but for the depth of that view.
+
+    The pointer holds the surface before that place, which is nearer to the eye, so that one drag falls short.
+    """
+    across = np.array([0.0, 1.0, 1.0]) if view == "3" else np.array([1.0, 1.0, 0.0])
+    yield Key(view)
+    yield Key("f")
+    yield Wait(0.8)
+    for seconds in (1.2, 0.4, 0.3):
+        foot = lowest(editor, "cactus")
+        left = (target - foot) * across
+        if np.abs(left).max() < _NEAR:
+            return
+        yield Drag(_over(foot, foot + left), seconds)
+        yield Wait(0.2)
+
+
+def _over(*places: Float) -> tuple[Near, ...]:
+    """A drag of the cactus by its pot: over places (3,), metres, that its foot has."""
+    return tuple(Near(Spot(*map(float, place)), 0.0, -_OVER) for place in places)
+
+
+def seat_top(editor: Editor) -> Float:
+    """(3,) metres, the top of the middle of the seat as it is seen now."""
+    vertices = editor.posed("chair").vertices
+    middle = (vertices.min(0) + vertices.max(0)) / 2
+    around = np.abs(vertices[:, [0, 2]] - middle[[0, 2]]).max(1) < _MIDDLE
+    return np.array([middle[0], vertices[around, 1].max(), middle[2]])
 
 
 def chair(editor: Editor) -> GraphShape:
@@ -138,8 +171,7 @@ def extent(editor: Editor, name: str) -> tuple[Float, Float]:
     return vertices.min(0), vertices.max(0)
 
 
-def lowest(editor: Editor, name: str) -> tuple[int, Float]:
-    """The number of a character's lowest vertex as it is seen now, and (3,) metres, where that is."""
+def lowest(editor: Editor, name: str) -> Float:
+    """(3,) metres, the middle of what a character stands on, as it is seen now."""
     vertices = editor.posed(name).vertices
-    number = int(vertices[:, 1].argmin())
-    return number, vertices[number]
+    return np.asarray(vertices[vertices[:, 1] < vertices[:, 1].min() + _NEAR].mean(0))

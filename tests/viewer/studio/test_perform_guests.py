@@ -13,6 +13,7 @@ from patience import PATIENCE
 
 from enliven.errors import InputError
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.panels.stage.inset import views_of
 from enliven_viewer.studio.perform.guests import APART
 from enliven_viewer.studio.perform.session import PerformSession
 
@@ -66,6 +67,9 @@ def test_two_edges_are_seen_and_recorded_and_one_goes_on_alone(two) -> None:
     assert {body.id for body in shown.bodies} == {1, 1 + APART}
     assert {actor.character.id for actor in shown.actors} == {"chair", f"{guest.name}/chair"}
     assert f"Performer 1 at {guest.name}" in session.present
+    views = views_of(session)
+    assert [name for name, _ in views] == ["Performer", guest.name]
+    assert all(bodies for _, bodies in views), "each edge's performers are seen in a view of their own"
     session.recording.record()
     until(session, lambda: session.recording.seconds > 0.3)
     edges[0][0].kill()

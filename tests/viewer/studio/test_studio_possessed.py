@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from studio_driver import Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play
+from studio_driver import Action, Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play, steps
 from swaying import possessed_chair, without_cache
 
 from enliven.document.character import Character, Pose, SkinWeights
@@ -17,6 +18,7 @@ from enliven.modeling.edits import cut_character
 from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.possessed import stale
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.viewport import Label
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 NS = 1_000_000_000
@@ -107,6 +109,19 @@ def test_dropped_where_they_touch_it_is_merged_whatever_is_under_the_pointer(wor
     drag = Drag((Spot(0.8, 1.29), Spot(0.8 - low - 0.02, 1.34)), shift=True)
     do(workspace, Key("g"), drag)
     assert list(workspace.editor.project.graphs) == ["post"], workspace.editor.toasts.shown
+
+
+def test_while_shift_is_held_the_picture_says_with_what_it_would_be_merged(workspace: Workspace) -> None:
+    stage, marks = HeadlessStage(workspace), list[str]()
+
+    def watched() -> Iterator[Action]:
+        yield from (Key("1"), Wait(1.0), Key("g"))
+        yield Drag((Spot(0.8, 0.7), Spot(0.03, 0.9)), 0.4, shift=True)
+
+    for _ in steps(watched(), stage):
+        overlay = workspace.input.tool.overlay()
+        marks += [mark.text for mark in overlay.marks if isinstance(mark, Label)]
+    assert marks and set(marks) == {"merge with post"}
 
 
 def test_dropped_with_shift_where_nothing_is_near_it_is_moved_and_says_so(workspace: Workspace) -> None:

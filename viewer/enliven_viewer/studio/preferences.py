@@ -29,6 +29,7 @@ class _Kept(msgspec.Struct):
     text_size: float = 1.0
     less_motion: bool = False
     toured: bool = False
+    performer: bool = True
 
 
 class Preferences:
@@ -43,6 +44,7 @@ class Preferences:
         text_size: size of the text and of the layout over the usual.
         less_motion: the view turns at once, without gliding.
         toured: whether the tour was finished or put away.
+        performer: performers are seen in a corner of the picture as their camera sees them.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -50,7 +52,7 @@ class Preferences:
         kept = self._read()
         self.keys, self.recent = dict(kept.keys), list(kept.recent)
         self.text_size, self.toured = kept.text_size, kept.toured
-        self.less_motion = kept.less_motion
+        self.less_motion, self.performer = kept.less_motion, kept.performer
 
     def save(self) -> None:
         """Write the file; where it cannot be written, the choices hold until the program ends."""
@@ -69,6 +71,11 @@ class Preferences:
     def calm(self) -> None:
         """Let the view turn at once, or let it glide again."""
         self.less_motion = not self.less_motion
+        self.save()
+
+    def watch_performer(self) -> None:
+        """Show the performers in a corner of the picture, or no longer."""
+        self.performer = not self.performer
         self.save()
 
     def opened(self, path: Path) -> None:

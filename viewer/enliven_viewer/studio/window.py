@@ -33,12 +33,14 @@ from enliven_viewer.studio.panels import (
 from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
 from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
 from enliven_viewer.studio.panels.stage import (
+    draw_inset,
     draw_live,
     draw_perform,
     draw_rooms,
     draw_scan,
     draw_scan_over,
 )
+from enliven_viewer.studio.perform import PerformerInset
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
@@ -87,6 +89,7 @@ class StudioWindow:
         self._performer: PerformerPicture | None = None
         self._thumbnails: Thumbnails | None = None
         self._desktop: Desktop | None = None
+        self._inset = PerformerInset()
         self._screen: Any = None
         self._last = time.monotonic()
         self._framed = False
@@ -302,6 +305,8 @@ class StudioWindow:
         places = self.places
         if not self.opening.bare:
             self._panels(places)
+            if not self._hides_live:
+                draw_inset(self.workspace, places.viewport, self._inset)
             draw_live(self.workspace, places.viewport, self.pace)
             draw_scan_over(self.workspace, places.viewport)
         asking = self.workspace.asking  # Escape closes the dialogue, and not what is behind it as well

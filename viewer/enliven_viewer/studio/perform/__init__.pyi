@@ -1,4 +1,11 @@
 from .actions import NO_STAGE as NO_STAGE, perform_actions as perform_actions, pressed as pressed
 from .holders import Holder as Holder
+from .inset import (
+    WIDER as WIDER,
+    PerformerInset as PerformerInset,
+    SeenBody as SeenBody,
+    rectangle_of as rectangle_of,
+    seen as seen,
+)
 from .recording import StageRecording as StageRecording
 from .session import ROOMS as ROOMS, PerformSession as PerformSession

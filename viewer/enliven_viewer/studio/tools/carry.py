@@ -90,7 +90,7 @@ class CarryTool(Tool):
         if editor.edit(f"merge {name}", change):
             editor.choose(other.character)
             editor.toasts.say(f"{name} is now part of {other.character}", "Ctrl+Z takes them apart.")
-            for note in notes[:1]:
+            for note in notes[-2:]:  # whether the two meet is said last
                 editor.toasts.say(note)
 
     def _beneath(self, pointer: Pointer) -> Hit | None:
@@ -141,9 +141,10 @@ class CarryTool(Tool):
         self._held = self._host = None
 
     def overlay(self) -> Overlay:
-        plain, node = super().overlay(), self.on_bone(self._host)
+        plain = super().overlay()
         if self._held is not None and self._host is not None and self._host.handle < 0:
             return self._named(self._held, self._host, plain)
+        node = self.on_bone(self._host)
         if self._held is None or node is None:
             return plain
         root = self.editor.lens.pixels_of(self.editor.posed(self._held.character).handles[:1])

@@ -388,6 +388,15 @@ def _reading(preferences: Preferences) -> Iterator[Action]:
         on=lambda: preferences.less_motion,
         about="The view turns at once, without gliding.",
     )
+    yield Action(
+        "view.performer",
+        "View",
+        "Performers in the corner",
+        ("alt+p",),
+        preferences.watch_performer,
+        on=lambda: preferences.performer,
+        about="As their camera sees them, each camera's beside the other's.",
+    )
 
 
 def _cameras(c: Commands) -> Iterator[Action]:

@@ -1,4 +1,5 @@
 from .growing import draw_growing as draw_growing
+from .inset import draw_inset as draw_inset
 from .live import draw_live as draw_live
 from .perform import draw_perform as draw_perform
 from .rooms import draw_rooms as draw_rooms

@@ -1,0 +1,112 @@
+"""Draws the performers as their cameras see them, in a corner of the picture, a view for each edge."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from enliven.person import Body, Joint
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.render.overlay import CUE_TINTS
+from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.perform import WIDER, PerformerInset, PerformSession, SeenBody, rectangle_of, seen
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import DARK, INK, LINE, QUIET, Colour
+
+_LIMB = 0.075
+"""Metres, thickness of a limb: seen in an inset of a hundred pixels."""
+_HEAD = 0.11
+"""Metres, radius of a head."""
+_SURE = 0.3
+"""Opacity of what is guessed; what is seen well has 1."""
+_TEXT = 13.0
+"""Pixels of the words in the inset."""
+
+
+def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset) -> None:
+    """Draw the inset over the viewport, where it is wanted and performers can be seen."""
+    perform = workspace.perform
+    views = views_of(perform) if workspace.preferences.performer else []
+    workspace.widgets.pop("performer inset", None)
+    if not views:
+        return
+    room = area.width, area.height
+    left, top, wide, tall = inset.place(*room, len(views), lambda: _covered(workspace))
+    draw = imgui.get_background_draw_list()
+    cell = wide / len(views)
+    for number, (name, bodies) in enumerate(views):
+        _view(draw, Area(area.x + left + number * cell, area.y + top, cell, tall), name, seen(bodies))
+    workspace.widgets["performer inset"] = (
+        *(area.x + left, area.y + top),
+        *(area.x + left + wide, area.y + top + tall),
+    )
+    _explain(workspace, Area(area.x + left, area.y + top, wide, tall))
+
+
+def views_of(perform: PerformSession) -> list[tuple[str, tuple[Body, ...]]]:
+    """The name of each edge, or of the take, and who is seen there; none without a link."""
+    live = perform.live
+    if live is None or not (live.take or perform.connected):
+        return []
+    views = [(live.take or "Performer", live.scene.bodies)]
+    guests = [guest for guest in perform.guests if guest.connected]
+    views += [(guest.name, guest.live.scene.bodies) for guest in guests]
+    someone = any(bodies for _, bodies in views)
+    return views if someone or perform.room == "Perform" else []
+
+
+def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
+    """Where what is live, and what is in the project, is seen."""
+    editor, found = workspace.editor, []
+    lens, own = editor.lens, bounds_of([one.extent for one in editor.seen])
+    for box in (editor.beside_box, own):
+        if box is not None:
+            corners = np.array(list(itertools.product(*zip(*box, strict=True))))
+            found.append(rectangle_of(lens.project(corners)[0]))
+    return [one for one in found if one is not None]
+
+
+def _view(draw, area: Area, name: str, bodies: tuple[SeenBody, ...]) -> None:  # type: ignore[no-untyped-def]
+    """One camera's view."""
+    low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)
+    draw.add_rect_filled(low, high, packed((*DARK[:3], 0.86)), 8.0)
+    draw.push_clip_rect(low, high, True)
+    for number, body in enumerate(bodies):
+        tint = tuple(channel ** (1 / 2.2) for channel in CUE_TINTS[number % len(CUE_TINTS)])
+        _figure(draw, area, body, (*tint, 1.0))  # type: ignore[arg-type]
+    said = name if bodies else f"{name}: no one in view"
+    draw.add_text(
+        imgui.get_font(), _TEXT, ImVec2(area.x + 9, area.y + 6), packed(INK if bodies else QUIET), said
+    )
+    draw.pop_clip_rect()
+    draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
+
+
+def _figure(draw, area: Area, body: SeenBody, tint: Colour) -> None:  # type: ignore[no-untyped-def]
+    """A performer: limbs, the farther ones first and darker, and a head."""
+    at = body.places * area.height + [area.x, area.y]
+    at[:, 0] += (area.width - WIDER * area.height) / 2
+    if not np.isfinite(at).all():
+        return
+    far, near = float(body.depth.max()), float(body.depth.min())
+    red, green, blue, _ = tint
+    for parent, joint in body.bones:
+        depth = float(body.depth[[parent, joint]].mean())
+        light = 1.0 - 0.45 * (depth - near) / max(far - near, 0.3)
+        sure = _SURE + (1.0 - _SURE) * float(min(body.confidence[parent], body.confidence[joint]))
+        ink = packed((light * red, light * green, light * blue, sure))
+        thick = max(area.height * body.pixels(_LIMB, joint), 2.0)
+        draw.add_line(ImVec2(*at[parent]), ImVec2(*at[joint]), ink, thick)
+        draw.add_circle_filled(ImVec2(*at[joint]), thick / 2, ink)
+    head = int(Joint.HEAD)
+    draw.add_circle_filled(ImVec2(*at[head]), area.height * body.pixels(_HEAD, head), packed(tint))
+
+
+def _explain(workspace: Workspace, area: Area) -> None:
+    """Say what it is, and which key hides it, once the pointer is over it."""
+    io = imgui.get_io()
+    if area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse and not io.mouse_down[0]:
+        imgui.set_tooltip(workspace.actions.tip(workspace.actions["view.performer"]))
