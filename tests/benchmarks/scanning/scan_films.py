@@ -118,16 +118,16 @@ def _sat_in(made: Made) -> tuple[list[BodyFrame], EmbeddedActor]:
 
 def laid() -> Film:
     """The chair, which hands lay on its back half-way."""
-    chair, laying = load_sample("chair"), (9.0, 11.0)
+    chair, laying = load_sample("chair"), (14.0, 16.0)
     path = FollowingPath(
-        target=(0.0, 0.85, 0.15), radius=1.5, height=(0.7, 1.9), turns=2.2, seconds=21.0,
+        target=(0.0, 0.85, 0.15), radius=1.5, height=(0.7, 1.9), turns=2.2, seconds=32.0,
         later=(0.0, 0.4, 0.15), turning=laying, nod=0.35,
     )  # fmt: skip
     poses = [np.eye(4), laid_on_its_back(chair, (0.0, 0.15))]
     way = HandledWay(poses, [laying], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
     take = HandledScan(chair, way, load_profile("kinect1"), path, width=320, colour=True)
     frames = (take.frame(index) for index in range(0, take.frames, 2))
-    settings = ScanSettings(volume=VolumeSettings(voxel=0.006))
+    settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
     return Film("A chair is laid on its back by hand", frames, settings, Keep(), None, MovedScanner)
 
 
@@ -183,12 +183,20 @@ class Growth:
         self._sent, self._mesh = GrowingSurface(_NO_NUMBER), GrowingMesh()
         self._pieces: dict[str, object] = {}
         self.stage_from_scan = np.eye(4)
+        self.told: Float | None = None
 
     def look(self, scanner: Scanner) -> GrowingPicture | None:
         """Takes in what grew."""
         for piece in self._sent.changes(scanner.volumes[0], 10**9):
             self._pieces[str(piece.place)] = piece
         self._mesh.take(self._pieces, _NO_NUMBER)  # type: ignore[arg-type]
+        if self.told is not None:
+            self.stage_from_scan = self.told
+            return self._mesh.picture
+        if isinstance(scanner, PersonScanner):
+            # Of a person the largest level plane is shoulders.
+            self.stage_from_scan[1, 3] = -surface_of(scanner.volumes[1]).bounds[0, 1]
+            return self._mesh.picture
         try:
             ground = find_ground(surface_of(scanner.volumes[1]), settings=scanner.settings.cut_out)
         except InputError:
@@ -237,7 +245,10 @@ class Filming:
             step = made if isinstance(made, ScanStep) else made.told
             own = scanner if isinstance(scanner, Scanner) else scanner.rests[-1].scanner
             if isinstance(scanner, MovedScanner) and len(scanner.rests) > rests:
-                growth, rests = Growth(), len(scanner.rests)
+                rests, stood = len(scanner.rests), growth.stage_from_scan
+                growth = Growth()
+                # It is shown as it stood first, which the scan knows of it.
+                growth.told = stood @ scanner.rests[-1].object_from_room
             if number % _SHOWN_EVERY == 0 and own.poses:
                 shown = growth.look(own)
             if shown is None or growth.box is None or number % 2:
