@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA
+from enliven.person import Joint
 from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground, largest_part
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
+from enliven_edge.scanning import PersonScanner
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 KITCHEN = DATA / "scans" / "sevenscenes_kitchen"
@@ -59,6 +61,22 @@ def test_a_real_person_who_turns_once_is_scanned_all_round():
     assert person.area > 0.9 * scanner.surface().area
     # A head and shoulders, as wide as a person, and one of them.
     assert 0.3 < np.ptp(person.vertices[:, 0]) < 0.8 and 0.5 < np.ptp(person.vertices[:, 1]) < 1.0
+
+
+def test_a_real_person_is_told_from_the_room_and_has_joints():
+    """The wall is left in the image; the tracker finds them."""
+    frames = list(OpenCvDepthReader().read(sorted((DATA / "depth" / "uva_cv2_person_turn").iterdir())))
+    volume = VolumeSettings(voxel=0.01, reach=3.5, far=3.5)
+    scanner = PersonScanner(ScanSettings(volume=volume, least_depth=0.01))
+    states = [scanner.add(frame).state for frame in frames]
+    assert states.count(ScanState.SCANNING) >= 95 and not scanner.absent
+    person = scanner.person()
+    width, height, _ = np.ptp(person.mesh.vertices, axis=0)
+    assert 0.35 < width < 0.65 and 0.6 < height < 0.9 and person.mesh.bounds[0, 1] == 0.0
+    shoulders = person.joints[[Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]]
+    assert 0.25 < shoulders[0, 0] - shoulders[1, 0] < 0.45, "they face +Z, and left is left"
+    assert 0.05 < person.joints[Joint.HEAD, 1] - shoulders[:, 1].mean() < 0.35
+    assert not np.isfinite(person.joints[Joint.FOOT_LEFT]).any(), "legs are not in view"
 
 
 def test_the_floor_of_the_kitchen_is_level():

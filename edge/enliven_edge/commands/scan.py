@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from enliven.meshes import Mesh
 
 
+_FARTHEST_PERSON = 3.5
+"""Metres beyond which a person is too far: a pixel is 6 mm wide there, and depth is off by 2 cm."""
+
+
 def scan(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The mesh to make: .glb, .ply, .obj, .stl; or .enliven.")
@@ -34,6 +38,9 @@ def scan(
     moved: Annotated[
         bool,
         typer.Option(help="The thing is turned and put down meanwhile; all its sides end in one mesh."),
+    ] = False,
+    person: Annotated[
+        bool, typer.Option(help="A person before a camera that stands still: turn once, or hold still.")
     ] = False,
     thing: Annotated[
         int, typer.Option(min=1, help="Which of several things on the floor; 1 was looked at most.")
@@ -70,11 +77,12 @@ def scan(
     camera is lost, nothing is added; look again at what was scanned already, and it goes on. With --within,
     the camera may stand still, and the thing or the person turn: only how they move to one another counts.
     With --moved, scan the thing as it stands, then lay it on its back or its side, and go on.
+    With --person, stand one to three metres before a camera that stands still, and turn once on the spot.
 
     \b
       enliven scan --sensor realsense -o chair.glb --sheet chair.png
       enliven scan --sensor realsense -o chair.glb --edge 192.168.1.20
-      enliven scan --sensor realsense -o me.glb --within 1.5
+      enliven scan --sensor realsense -o me.enliven --person --seconds 10
       enliven scan --sensor realsense -o chair.glb --moved
       enliven scan --recording TAKE.mcap -o room.glb --whole --voxel 10 --reach 5
       enliven scan --recording TAKE.mcap -o lamp.glb --box=-0.3,0.7,-0.2,0.1,1.3,0.2
@@ -82,8 +90,8 @@ def scan(
       enliven scan --recording MORE.mcap --add chair.glb -o chair.glb
     """
     from enliven.scanning.objects import MovedScanner
-    from enliven_edge.commands.scan_job import ScanJob, corners_of, keep_of, refuse_with_moved, scanner_of
-    from enliven_edge.scanning import put_on_stage, stage_command
+    from enliven_edge.commands.scan_job import ScanJob, corners_of, keep_of, refuse_beside, scanner_of
+    from enliven_edge.scanning import PersonScanner, put_on_stage, stage_command
 
     need_folder(output, sheet)
     _checked(output, recording, sensor, overwrite or output == add)
@@ -94,8 +102,15 @@ def scan(
         stage_command()  # what is missing for it is said before the scan
     scanner = scanner_of(voxel, reach, within, memory, thing)
     if moved:
-        refuse_with_moved(whole, box, before, add, within)
+        refuse_beside("--moved", whole, box, before, add, within)
         scanner = MovedScanner(scanner.settings)
+    if person:
+        refuse_beside("--person", whole, box, before, add, within)
+        if moved:
+            raise InputError(
+                "--person and --moved do not go together", where="scan", mend="Give one of them."
+            )
+        scanner = PersonScanner(scanner_of(voxel, _FARTHEST_PERSON, _FARTHEST_PERSON, memory).settings)
     job = ScanJob(scanner, recording, sensor or "", setting or [], seconds, before or add, keep)
     made = job.run(meant, triangles, output)
     if sheet is not None:

@@ -21,6 +21,7 @@ from enliven_edge.commands.progress import frame_progress, interruptible
 from enliven_edge.scanning import (
     Keep,
     Made,
+    PersonScanner,
     ScanDiary,
     finished,
     keep_scan,
@@ -91,19 +92,19 @@ def keep_of(
     return Keep("all" if whole else "thing" if within is None else "alone")
 
 
-def refuse_with_moved(
-    whole: bool, box: str, before: Path | None, add: Path | None, within: float | None
+def refuse_beside(
+    name: str, whole: bool, box: str, before: Path | None, add: Path | None, within: float | None
 ) -> None:
-    """Refuses what does not go together with a thing that is moved while it is scanned.
+    """Refuses what does not go together with ``name``, --moved or --person.
 
     Raises:
         InputError: where something of it is asked for.
     """
     options = ("--whole", whole), ("--box", box), ("--before", before), ("--add", add), ("--within", within)
-    for name, given in options:
+    for other, given in options:
         if given:
             mend = "Leave one of them out."
-            raise InputError(f"--moved and {name} do not go together", where="scan", mend=mend)
+            raise InputError(f"{name} and {other} do not go together", where="scan", mend=mend)
 
 
 @dataclass
@@ -142,7 +143,7 @@ class ScanJob:
         """
         before = self._scan()
         try:
-            self.diary.refuse(self._where)
+            self._refuse()
             meant = replace(keep, before=before) if keep.what == "new" else keep
             made = finished(self.scanner, meant, triangles, output.stem)
             self._notes += said_of_things(self.scanner) if keep.what == "thing" else []
@@ -167,8 +168,21 @@ class ScanJob:
             typer.echo(made.said[:1].upper() + made.said[1:])
         if made.mesh.colours is None:
             self._notes.append("The camera gave no colours, so the mesh has none.")
-        for sentence in (*self.diary.advice(), *self._notes):
+        for sentence in (*self._advice(), *self._notes):
             typer.echo(f"Note: {sentence}")
+
+    def _refuse(self) -> None:
+        """Says why there is nothing to make a mesh of: of a person, who may well hold still."""
+        if isinstance(self.scanner, PersonScanner):
+            self.scanner.refuse(self._where)
+        else:
+            self.diary.refuse(self._where)
+
+    def _advice(self) -> list[str]:
+        """Returns a sentence for each thing that would make the scan better."""
+        if isinstance(self.scanner, PersonScanner):
+            return self.scanner.advice(self.diary.frames)
+        return self.diary.advice()
 
     def _scan(self) -> int:
         """Fuses all images; returns how many of an earlier scan come before them."""

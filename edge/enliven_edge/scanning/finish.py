@@ -31,6 +31,7 @@ from enliven.scanning import (
     upright_frame,
 )
 from enliven.scanning.objects import MovedScanner
+from enliven_edge.scanning.person import PersonScanner, ScannedPerson
 
 PROJECT = ".enliven"
 """Ending of a project; the scan is a character in it that can be possessed."""
@@ -70,11 +71,13 @@ class Made:
         mesh: upright, on y = 0, metres.
         most: metres that it is within of the full scan; 0 where no triangle was taken from it.
         said: what was cut out, for people; empty where there is nothing to say.
+        person: whom it shows, where a person was scanned.
     """
 
     mesh: Mesh
     most: float
     said: str = ""
+    person: ScannedPerson | None = None
 
 
 def finished(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: str) -> Made:
@@ -84,9 +87,10 @@ def finished(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: 
         InputError: where there is nothing.
     """
     scanner.close_loops()
-    mesh, said = _meant(scanner, keep)
+    person = scanner.person() if isinstance(scanner, PersonScanner) else None
+    mesh, said = _meant(scanner, keep) if person is None else (person.mesh, "")
     made = decimated(replace(mesh, name=name), triangles or len(mesh.faces))
-    return Made(made.mesh, made.most, said)
+    return Made(made.mesh, made.most, said, person)
 
 
 def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
@@ -141,32 +145,37 @@ def write_scan(made: Made, path: Path) -> None:
         ResourceError: where it cannot be written; it says where the scan is instead.
     """
     try:
-        _write(made.mesh, path)
+        _write(made, path)
     except ResourceError as error:
-        other = _elsewhere(made.mesh, path)
+        other = _elsewhere(made, path)
         if other is None:
             raise
         what, mend = f"{error.what}, so it is in {other}", "Make room on the disk, and move it from there."
         raise ResourceError(what, where=str(path), mend=mend) from None
 
 
-def _elsewhere(mesh: Mesh, path: Path) -> Path | None:
+def _elsewhere(made: Made, path: Path) -> Path | None:
     """Writes a mesh into a folder of another disk; returns the file, or None where none can be written."""
     for folder in (Path.home(), Path(tempfile.gettempdir())):
         other = folder / f"{path.stem}.saved{path.suffix}"
         with contextlib.suppress(ResourceError):
-            _write(mesh, other)
+            _write(made, other)
             return other
     return None
 
 
-def _write(mesh: Mesh, path: Path) -> None:
+def _write(made: Made, path: Path) -> None:
     if path.suffix.lower() != PROJECT:
-        save_mesh(mesh, path)
+        save_mesh(made.mesh, path)
         return
     from enliven.formats.project import project_of_mesh, write_project
 
-    write_project(path, project_of_mesh(mesh, path.stem))
+    project = project_of_mesh(made.mesh, path.stem)
+    if made.person is not None and len(made.person.ends):
+        # Whoever takes hold of it need not look for head, hands and feet.
+        (one,) = project.characters.values()
+        project = project.with_characters(one.with_changes(ends=made.person.ends))
+    write_project(path, project)
 
 
 def stage_command() -> EntryPoint:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 import threading
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 from enliven.errors import InputError
 from enliven.recording import Recorder, Recording
-from enliven.scanning import Scanner
+from enliven.scanning import Scanner, ScanState
 from enliven.scanning.objects import MovedScanner
 from enliven_edge.scanning.sources import recorded_images
 
@@ -65,11 +66,15 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
         what = f"its scan was not kept: there is no {source.name} beside it"
         raise InputError(what, where=str(path), mend="Give the recording of which it was made, or scan anew.")
     placed = _FACT in Recording(source).info.metadata
+    states: Counter[ScanState] = Counter()
     for frame in recorded_images(source, stop):
         if placed and frame.world_from_camera is not None:
             scanner.place(frame, frame.world_from_camera)
         else:
-            scanner.add(frame)
+            states[scanner.add(frame).state] += 1
+    if 2 * states[ScanState.UNSURE] > states.total():
+        what = "it shows hardly more than one blank surface, which does not tell where the camera is"
+        raise InputError(what, where=str(source), mend="Let things that stand about be in view, too.")
     if not scanner.poses:
         what = "no frame of it shows enough depth"
         raise InputError(what, where=str(source), mend="Give a recording of the same place or thing.")

@@ -7,11 +7,19 @@ import numpy as np
 from enliven.kernels import njit
 from enliven.scanning.blocks import SIDE, find, key_of
 
-SUMS = 32
+MOMENTS = 32
+"""The first of the sums that tell the noise of the slopes."""
+BINS = 16
+"""Bins of the angles between the image's normals and the surface's; their edges grow as the square."""
+SUMS = MOMENTS + 9 + BINS
 """Numbers of a sum: 21 of the upper half of the normal matrix, row by row, and 6 of the gradient; then the
-weighted squares, the weights, what agrees, what was looked for, and what could be compared."""
+weighted squares, the weights, what agrees, what was looked for, and what could be compared. From MOMENTS on
+the weighted places about the camera (3), their products (6, the upper half, row by row), and the weights of
+the points by the angle between the two normals."""
 _OPPOSED = 0.5
 """Cosine between a point's normal and the surface's below which they are two different sides."""
+WIDEST = 1.0
+"""Twice the sine of half the angle of that cosine: where the last bin of angles ends."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -75,7 +83,7 @@ def residuals(points, stride, span, pose, soft, field, sums, first, last):  # ty
         pose: (4, 4) world_from_camera.
         field: :class:`FieldArrays`.
         soft: metres at which a residual counts a quarter (Geman-McClure).
-        sums: (R, 32) a row for each row of points that is looked at, where the sums are written; the six
+        sums: (R, SUMS) a row for each row of points that is looked at, where the sums are written; the six
             unknowns are a move (m) and a turn (rad) about the camera's place, world frame.
     """
     found, cache, j = np.empty(4), np.empty(4, np.int64), np.empty(6)
@@ -102,7 +110,8 @@ def residuals(points, stride, span, pose, soft, field, sums, first, last):  # ty
             mx = pose[0, 0] * nx + pose[0, 1] * ny + pose[0, 2] * nz
             my = pose[1, 0] * nx + pose[1, 1] * ny + pose[1, 2] * nz
             mz = pose[2, 0] * nx + pose[2, 1] * ny + pose[2, 2] * nz
-            if mx * gx + my * gy + mz * gz < _OPPOSED * np.sqrt(gx * gx + gy * gy + gz * gz):
+            along, slope = mx * gx + my * gy + mz * gz, np.sqrt(gx * gx + gy * gy + gz * gz)
+            if along < _OPPOSED * slope:
                 continue
             robust = soft * soft / (soft * soft + d * d)
             w = points.worth[v, u] * robust * robust
@@ -118,3 +127,14 @@ def residuals(points, stride, span, pose, soft, field, sums, first, last):  # ty
             sums[r, 27] += w * d * d
             sums[r, 28] += w
             sums[r, 29] += points.worth[v, u] * robust
+            sums[r, MOMENTS] += w * qx
+            sums[r, MOMENTS + 1] += w * qy
+            sums[r, MOMENTS + 2] += w * qz
+            sums[r, MOMENTS + 3] += w * qx * qx
+            sums[r, MOMENTS + 4] += w * qx * qy
+            sums[r, MOMENTS + 5] += w * qx * qz
+            sums[r, MOMENTS + 6] += w * qy * qy
+            sums[r, MOMENTS + 7] += w * qy * qz
+            sums[r, MOMENTS + 8] += w * qz * qz
+            chord = np.sqrt(2.0 - 2.0 * min(along / max(slope, 1e-12), 1.0)) / WIDEST
+            sums[r, MOMENTS + 9 + min(int(BINS * np.sqrt(chord)), BINS - 1)] += w

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.scanning.alignment import SUMS, residuals
+from enliven.scanning.alignment import BINS, MOMENTS, SUMS, WIDEST, residuals
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.rigid import cross_matrix, moved
 from enliven.scanning.settings import TrackingSettings
@@ -90,12 +90,12 @@ class CameraTracker:
         error = float(np.sqrt(sums[27] / weight))
         # Neighbouring pixels have the same noise, and the model's error is the same for all.
         independent = self.settings.independent / max(error, 1e-4) ** 2
-        information = _matrix(sums) * independent
+        information = _told(sums) * independent
         agreeing, overlap = sums[29] / max(sums[31], 1e-12), sums[31] / max(sums[30], 1e-12)
         return Alignment(pose, float(agreeing), float(overlap), error, information)
 
     def _normal_equations(self, view: DepthView, pose: Float, level: int) -> Float:
-        """Returns (32,) sums over the points, each in the finest volume from ``level`` on that reaches it."""
+        """Returns (SUMS,) sums over points, each in the finest volume from ``level`` on that reaches it."""
         s, total = self.settings, np.zeros(SUMS)
         stride = s.fine_stride if level == 0 else s.coarse_stride
         nearest = 0.0
@@ -134,3 +134,32 @@ def _matrix(sums: Float) -> Float:
     matrix = np.zeros((6, 6))
     matrix[_UPPER] = sums[:21]
     return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
+
+
+def _told(sums: Float) -> Float:
+    """Returns the (6, 6) normal matrix less what the noise of the slopes alone adds to it.
+
+    Slopes are measured, and a sum of their products is too large by the sum of their variances (errors in
+    variables: Fuller, Measurement Error Models, 1987, section 1.2): a blank wall would tell where the camera
+    is along it. A slope's noise is across it. The angles between the surface's slopes and the image's
+    normals hold the noise of both, so rather too much is taken off.
+    """
+    x, y, z, xx, xy, xz, yy, yz, zz = sums[MOMENTS : MOMENTS + 9]
+    weight, matrix = sums[28], _matrix(sums)
+    first, products = cross_matrix(np.array([x, y, z])), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    # Of slopes of any direction: the sum of A A' with A = [1; q x].
+    any_way = np.block([[weight * np.eye(3), first.T], [first, np.trace(products) * np.eye(3) - products]])
+    return np.asarray(matrix - _noise(sums[MOMENTS + 9 :]) * (any_way - matrix))
+
+
+def _noise(weights: Float) -> float:
+    """Returns the variance (rad^2, each axis) of slopes against normals by (BINS,) weights of their angles.
+
+    Angles of even noise are distributed after Rayleigh, of which the median is sqrt(2 ln 2) deviations. Edges
+    and corners, where the two see something else, are far fewer than half.
+    """
+    total = np.concatenate([[0.0], np.cumsum(weights)])
+    if total[-1] <= 0.0:
+        return 0.0
+    edges = (WIDEST * np.square(np.arange(BINS + 1) / BINS)) ** 2
+    return float(np.interp(0.5 * total[-1], total, edges) / (2.0 * np.log(2.0)))

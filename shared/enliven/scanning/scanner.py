@@ -59,7 +59,8 @@ class ScanStep:
 
     Attributes:
         state: see :class:`ScanState`.
-        world_from_camera: (4, 4) the camera's pose, the last one known where it was not found.
+        world_from_camera: (4, 4) the camera's pose, the last one known where it was not found, and the
+            likeliest where it is unsure.
         alignment: how well the image fits; None for the first one, and for an empty one.
         room: whether the memory held all that is new; where it did not once, nothing is fused any more.
     """
@@ -125,6 +126,9 @@ class Scanner:
             return self._sought(view, up)
         found = self._tracked(view, up)
         self._state = ScanState.LOST if self._too_far(found, frame.time_ns) else self._judged(found)
+        if self._state is ScanState.UNSURE:
+            # What is known of the way is gone along, or a camera that moves on would not be found after it.
+            self._before, self._pose = self._pose, found.world_from_camera
         if self._state is not ScanState.SCANNING:
             return ScanStep(self._state, self._pose, found)
         return self._fuse(frame, view, found.world_from_camera, found, up)

@@ -19,8 +19,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "possession"))
 
 import numpy as np
 from PIL import Image
-from possess_cast import danced
-from possess_films import DATA, LIFT, RAISED, TRUNK, read
+from possess_cast import actor_of, as_if_by, danced, held_still
+from possess_films import DATA, LIFT, RAISED, TRUNK, WAVE, read
 from possess_studio import SIZE, Studio
 from possess_take import Act, perform
 
@@ -29,21 +29,34 @@ from enliven.errors import InputError
 from enliven.film_writer import FilmWriter
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.meshes import Mesh
+from enliven.person import Body
+from enliven.possession import EmbeddedActor
 from enliven.samples import load_sample
 from enliven.scanning import (
     Scanner,
     ScanSettings,
     ScanState,
+    ScanStep,
     VolumeSettings,
     find_ground,
     focus_of,
     surface_of,
     upright_frame,
 )
+from enliven.scanning.objects import MovedScanner
+from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
-from enliven_edge.scanning import GrowingSurface, Keep, finished
+from enliven_edge.scanning import GrowingSurface, Keep, Made, PersonScanner, finished
 from enliven_edge.stage.casting import cast_mesh
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor import (
+    FollowingPath,
+    HandheldPath,
+    HandheldScan,
+    HandledScan,
+    HandledWay,
+    laid_on_its_back,
+    load_profile,
+)
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.render import FilmCamera
 from enliven_viewer.studio.picture import GrowingPicture, Viewport
@@ -74,7 +87,8 @@ class Film:
         frames: the camera's images.
         settings: of the scanner.
         keep: what is cut out.
-        bodies: who takes hold of it, or None.
+        bodies: who takes hold of what was made, and its actor; or None.
+        scanner: makes what fuses the images.
         act: how.
         colour: sRGB of a mesh without colours.
     """
@@ -83,7 +97,8 @@ class Film:
     frames: Iterable[DepthFrame]
     settings: ScanSettings
     keep: Keep = field(default_factory=Keep)
-    bodies: Callable[[], list[BodyFrame]] | None = None
+    bodies: Callable[[Made], tuple[list[BodyFrame], EmbeddedActor]] | None = None
+    scanner: Callable[[ScanSettings], Scanner | MovedScanner] = Scanner
     act: Act = Act(0.45, TRUNK)  # noqa: RUF009 - it is frozen
 
 
@@ -92,8 +107,54 @@ def chair() -> Film:
     path = HandheldPath(target=(0.0, 0.6, 0.0), radius=1.5, height=(0.6, 1.7), turns=1.1, seconds=12.0)
     take = HandheldScan(load_sample("chair"), load_profile("kinect1"), path, width=320, colour=True)
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
-    bodies = (lambda: read(LIFT)) if DATA.is_dir() else (lambda: danced("chair"))
-    return Film("A chair is scanned, cut out, and possessed", take, settings, Keep(), bodies)
+    return Film("A chair is scanned, cut out, and possessed", take, settings, Keep(), _sat_in)
+
+
+def _sat_in(made: Made) -> tuple[list[BodyFrame], EmbeddedActor]:
+    """A recorded person who lifts something, or what the project's own performer does."""
+    bodies = read(LIFT) if DATA.is_dir() else danced("chair")
+    return bodies, cast_mesh(made.mesh, "thing", settings=RAISED)
+
+
+def laid() -> Film:
+    """The chair, which hands lay on its back half-way."""
+    chair, laying = load_sample("chair"), (14.0, 16.0)
+    path = FollowingPath(
+        target=(0.0, 0.85, 0.15), radius=1.5, height=(0.7, 1.9), turns=2.2, seconds=32.0,
+        later=(0.0, 0.4, 0.15), turning=laying, nod=0.35,
+    )  # fmt: skip
+    poses = [np.eye(4), laid_on_its_back(chair, (0.0, 0.15))]
+    way = HandledWay(poses, [laying], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
+    take = HandledScan(chair, way, load_profile("kinect1"), path, width=320, colour=True)
+    frames = (take.frame(index) for index in range(0, take.frames, 2))
+    settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
+    return Film("A chair is laid on its back by hand", frames, settings, Keep(), None, MovedScanner)
+
+
+def person() -> Film:
+    """A real person who turns once before a camera that stands still, possessed by another one."""
+    folder = DATA / "depth" / "uva_cv2_person_turn"
+    frames = OpenCvDepthReader().read(sorted(folder.iterdir()))
+    settings = ScanSettings(volume=VolumeSettings(voxel=0.005, reach=3.5, far=3.5), least_depth=0.01)
+    act = Act(0.6, "torso + left arm + right arm")
+    return Film(
+        "A real person turns once, and is possessed", frames, settings, Keep(), _worn, PersonScanner, act
+    )
+
+
+def _worn(made: Made) -> tuple[list[BodyFrame], EmbeddedActor]:
+    """What a recorded person does, done from the posture in which the other one was scanned."""
+    assert made.person is not None
+    others, joints = read(WAVE), made.person.joints
+    first, known = others[0].bodies[0], np.isfinite(joints).all(1)
+    # Joints that were not in view, of the legs, hang where the other person's are.
+    own = np.where(known[:, None], joints, joints[0] + first.joints - first.joints[0])
+    up = np.array([0.0, -own[:, 1].min(), 0.0])
+    body = Body(first.id, own + up, np.where(known, 1.0, 0.0), stature=1.75)
+    frames = held_still(body, 1.2)
+    frames += as_if_by(body, others, frames[-1].time_ns + 33_333_333)
+    mesh = replace(made.mesh, vertices=made.mesh.vertices + up, name="thing")
+    return frames, actor_of(mesh)
 
 
 def table() -> Film:
@@ -107,7 +168,9 @@ def table() -> Film:
 
 def films() -> dict[str, Callable[[], Film]]:
     """By name, those that can be made here."""
-    made: dict[str, Callable[[], Film]] = {"chair": chair}
+    made: dict[str, Callable[[], Film]] = {"chair": chair, "laid-chair": laid}
+    if (DATA / "depth" / "uva_cv2_person_turn").is_dir():
+        made["person"] = person
     if (DATA / "scans" / "sevenscenes_kitchen").is_dir():
         made["kitchen-table"] = table
     return made
@@ -120,12 +183,20 @@ class Growth:
         self._sent, self._mesh = GrowingSurface(_NO_NUMBER), GrowingMesh()
         self._pieces: dict[str, object] = {}
         self.stage_from_scan = np.eye(4)
+        self.told: Float | None = None
 
     def look(self, scanner: Scanner) -> GrowingPicture | None:
         """Takes in what grew."""
         for piece in self._sent.changes(scanner.volumes[0], 10**9):
             self._pieces[str(piece.place)] = piece
         self._mesh.take(self._pieces, _NO_NUMBER)  # type: ignore[arg-type]
+        if self.told is not None:
+            self.stage_from_scan = self.told
+            return self._mesh.picture
+        if isinstance(scanner, PersonScanner):
+            # Of a person the largest level plane is shoulders.
+            self.stage_from_scan[1, 3] = -surface_of(scanner.volumes[1]).bounds[0, 1]
+            return self._mesh.picture
         try:
             ground = find_ground(surface_of(scanner.volumes[1]), settings=scanner.settings.cut_out)
         except InputError:
@@ -154,31 +225,37 @@ class Filming:
 
     def pictures(self, film: Film) -> Iterator[UInt8]:
         """Yields the pictures of a film."""
-        scanner = Scanner(film.settings)
+        scanner = film.scanner(film.settings)
         yield from self._scanned(film, scanner)
         made = finished(scanner, film.keep, 50_000, "thing")
         print(f"  {len(made.mesh.faces)} triangles; {made.said}", flush=True)
         yield from self._turned(made.mesh, film.title)
         if film.bodies is not None:
-            actor = cast_mesh(made.mesh, "thing", settings=RAISED)
-            take = perform(film.bodies(), actor, (film.act,))
+            take = perform(*film.bodies(made), (film.act,))
             count = int((take.shots[-1].time_ns - take.shots[0].time_ns) * 1e-9 * RATE)
             for n in range(count):
                 time_ns = take.shots[0].time_ns + round(n * 1e9 / RATE)
                 yield self.studio.draw(take, time_ns, self.camera, film.title)
 
-    def _scanned(self, film: Film, scanner: Scanner) -> Iterator[UInt8]:
-        """While it grows."""
-        growth, shown = Growth(), None
+    def _scanned(self, film: Film, scanner: Scanner | MovedScanner) -> Iterator[UInt8]:
+        """While it grows; where the thing is put down elsewhere, anew."""
+        growth, shown, rests = Growth(), None, 1
         for number, frame in enumerate(film.frames):
-            step = scanner.add(frame)
-            if number % _SHOWN_EVERY == 0:
-                shown = growth.look(scanner)
+            made = scanner.add(frame)
+            step = made if isinstance(made, ScanStep) else made.told
+            own = scanner if isinstance(scanner, Scanner) else scanner.rests[-1].scanner
+            if isinstance(scanner, MovedScanner) and len(scanner.rests) > rests:
+                rests, stood = len(scanner.rests), growth.stage_from_scan
+                growth = Growth()
+                # It is shown as it stood first, which the scan knows of it.
+                growth.told = stood @ scanner.rests[-1].object_from_room
+            if number % _SHOWN_EVERY == 0 and own.poses:
+                shown = growth.look(own)
             if shown is None or growth.box is None or number % 2:
                 continue
             word = "scanning" if step.state is ScanState.SCANNING else step.state.value
             self._draw(shown, growth.stage_from_scan, growth.box)
-            below = f"{len(scanner.poses)} images  ·  {word}"
+            below = f"{len(own.poses)} images  ·  {word}"
             yield _with_inset(self.studio.labelled(self.viewport.renderer, film.title, below), frame)
 
     def _turned(self, mesh: Mesh, title: str) -> Iterator[UInt8]:
@@ -234,6 +311,9 @@ def write_film(name: str, film: Film, filming: Filming) -> int:
 
 def main(words: list[str]) -> int:
     filming = Filming()
+    for name in ("person", "kitchen-table"):
+        if name not in films():
+            print(f"{name}: not made, for its recording is not in {DATA} (ENLIVEN_DATA)", flush=True)
     for name, made in films().items():
         if words and not any(word in name for word in words):
             continue

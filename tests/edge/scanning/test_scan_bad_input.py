@@ -54,9 +54,10 @@ def test_a_scan_that_was_too_fast_for_a_while_keeps_the_rest_and_says_so(carried
     assert load_mesh(tmp_path / "part.glb").mesh.bounds[1, 1] == pytest.approx(0.5, abs=0.04)
 
 
-def test_a_blank_wall_is_told_to_be_blank(tmp_path):
+@pytest.mark.parametrize("distance", [1.0, 1.5, 3.0])
+def test_a_blank_wall_is_told_to_be_blank(tmp_path, distance):
     wall = (Box((-9.0, -9.0, -0.4), (9.0, 9.0, 0.0)),)
-    way = HandheldPath(target=(0.0, 0.5, 0.0), radius=3.0, height=(0.5, 0.6), turns=0.02, seconds=2.0)
+    way = HandheldPath(target=(0.0, 0.5, 0.0), radius=distance, height=(0.5, 0.8), turns=0.03, seconds=2.0)
     blank = recorded(tmp_path / "wall.mcap", NOTHING, way=way, room=wall)
     with pytest.raises(InputError, match=r"only a blank surface was seen.* Let corners"):
         run("--recording", blank, "-o", tmp_path / "no.glb", "--voxel", 16, "--reach", 5)

@@ -13,15 +13,25 @@ from enliven.errors import InputError
 from enliven.formats.project import read_project
 from enliven.meshes import load_mesh
 from enliven.recording import Recording
+from enliven_synthesis.sensor.handheld import STUDIO
 from enliven_synthesis.sensor.scene import Box
+
+ROOM = (
+    *STUDIO,
+    Box((0.75, 0.0, -0.3), (0.95, 0.3, 0.1)),
+    Box((-0.95, 0.0, 0.2), (-0.7, 0.25, 0.5)),
+    Box((-0.4, 0.0, -1.0), (-0.1, 0.4, -0.8)),
+    Box((0.35, 0.0, -0.75), (0.75, 0.45, -0.35)),
+)
+"""A bare floor would not tell where the camera is."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Recordings of the place with the thing, and of the place alone, from a part of the way."""
     folder = tmp_path_factory.mktemp("cutting")
-    recorded(folder / "with.mcap")
-    recorded(folder / "empty.mcap", NOTHING, 20, 160)
+    recorded(folder / "with.mcap", room=ROOM)
+    recorded(folder / "empty.mcap", NOTHING, 20, 160, room=ROOM)
     return folder
 
 
@@ -34,7 +44,7 @@ def test_a_box_keeps_what_the_whole_scan_shows_in_it(folder, tmp_path):
     run("--recording", folder / "with.mcap", "-o", whole, "--voxel", 16, "--whole", "--triangles", 0)
     mesh = load_mesh(whole).mesh
     # The thing is the only surface near the origin that is higher than the floor.
-    high = mesh.vertices[(mesh.vertices[:, 1] > 0.05) & (np.abs(mesh.vertices[:, [0, 2]]) < 0.6).all(1)]
+    high = mesh.vertices[(mesh.vertices[:, 1] > 0.05) & (np.abs(mesh.vertices[:, [0, 2]]) < 0.33).all(1)]
     low, top = high.min(0) - 0.03, high.max(0) + 0.03
     assert top[1] == pytest.approx(0.53, abs=0.03) and np.abs(low[[0, 2]] + top[[0, 2]]).max() < 0.2
     made = tmp_path / "box.glb"
@@ -85,6 +95,13 @@ def test_another_place_is_no_place_before(folder, tmp_path):
     other = recorded(tmp_path / "other.mcap", NOTHING, 0, 40, room=pillars)
     with pytest.raises(InputError, match="nothing of it was seen again"):
         run("--recording", folder / "with.mcap", "--before", other, "-o", tmp_path / "no.glb", "--voxel", 16)
+
+
+def test_a_bare_floor_is_no_place_before(folder, tmp_path):
+    """It does not tell where the camera is, and is not taken for a scan that does."""
+    bare = recorded(tmp_path / "bare.mcap", NOTHING, 0, 60, room=(Box((-9, -0.2, -9), (9, 0, 9)),))
+    with pytest.raises(InputError, match=r"hardly more than one blank surface.* Let things"):
+        run("--recording", folder / "with.mcap", "--before", bare, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
 def test_a_scan_is_added_to_and_what_it_lacked_is_there(tmp_path):

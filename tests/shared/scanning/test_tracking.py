@@ -14,7 +14,17 @@ from enliven import rotation
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
+from enliven.scanning import (
+    DepthNoiseModel,
+    Scanner,
+    ScanSettings,
+    ScanState,
+    TrackingSettings,
+    VolumeSettings,
+    camera_tracker,
+)
+from enliven.scanning.alignment import look_up
+from enliven.scanning.rigid import cross_matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenes import EVEN, plane_depth, sphere_depth
@@ -111,6 +121,72 @@ def test_a_blank_wall_is_unsure_and_not_fused():
     # Along the wall's normal the place is known, beside it is not.
     normal = np.abs(step.world_from_camera[:3, 2])
     assert np.abs(vectors[:, 0]) @ normal > 0.99 and values[0] < 1e-4 < values[1]
+
+
+def noisy(depth, seed):
+    """Depth with the noise that the settings expect of a camera, another one for each seed."""
+    noise = DepthNoiseModel()
+    known = np.isfinite(depth) & (depth < 5.0)
+    sigma = np.where(known, noise.constant + noise.quadratic * np.square(depth - noise.start), 0.0)
+    return depth + sigma * np.random.default_rng(seed).standard_normal(depth.shape)
+
+
+@settings(max_examples=20)
+@given(
+    tilt=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+    distance=st.floats(0.8, 2.2),
+    voxel=st.sampled_from([0.008, 0.015, 0.03]),
+)
+def test_of_any_plane_only_the_distance_and_the_tilt_are_known(tilt, distance, voxel):
+    """A plane's noise has slopes of all directions: they are not what tells where the camera is."""
+    volume = VolumeSettings(voxel=voxel, reach=5.0)
+    scanner, pose = Scanner(ScanSettings(volume=volume)), np.eye(4)
+    pose[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector([*tilt, 0.0]))
+    plane = np.array([0.0, 0.0, -1.0]), -distance
+    for n in range(8):
+        # It slides along the plane; eight images are fused at their true places.
+        pose[:2, 3] = 0.015 * n, -0.01 * n
+        scanner.place(frame_of(noisy(plane_depth(*plane, pose, CAMERA), n), n), pose)
+    pose[:2, 3] = 0.12, -0.08
+    view = scanner.prepared(frame_of(noisy(plane_depth(*plane, pose, CAMERA), 9), 9))
+    found = scanner.tracker.judged(view, pose)
+    along = [np.r_[1.0, np.zeros(5)], np.r_[0.0, 1.0, np.zeros(4)]]
+    assert found.deviation > TrackingSettings().unsure
+    assert all(way @ found.covariance @ way > 0.05**2 for way in along)
+    assert found.information[2, 2] > 0.02**-2, "how far it is from the plane is known"
+
+
+def test_the_noise_of_slopes_is_taken_off_as_a_slow_sum_says():
+    """The ten sums of the kernel, against the points of an image one by one."""
+    scanner, _ = scanned()
+    near, pose = room_depth(carried(0.5)), carried(0.5)
+    near[near > 0.98 * scanner.volumes[0].reach] = np.inf  # what is farther is looked up in coarser voxels
+    view = scanner.prepared(frame_of(noisy(near, 1)))
+    sums = scanner.tracker._normal_equations(view, pose, 0)
+    matrix, field = np.zeros((6, 6)), scanner.volumes[0].field
+    extra, angles, weights = np.zeros((6, 6)), [], []
+    found, last = np.empty(4), np.array([-1, 1 << 40, 0, 0])
+    stride, soft = scanner.settings.tracking.fine_stride, scanner.settings.tracking.soft * field.band.voxel
+    for row in range(0, view.worth.shape[0], stride):
+        for column in range((row // stride % 2) * (stride // 2), view.worth.shape[1], stride):
+            q = pose[:3, :3] @ view.points[row, column].astype(float)
+            if view.worth[row, column] == 0 or not look_up(field, *(q + pose[:3, 3]), found, last):
+                continue
+            g, normal = found[1:], pose[:3, :3] @ view.normals[row, column].astype(float)
+            cosine = g @ normal / np.linalg.norm(g)
+            if not -0.98 * field.band.behind < found[0] < 0.98 * field.band.front or cosine < 0.5:
+                continue
+            w = view.worth[row, column] * (soft**2 / (soft**2 + found[0] ** 2)) ** 2
+            a = np.vstack([np.eye(3), cross_matrix(q)])
+            matrix, extra = matrix + w * np.outer(a @ g, a @ g), extra + w * a @ a.T
+            angles.append(np.arccos(min(cosine, 1.0))), weights.append(w)
+    order = np.argsort(angles)
+    share = np.cumsum(np.array(weights)[order]) / np.sum(weights)
+    median = np.array(angles)[order][np.searchsorted(share, 0.5)]
+    expected = matrix - median**2 / (2 * np.log(2)) * (extra - matrix)
+    told = camera_tracker._told(sums)
+    # Bins of a sixteenth know the median to some percent; what is taken off is known to twice as many.
+    assert np.abs(told - expected).max() < 0.3 * np.abs(matrix - expected).max()
 
 
 def test_an_image_without_depth_does_nothing():

@@ -1,0 +1,116 @@
+"""``enliven scan --person``: who turns before a still camera becomes a mesh, on the floor, with joints."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from carrying import run, write
+from turning import TurningPerson
+
+from enliven.errors import InputError
+from enliven.formats.project import read_project
+from enliven.meshes import load_mesh
+from enliven.person import Body, Joint
+from enliven.possession import ActorSettings
+from enliven.scanning import ScanSettings, ScanState, VolumeSettings
+from enliven_edge.scanning import PersonScanner
+from enliven_edge.stage import cast_mesh
+
+STILL, IMAGES = 5, 24
+"""Images before they turn, and in all: 5.8 degrees from one to the next, 104 in all."""
+
+
+def scanner():
+    volume = VolumeSettings(voxel=0.012, reach=3.5, far=3.5)
+    return PersonScanner(ScanSettings(volume=volume, least_depth=0.01))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return TurningPerson(640)
+
+
+@pytest.fixture(scope="module")
+def images(scene):
+    """The person stands still, and turns."""
+    return [scene.frame(n, max(n - STILL, 0) * np.radians(5.8)) for n in range(IMAGES)]
+
+
+@pytest.fixture(scope="module")
+def scanned(images):
+    made = scanner()
+    return made, [made.add(image).state for image in images]
+
+
+def test_who_turns_is_followed_and_stands_upright_on_the_floor(scanned, scene):
+    made, states = scanned
+    assert states.count(ScanState.SCANNING) >= IMAGES - 4
+    turned = made.poses[-1][1][:3, :3] @ made.poses[0][1][:3, :3].T
+    angle = np.degrees(np.arccos((np.trace(turned) - 1) / 2))
+    assert angle == pytest.approx(5.8 * (IMAGES - 1 - STILL), abs=6.0)
+    person = made.person()
+    low, high = person.mesh.bounds
+    assert low[1] == pytest.approx(0.0, abs=1e-6) and high[1] == pytest.approx(1.73, abs=0.05)
+    true, known = scene.joints(), np.isfinite(person.joints).all(1)
+    assert known.sum() >= 16
+    apart = (person.joints - true)[known]
+    apart -= np.median(apart, axis=0) * [1.0, 0.0, 1.0]  # where they stand in the mesh is by its box
+    assert np.median(np.linalg.norm(apart, axis=1)) < 0.03 and np.linalg.norm(apart, axis=1).max() < 0.1
+    assert made.advice(IMAGES) == []
+
+
+def test_the_mesh_is_possessed_at_once_limb_by_limb(scanned):
+    person = scanned[0].person()
+    assert person.ends.shape == (5, 3)
+    actor = cast_mesh(person.mesh, "me", settings=ActorSettings(how="mapped"), ends=person.ends)
+    joints = person.joints.copy()
+    body = Body(1, joints, np.ones(20), stature=1.75)
+    raised = joints.copy()
+    shoulder = joints[Joint.SHOULDER_LEFT]
+    for joint in (Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT):
+        away = joints[joint] - shoulder
+        raised[joint] = shoulder + np.linalg.norm(away) * np.array([1.0, 0.0, 0.0])
+    hands = [np.linalg.norm(actor.graph.positions - end, axis=1).argmin() for end in actor.settings.ends[1:3]]
+    before = actor.perform([body], 0).positions[hands]
+    actor.possess(body)
+    for n in range(1, 40):
+        after = actor.perform([replace(body, joints=raised)], n * 33_333_333).positions[hands]
+    lifted = (after - before)[:, 1]
+    assert lifted[0] > 0.3 and abs(lifted[1]) < 0.1, "the mesh raises its left hand as they do"
+
+
+def test_the_command_writes_a_project_that_knows_its_ends(images, tmp_path):
+    recording = write(images[:10], tmp_path / "me.mcap")
+    said = run("--recording", recording, "-o", tmp_path / "me.enliven", "--person", "--voxel", 16)
+    assert "of 10 frames" in said and "camera moved" not in said
+    (one,) = read_project(tmp_path / "me.enliven").characters.values()
+    assert one.ends.shape == (5, 3) and one.ends[0, 1] > 1.6 and one.ends[3:, 1].max() < 0.2
+    assert one.ends[1, 0] > one.ends[2, 0], "their left is at +X, for they face +Z"
+    run("--recording", recording, "-o", tmp_path / "me.glb", "--person", "--voxel", 16)
+    assert load_mesh(tmp_path / "me.glb").mesh.bounds[1, 1] == pytest.approx(1.73, abs=0.06)
+
+
+def test_nobody_in_view_is_said(scene, tmp_path):
+    empty = write((scene.frame(n, seen=False) for n in range(6)), tmp_path / "empty.mcap")
+    with pytest.raises(InputError, match=r"no person was seen.* Stand"):
+        run("--recording", empty, "-o", tmp_path / "no.glb", "--person")
+    with pytest.raises(InputError, match="--person and --within do not go together"):
+        run("--recording", empty, "-o", tmp_path / "no.glb", "--person", "--within", 1.5)
+
+
+def test_who_leaves_the_view_or_moves_an_arm_is_told_so(scene):
+    made = scanner()
+    for n in range(8):
+        made.add(scene.frame(n))
+    for n in range(8, 16):
+        made.add(scene.frame(n, left_arm=0.35 + 0.14 * (n - 7)))
+    moved = made.limbs_moved()
+    assert list(moved) == ["left arm"] and 0.12 < moved["left arm"] < 0.9
+    for n in range(16, 20):
+        made.add(scene.frame(n, seen=False))
+    said = " ".join(made.advice(20))
+    assert "out of view" in said and "The left arm (by" in said
