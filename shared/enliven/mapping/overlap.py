@@ -6,8 +6,8 @@
 A face is inside where the winding number of the surface about a point just outside of it is 1 or more. Along
 a ray that number is the count of the faces it leaves by less those that it enters by (Nooruddin and Turk,
 "Simplification and repair of polygonal models using volumetric techniques", 2003); rays along the three axes
-vote, so that open borders of game models decide nothing. The part that it is in has
-the surface that its rays reach first. A fold at a joint is not another part: bones that share a joint are let into one another.
+vote, so that open borders of game models decide nothing. The part that it is in has the surface that its rays
+reach first. A fold at a joint is not another part: bones that share a joint are let into one another.
 """
 
 from __future__ import annotations
