@@ -53,7 +53,7 @@ class ActorSettings:
     )
     ahead: bool = setting(
         True,
-        "Such a mesh comes to the pose of its next performer before anybody has held it; false: it waits "
+        "Such a mesh comes to the pose of its next performer before it is first held; false: it waits "
         "as modelled.",
     )
     height_ratio: float = setting(1.0, "The mesh's height over the performer's.", low=0.05, high=20.0)

@@ -1,4 +1,4 @@
-"""A mesh that nobody has held yet comes to the pose of the performer who may take hold of it next.
+"""A mesh that was not held yet comes to the pose of the performer who may take hold of it next.
 
 It stays where it waits, and its limbs go where theirs are, eased. So a T-posed mesh lets its arms hang before
 its performer has it, and nothing of it jumps as they take hold.

@@ -28,7 +28,7 @@ FAR = 0.35
 STILL = 0.3
 """Share of the hand's way that anything far from the arm may move: a bear leans its head by 17 cm."""
 TAKEN = 0.005
-"""Metres a frame by which a mesh that met its performer moves as they take hold: what the solver still finds."""
+"""Metres a frame that a mesh which met its performer moves by as they take hold: the solver still settles."""
 SETTLED, WAVING = 75, 40
 """Frames until the mesh has come to its performer's pose, and of the wave."""
 
