@@ -13,6 +13,12 @@ from enliven.kernels import njit
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 """(4,) the rotation that turns nothing."""
+_FLATTEST = 1e-3
+"""Stretch below which a map counts as this flat: smaller is not seen, and a logarithm of nothing is none."""
+_ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
+"""(6,) where in a symmetric matrix the numbers xx, yy, zz, xy, xz, yz are."""
+_PLACES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+"""(3, 3) which of these numbers each place of the matrix has."""
 
 
 def multiply(a: AnyArray, b: AnyArray) -> Float:
@@ -249,3 +255,37 @@ def _jacobi_turn(k, v, p, q):  # type: ignore[no-untyped-def]
         first, second = v[r, p], v[r, q]
         v[r, p] = c * first - s * second
         v[r, q] = s * first + c * second
+
+
+def strain_of(linear: AnyArray, turns: AnyArray) -> Float:
+    """(..., 6) the Hencky strain log U of maps (..., 3, 3) with the polar factor ``turns``: linear = R U.
+
+    A symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches below :data:`_FLATTEST` count as that, and a
+    reflection as none.
+    """
+    stretch = np.swapaxes(to_matrix(turns), -1, -2) @ np.asarray(linear, np.float64)
+    sizes, axes = np.linalg.eigh((stretch + np.swapaxes(stretch, -1, -2)) / 2.0)
+    logs = np.log(np.maximum(np.abs(sizes), _FLATTEST))
+    return np.asarray(_as_matrix(logs, axes)[..., _ROWS, _COLUMNS])
+
+
+def stretch_of(strain: AnyArray) -> Float:
+    """(..., 3, 3) the symmetric stretch U = exp(strain) of Hencky strains (..., 6)."""
+    sizes, axes = np.linalg.eigh(symmetric(strain))
+    return _as_matrix(np.exp(sizes), axes)
+
+
+def symmetric(six: AnyArray) -> Float:
+    """(..., 3, 3) the symmetric matrices of (..., 6) numbers xx, yy, zz, xy, xz, yz."""
+    return np.asarray(six, np.float64)[..., _PLACES]
+
+
+def turned_strain(q: AnyArray, strain: AnyArray) -> Float:
+    """(..., 6) a strain (..., 6) in axes turned by ``q`` (..., 4): R strain Rᵀ."""
+    turned = to_matrix(q)
+    whole = turned @ symmetric(strain) @ np.swapaxes(turned, -1, -2)
+    return np.asarray(whole[..., _ROWS, _COLUMNS])
+
+
+def _as_matrix(sizes: Float, axes: Float) -> Float:
+    return np.asarray((axes * sizes[..., None, :]) @ np.swapaxes(axes, -1, -2))

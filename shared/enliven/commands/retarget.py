@@ -111,7 +111,7 @@ def retarget(
 
 def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
     """Prints how good the motion is, and warns with a better mapping where the surface stretches."""
-    from enliven.mapping import BOUND, limb_of, next_best, quality_of, write_plan
+    from enliven.mapping import BOUND, THROUGH, limb_of, next_best, quality_of, write_plan
 
     quality = quality_of(made.project, made.shape_id, made.clip, made.duration)
     typer.echo(f"enliven: {quality}")
@@ -119,6 +119,9 @@ def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
     if less:
         told = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
         typer.echo(f"enliven: moved less, so that the surface does not stretch: {told}")
+    if quality.through > THROUGH:
+        told = f"parts go through one another: {', '.join(quality.parts)}"
+        typer.echo(f"enliven: {told}. Give their chains less weight in the mapping (--write-map)", err=True)
     if quality.stretch <= BOUND:
         return
     typer.echo(f"enliven: the surface stretches at {', '.join(quality.joints)}", err=True)

@@ -13,6 +13,7 @@ from .clip import (
     eased_degrees as eased_degrees,
     joint_places as joint_places,
     keyed_clip as keyed_clip,
+    stretched as stretched,
 )
 from .constraints import (
     Constraint as Constraint,

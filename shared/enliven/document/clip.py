@@ -8,15 +8,15 @@ A performance, or keys: a clip of keys is of one bone, and its frames are made f
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, freeze
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.rotation import from_rotation_vector, rotate
+from enliven.rotation import from_rotation_vector, rotate, stretch_of
 
 KEY_STEP = 1.0 / 30.0
 """Seconds of a frame of a clip that is made from keys, on which keys lie: a frame of film."""
@@ -65,6 +65,11 @@ class Clip:
             turn of the whole.
         root: (F, 3) float64 metres, the position of joint 0.
         step: seconds from one frame to the next.
+        offsets: (F, N, 3) metres that each joint is moved by along its bone's rest axes, before the bone
+            stretches and turns; None: bones keep their lengths.
+        strains: (F, N, 6) the Hencky strain log U_j of each bone in the axes of rest, as
+            :func:`enliven.rotation.strain_of` has it: what is rigid with bone j is moved by D_j U_j, and
+            joint j is at D_j U_j (its vector at rest + its offset) from its parent. None: bones only turn.
         keys: what the frames were made from, in the order of time; of a performance none.
 
     Raises:
@@ -77,9 +82,11 @@ class Clip:
     root: Float
     step: float
     keys: tuple[TurnKey, ...] = ()
+    offsets: Float | None = None
+    strains: Float | None = None
 
     def __post_init__(self) -> None:
-        freeze(self, "turns", "root")
+        freeze(self, "turns", "root", *(name for name, _ in self.tracks))
         frames, joints = len(self.turns), len(self.skeleton)
         problem = ""
         if frames == 0:
@@ -88,6 +95,10 @@ class Clip:
             problem = f"turns {self.turns.shape}, root {self.root.shape} of {joints} joints"
         elif not (np.isfinite(self.turns).all() and np.isfinite(self.root).all()):
             problem = "something in it is not finite"
+        elif any(track.shape[:2] != (frames, joints) for _, track in self.tracks):
+            problem = f"its offsets or strains are not of {frames} frames and {joints} joints"
+        elif not all(np.isfinite(track).all() for _, track in self.tracks):
+            problem = "an offset or a strain is not finite"
         elif not 0.0 < self.step <= 10.0:
             problem = f"a frame lasts {self.step} s"
         if problem:
@@ -98,6 +109,24 @@ class Clip:
         """Seconds from the first frame to the last."""
         return (len(self.turns) - 1) * self.step
 
+    @property
+    def tracks(self) -> tuple[tuple[str, Float], ...]:
+        """What it has of offsets (F, N, 3) and strains (F, N, 6), each with its name."""
+        both = (("offsets", self.offsets), ("strains", self.strains))
+        return tuple((name, track) for name, track in both if track is not None)
+
+    def mapped(self, change: Callable[[Float], Float]) -> Clip:
+        """The clip with other frames: ``change`` gives them for turns, root, offsets and strains alike."""
+        tracks = {name: change(track) for name, track in self.tracks}
+        return replace(self, turns=change(self.turns), root=change(self.root), **tracks)
+
+    @property
+    def links(self) -> Float:
+        """(F or 1, N, 3) metres from each joint's parent to the joint before its bone turns."""
+        links = self.skeleton.vectors[None]
+        links = links if self.offsets is None else links + self.offsets
+        return links if self.strains is None else stretched(stretch_of(self.strains), links)
+
 
 def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
     """(F, N, 3) metres, the joints of a clip in the world.
@@ -107,13 +136,18 @@ def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
     """
     skeleton = clip.skeleton
     wanted = range(len(skeleton)) if only is None else {j for end in only for j in skeleton.path(0, end)}
-    places = np.zeros((len(clip.turns), len(skeleton), 3))
+    places, links = np.zeros((len(clip.turns), len(skeleton), 3)), clip.links
     places[:, 0] = clip.root
     for j in sorted(wanted):
         if j:
-            turned = rotate(clip.turns[:, j], skeleton.vectors[j])
+            turned = rotate(clip.turns[:, j], links[:, j])
             places[:, j] = places[:, skeleton.parents[j]] + turned
     return places
+
+
+def stretched(stretch: Float, vectors: Float) -> Float:
+    """(..., 3) vectors (..., 3) under stretches (..., 3, 3)."""
+    return np.asarray(np.einsum("...ab,...b->...a", stretch, vectors))
 
 
 def keyed_clip(clip_id: str, bone: str, keys: Sequence[TurnKey]) -> Clip:

@@ -43,6 +43,8 @@ class Layer(Playing):
         mode: "turns", the bones turn as the take's polyline does (AniMesh, 5); or "end", they turn so that
             the end of their chain is, from its start, where the end of the take's is, scaled by the lengths;
             see :mod:`enliven.motion.layers.end_effector`.
+        stretch: whether the bones take the lengths and stretches of the take too, and not its turns alone: so
+            plays a model's own clip, while a take of another body leaves the model its proportions.
         feet: how the pinned feet of its legs stand while it plays; see :mod:`enliven.motion.layers.footing`.
     """
 
@@ -55,6 +57,7 @@ class Layer(Playing):
     mirrored: bool = False
     mode: str = "turns"
     feet: str = "auto"
+    stretch: bool = False
 
     def __post_init__(self) -> None:
         freeze(self, "basis")
@@ -78,7 +81,11 @@ class Layer(Playing):
 
 @dataclass(frozen=True)
 class Ref:
-    """The part of a layer's arc length that falls on a span: from ``start`` to ``end``, within [0, 1]."""
+    """The part of a layer's arc length that falls on a span: from ``start`` to ``end``, within [0, 1].
+
+    One that begins where it ends turns nothing; a bone that goes on rigidly takes the stretches of that
+    place.
+    """
 
     layer: str
     start: float

@@ -41,4 +41,5 @@ def _smoothed(take: Any, seconds: float) -> Any:
     # A turn has two quaternions: each frame takes the one that is nearer to the frame before.
     signs = np.where(np.sum(take.turns[1:] * take.turns[:-1], axis=2) < 0.0, -1.0, 1.0)
     along = np.concatenate([np.ones((1, signs.shape[1])), np.cumprod(signs, axis=0)])
-    return replace(take, turns=normalized(mixed(take.turns * along[..., None])), root=mixed(take.root))
+    even = replace(take, turns=take.turns * along[..., None]).mapped(mixed)
+    return replace(even, turns=normalized(even.turns))

@@ -6,6 +6,7 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from operator import itemgetter
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -221,6 +222,6 @@ def _shown(
         mine = [n for n, other in enumerate(takes) if other is take]
         frames = [frame_at(take, poses[n].time) for n in mine]
         role = cast(reference, take.skeleton, joints, take.id)
-        some = replace(take, turns=take.turns[frames], root=take.root[frames])
+        some = take.mapped(itemgetter(frames))
         out[mine] = role.seen(performed(some, role.joints).poses)
     return out

@@ -14,6 +14,9 @@ from enliven.examples.baking import BakedMorphs, BakeError
 from enliven.meshes import Mesh
 from enliven.rotation import continuous, from_matrix, rotate, to_matrix
 
+_STIFF = 1e-6
+"""Stretch, and share of all bones' length, within which bones count as stiff: rounding of long chains."""
+
 
 @dataclass(frozen=True, eq=False)
 class Performance:
@@ -23,12 +26,13 @@ class Performance:
         name: the character's.
         times: (T,) seconds, rising evenly, from 0.
         pivots: (J, 3) metres, where the transforms are at rest.
-        linear: (T, J, 3, 3); rotations where there is a skeleton.
+        linear: (T, J, 3, 3); where there is a skeleton, rotations unless its takes stretch bones.
         positions: (T, J, 3) metres, where the pivots are.
         mesh: at rest, or None for a skeleton alone.
         skin: which transforms each vertex follows, or None without a mesh.
         skeleton: the joints, where transform j is that of bone j about its parent joint; None where the
             transforms hang on nothing, as the nodes of a deformation graph do.
+        joints: (T, J, 3) metres, the joints of the skeleton; None without one.
         axes: (J, 3, 3) rotations: the axes along which each transform stretches; None for those of the mesh.
         turns, places: (T, 4) and (T, 3), where the frame of all this is: x is at turn x + place in the world.
             None: it is the world.
@@ -45,6 +49,7 @@ class Performance:
     mesh: Mesh | None = None
     skin: SkinWeights | None = None
     skeleton: Skeleton | None = None
+    joints: Float | None = None
     axes: Float | None = None
     turns: Float | None = None
     places: Float | None = None
@@ -74,6 +79,18 @@ class Performance:
         for time, maps, places in zip(self.times, linear, positions, strict=True):
             stored = maps.astype(np.float32), places.astype(np.float32)
             yield Pose(self.name, round(time * 1e9), *stored)
+
+    @property
+    def stretches(self) -> bool:
+        """Whether bones of its skeleton are stretched, or moved off their places on one another."""
+        if self.skeleton is None or self.joints is None:
+            return False
+        skeleton, gram = self.skeleton, np.einsum("tnba,tnbc->tnac", self.linear, self.linear)
+        if np.abs(gram - np.eye(3)).max() > _STIFF:
+            return True
+        ways = self.joints[:, 1:] - self.positions[:, 1:]
+        own = np.einsum("tnba,tnb->tna", self.linear[:, 1:], ways)
+        return bool(np.abs(own - skeleton.vectors[1:]).max(initial=0.0) > _STIFF * skeleton.lengths.sum())
 
     @property
     def surface(self) -> tuple[Mesh, SkinWeights]:

@@ -36,7 +36,7 @@ from enliven.meshes import Mesh
 from enliven.modeling.edits import rig_of
 from enliven.modeling.puppet import frame_times
 from enliven.motion.layers import Player
-from enliven.rotation import to_matrix
+from enliven.rotation import stretch_of, to_matrix
 
 _STICK = 0.08
 """Width of a drawn bone as a share of its length, as animation programs draw them."""
@@ -72,29 +72,31 @@ def performance_of_clip(clip: Clip) -> Performance:
     """Returns a clip as a performance of all its frames; its mesh is a stick for each bone."""
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     skeleton = clip.skeleton
-    return _of_bones(clip.id, skeleton, times, clip.turns, joint_places(clip), *sticks(skeleton))
+    linear = to_matrix(clip.turns)
+    linear = linear if clip.strains is None else linear @ stretch_of(clip.strains)
+    return _of_bones(clip.id, skeleton, times, linear, joint_places(clip), *sticks(skeleton))
 
 
 def _of_bones(
     name: str,
     skeleton: Skeleton,
     times: Float,
-    turns: Float,
+    linear: Float,
     joints: Float,
     mesh: Mesh | None,
     skin: SkinWeights | None,
 ) -> Performance:
-    """The performance of a skeleton with turns (T, N, 4) and joints (T, N, 3) in the world."""
+    """The performance of a skeleton with maps (T, N, 3, 3) and joints (T, N, 3) in the world."""
     above = np.maximum(skeleton.parents, 0)
-    linear, pivots = to_matrix(turns), skeleton.positions[above]
-    return Performance(
-        name, times - times[0], pivots, linear, joints[:, above], mesh, skin, skeleton=skeleton
-    )
+    placed = (skeleton.positions[above], linear, joints[:, above])
+    return Performance(name, times - times[0], *placed, mesh, skin, skeleton=skeleton, joints=joints)
 
 
 def _of_shape(project: Project, shape: Shape, times: Float, *_: object) -> Performance:
-    turns, joints = Player(project, shape.id).sample(times)
-    return _of_bones(shape.id, shape.skeleton, times, turns, joints, shape.mesh, shape.skin)
+    player = Player(project, shape.id)
+    turns, joints = player.sample(times)
+    linear = player.linear(times, turns)
+    return _of_bones(shape.id, shape.skeleton, times, linear, joints, shape.mesh, shape.skin)
 
 
 def _of_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:

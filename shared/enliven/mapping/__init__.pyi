@@ -10,5 +10,10 @@ from .automatic_mapping import (
 from .facing import facing_of as facing_of, turned_about_y as turned_about_y
 from .plan import Mode as Mode, Plan as Plan
 from .plan_file import read_plan as read_plan, write_plan as write_plan
-from .quality import BOUND as BOUND, MotionQuality as MotionQuality, quality_of as quality_of
+from .quality import (
+    BOUND as BOUND,
+    THROUGH as THROUGH,
+    MotionQuality as MotionQuality,
+    quality_of as quality_of,
+)
 from .softening import limb_of as limb_of, softened as softened

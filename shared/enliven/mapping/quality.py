@@ -7,19 +7,22 @@ sway.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int32
 from enliven.document import Clip, Project, Shape
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.ground import clearance, floor_of, stands, surfaces
+from enliven.mapping.overlap import Overlap
 from enliven.motion.layers import travel_scale
 
 BOUND = 1.4
 """Stretch at the 99th percentile above which hands look like sheets: a maker's own run has 1.1 to 1.5."""
+THROUGH = 0.03
+"""Share of a surface inside other parts above which it is seen: makers' own clips have up to this."""
 _MOMENTS = 24
 """Moments of a motion that are measured: a pose that lasts a twentieth of it is among them."""
 _SLIVER = 1e-3
@@ -30,14 +33,8 @@ _APART = 1.0 / 60.0
 """Seconds between the two moments that a slide is measured over: a frame of common displays."""
 _STANDING = 10.0
 """Per cent of the vertices at the floor that stand at least, while a foot that swings may be as low."""
-_EDGES = 4000
-"""Edges that are looked at for parts in one another: enough for a thousandth of a surface."""
-_NEAREST = 24
-"""Faces about the middle of an edge that it may cut: its own neighbours are half of them."""
-_INSIDE = 0.01
-"""Share of an edge or a face at its rim that does not count: neighbours touch there."""
 _NAMED = 4
-"""Joints that are named where a surface stretches."""
+"""Joints that are named where a surface stretches, and pairs of parts where it goes through itself."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,9 @@ class MotionQuality:
         afloat: the lowest point at its highest above the floor while the performer stands, in heights.
         slide: cm/s that feet slide over the floor while they stand, in the performer's size; None in place
             or without legs.
-        crossing: share of the edges that cut another part of the surface, beyond those that do at rest.
+        through: share of the surface that is inside another part of the body and is not at rest, at the
+            moment when most is.
+        parts: what is inside what then, by the joints at which the bones begin, the largest first.
     """
 
     stretch: float
@@ -61,7 +60,8 @@ class MotionQuality:
     sunk: float | None
     afloat: float | None
     slide: float | None
-    crossing: float
+    through: float
+    parts: tuple[str, ...]
 
     def __str__(self) -> str:
         told = [f"edges stretch {self.stretch:.2f} at the 99th percentile, {self.stretch_most:.1f} at most"]
@@ -72,7 +72,7 @@ class MotionQuality:
             )
         if self.slide is not None:
             told.append(f"feet slide {self.slide:.1f} cm/s")
-        return "; ".join([*told, f"{self.crossing:.1%} of the edges cut another part"])
+        return "; ".join([*told, f"{self.through:.1%} of the surface goes through another part at most"])
 
 
 def edges_of(shape: Shape) -> tuple[Int32, Float]:
@@ -103,7 +103,7 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
     shape = project.shape(shape_id)
     edges, stretch = stretches(project, shape_id, duration)
     if not len(edges):
-        return MotionQuality(1.0, 1.0, (), None, None, None, 0.0)
+        return MotionQuality(1.0, 1.0, (), None, None, None, 0.0, ())
     times = np.linspace(0.0, duration, _MOMENTS)
     sunk = afloat = None
     moments = list(surfaces(project, shape_id, times))
@@ -112,7 +112,7 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
         low = (np.array([at[:, 1].min() for at in moments]) - floor_of(shape)) / tall
         standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
-    most = moments[int(stretch.mean(1).argmax())]
+    through, parts = _through(shape, moments)
     walks = shape.travel is not None and stands(shape) and bool(anatomy_of(shape.skeleton).legs)
     return MotionQuality(
         float(np.percentile(stretch, 99)),
@@ -121,8 +121,21 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
         sunk,
         afloat,
         _slide(project, shape, clip, times) if walks else None,
-        max(0.0, crossing(shape, most) - crossing(shape, shape.mesh.vertices)) if shape.mesh else 0.0,
+        through,
+        parts,
     )
+
+
+def _through(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, ...]]:
+    """The share of a surface in other parts at the moment when it is largest, and what is in what."""
+    overlap = Overlap(shape)
+    through, parts = max((overlap.at(at) for at in moments), key=lambda found: found[0])
+    names, above = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)
+    told: dict[str, float] = {}
+    for (a, b), share in parts.items():
+        name = f"{names[above[a]]} in {names[above[b]]}"
+        told[name] = told.get(name, 0.0) + share
+    return through, tuple(sorted(told, key=lambda name: -told[name])[:_NAMED])
 
 
 def _lengths(at: Float, edges: Int32) -> Float:
@@ -155,27 +168,3 @@ def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
             speeds.append(float(np.percentile(moved, _STANDING)) / _APART)
     scale = travel_scale(shape.with_changes(travel_scale=None), clip)
     return 100.0 * float(np.mean(speeds)) / scale if speeds else 0.0
-
-
-def crossing(shape: Shape, at: Float) -> float:
-    """The share of the edges of a mesh with vertices ``at`` (V, 3) that go through one of its faces."""
-    edges, _ = edges_of(shape)
-    assert shape.mesh is not None
-    faces, edges = shape.mesh.faces, edges[:: max(len(edges) // _EDGES, 1)]
-    corners = np.asarray(at, np.float64)[faces]
-    start, way = at[edges[:, 0]].astype(np.float64), (at[edges[:, 1]] - at[edges[:, 0]]).astype(np.float64)
-    _, near = cKDTree(corners.mean(1)).query(start + way / 2.0, min(_NEAREST, len(faces)))
-    near = near.reshape(len(edges), -1)
-    a, u, v = corners[near, 0], corners[near, 1] - corners[near, 0], corners[near, 2] - corners[near, 0]
-    # Moeller and Trumbore 1997: where the line of an edge meets the plane of a face.
-    h = np.cross(way[:, None], v)
-    det = np.einsum("enc,enc->en", u, h)
-    inverse = 1.0 / np.where(np.abs(det) > 1e-15, det, np.inf)
-    s = start[:, None] - a
-    q = np.cross(s, u)
-    p = np.einsum("enc,enc->en", s, h) * inverse
-    r = np.einsum("ec,enc->en", way, q) * inverse
-    t = np.einsum("enc,enc->en", v, q) * inverse
-    low, high = _INSIDE, 1.0 - _INSIDE
-    cut = (p > low) & (r > low) & (p + r < high) & (t > low) & (t < high)
-    return float(cut.any(1).mean())

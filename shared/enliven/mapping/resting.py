@@ -14,7 +14,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.document import Clip, Skeleton
-from enliven.rotation import conjugate, multiply, normalized, rotate
+from enliven.rotation import conjugate, multiply, normalized, rotate, turned_strain
 
 _STRIDE = 1.0
 """Seconds of a stride: the mean heading over one does not sway with the hips."""
@@ -94,4 +94,9 @@ def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
 def rebased(clip: Clip, since: Float) -> Clip:
     """The same motion against another rest pose, of world turns ``since`` (N, 4) from the present one."""
     turns = multiply(clip.turns, conjugate(since))
-    return replace(clip, skeleton=posed(clip.skeleton, since), turns=turns)
+    moved = replace(clip, skeleton=posed(clip.skeleton, since), turns=turns)
+    if clip.offsets is not None:
+        moved = replace(moved, offsets=rotate(since, clip.offsets))
+    if clip.strains is not None:
+        moved = replace(moved, strains=turned_strain(since, clip.strains))
+    return moved

@@ -222,7 +222,7 @@ def _bend(skeleton: Skeleton, step: _Step, performer: _Performer, turns: Float, 
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
     middle, side = bend_of(skeleton, chain)
     kept, none = skeleton.parents == chain[-1], np.zeros(len(turns))
-    tree, bones = (skeleton.parents, skeleton.vectors), (np.array(chain, np.int32), middle, side, kept)
+    tree, bones = (skeleton.parents, skeleton.vectors[None]), (np.array(chain, np.int32), middle, side, kept)
     pin_limb(*tree, *bones, 0.0, weights, goals, none, turns, joints)
 
 

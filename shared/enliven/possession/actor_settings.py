@@ -51,6 +51,11 @@ class ActorSettings:
         "A human-like mesh that its performer stands in brings its limbs to theirs as they take hold; false: "
         "bones hold what is near them.",
     )
+    ahead: bool = setting(
+        True,
+        "Such a mesh comes to the pose of its next performer before it is first held; false: it waits "
+        "as modelled.",
+    )
     height_ratio: float = setting(1.0, "The mesh's height over the performer's.", low=0.05, high=20.0)
     fade: float = setting(0.5, "Time to ease over any change of who holds.", unit="s", low=0.0, high=10.0)
     fade_pace: float = setting(

@@ -20,6 +20,8 @@ from enliven.possession.grip import gripped, out_of_reach
 from enliven.possession.highlights import Cues, cues_of
 from enliven.possession.hold import EmbeddedHold, Grip, depth_of, joined
 from enliven.possession.likeness import BodyInMesh
+from enliven.possession.mapped import Mapped
+from enliven.possession.meeting import Meeting
 from enliven.possession.placement import AS_MODELLED, Placement, resettled
 from enliven.possession.placement_rules import PlacementRules
 from enliven.possession.soft_constraints import SoftConstraints
@@ -58,6 +60,8 @@ class EmbeddedActor(Actor):
         self._placement = AS_MODELLED
         self._placed = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None
+        self._meeting: Meeting | None = None
+        self._free = True
         self._easing = Easing(self.settings.fade, self.settings.fade_pace)
         self._soft = SoftConstraints(character, graph, self.settings)
         self._stiffness = stiffness_at(graph.positions, self.settings.stiffness)
@@ -107,6 +111,11 @@ class EmbeddedActor(Actor):
         hold = new if own is None else own.with_grip(grip)
         kept = others or own is not None or self._stays
         start = self._solver.state() if kept and self._solver is not None else None
+        if self._meeting is not None:
+            start = start or self._meeting.state
+            if self._meeting.body == body.id and isinstance(grip.carrying, Mapped):
+                grip.carrying.goes_on(self._meeting.carrying)
+        self._meeting, self._free = None, False
         if not kept:
             self._placement = self._rules.at_performer(body)
         self._placed, self._candidate = True, (None, parts)
@@ -155,7 +164,8 @@ class EmbeddedActor(Actor):
             self._placement, self._placed = self._rules.waiting_place(bodies[0], self.aside), True
         self._hand_over(bodies, time_ns)
         self._update_holds(bodies, time_ns)
-        world = self._placement.state_to_world(*self._solved(seen or {}, time_ns))
+        self._meet(bodies)
+        world = self._placement.state_to_world(*self._solved(bodies, seen or {}, time_ns))
         linear, positions = self._easing(*world, time_ns)
         self._time_ns = time_ns
         return Pose(self.character.id, time_ns, linear.astype(np.float32), positions.astype(np.float32))
@@ -243,8 +253,26 @@ class EmbeddedActor(Actor):
             if body is not None:
                 hold.see(body, time_ns)
 
-    def _solved(self, seen: Mapping[int, ObservedPoints], time_ns: int) -> tuple[Float, Float]:
+    def _meet(self, bodies: list[Body]) -> None:
+        """Lets a mesh that has not been held yet come to the pose of the performer who holds it next."""
+        body = self.next_performer(bodies) if self._free and self._placed else None
+        if body is None or (self._meeting is not None and self._meeting.body == body.id):
+            return
+        carrying = self._rules.meeting(body)
+        if carrying is not None:
+            start = None if self._meeting is None else self._meeting.state
+            fit = (body, carrying, self._stiffness, start)
+            self._meeting = Meeting(self.graph, self.settings, *fit)
+            self._easing.restart_fade()
+
+    def _solved(
+        self, bodies: list[Body], seen: Mapping[int, ObservedPoints], time_ns: int
+    ) -> tuple[Float, Float]:
         """Returns (N, 3, 3) linear parts and (N, 3) positions at rest; the last if no holder is in view."""
+        if self._meeting is not None:
+            own = next((body for body in bodies if body.id == self._meeting.body), None)
+            floor = float(self._placement.to_rest(np.zeros(3))[1])
+            return self._soft.raised(*self._meeting.at(own, time_ns), floor)
         if self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions
         floor = float(self._placement.to_rest(np.zeros(3))[1])

@@ -76,6 +76,10 @@ class Mapped:
         """(20, 3) metres where the bones take hold of the mesh at rest; None: where the joints are now."""
         return self.likeness.joints if self.likeness.human else None
 
+    def goes_on(self, other: Mapped) -> None:
+        """Is as far on its way to the performer's pose as another is that has met them before."""
+        self._share, self._start_ns, self._seconds = other._share, other._start_ns, other._seconds
+
     def at(self, time_ns: int) -> None:
         """Brings the mesh nearer to the performer's pose, until it is in it."""
         if self._share < 1.0:

@@ -86,6 +86,13 @@ class PlacementRules:
             places.append(under(body, scale))
         return [CarriedPlacement(place, own.travel, not inside) for place in places]
 
+    def meeting(self, body: Body) -> Mapped | None:
+        """The carrying by which a mesh comes to a performer's pose where it waits; None where it does not."""
+        own, like = self.settings, self.likeness
+        if not own.ahead or like is None or not like.human:
+            return None
+        return Mapped(like, body, self._performer_scale(body), 0.0, own.fade, own.fade_pace)
+
     def _performer_scale(self, body: Body) -> float:
         """Returns the metres of the performer for one metre of the rest space."""
         if self.settings.scaled == "nobody":

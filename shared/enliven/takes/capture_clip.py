@@ -11,16 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Float
+from enliven.arrays import AnyArray, Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion import Capture
 from enliven.person import PARENTS, Body, Joint
-from enliven.rotation import conjugate, continuous, from_matrix, multiply, slerp
-from enliven.takes.capture_rest import links, metres, rooted, stiff_pose, zero_pose, zero_stands
+from enliven.rotation import conjugate, continuous, from_matrix, multiply, rotate, slerp
+from enliven.takes.capture_rest import links, metres, moved_links, rooted, stiff_pose, zero_pose, zero_stands
 from enliven.takes.positions import filled, rest_of, turns_of
 
 BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joint in Joint)
@@ -32,8 +33,8 @@ def clip_of_capture(
 ) -> Clip:
     """Returns the motion of a file as a clip in metres.
 
-    Bones keep their length: what a file moves against its parent beyond the root is left out. A joint above
-    all others that only carries the one that moves (a point on the floor) is left out too.
+    What a file moves a joint by against its parent is the clip's offsets, where it can be seen. A joint above
+    all others that only carries the one that moves (a point on the floor) is left out.
 
     Args:
         rest: "zero", all rotations zero; "first", the first frame; a frame number; or "auto": "zero" where
@@ -63,7 +64,10 @@ def clip_of_capture(
     holds = np.array([0, *parents[1:]])
     world = multiply(turns[:, holds], conjugate(before[holds]))
     skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
-    return Clip(id, skeleton, continuous(world), positions[:, 0] * scale, capture.seconds)
+    moved = rotate(before[holds], moved_links(parents, offsets, positions, rotations)) * scale
+    root = positions[:, 0] * scale
+    shifts = moved if moved.any() else None
+    return Clip(id, skeleton, continuous(world), root, capture.seconds, offsets=shifts)
 
 
 def clip_of_bodies(
@@ -110,28 +114,40 @@ def clip_of_bodies(
 def resampled(clip: Clip, step: float) -> Clip:
     """The clip with a frame every ``step`` seconds; its last frame is the last at or before its end."""
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
-    return _even(clip.id, clip.skeleton, times, clip.turns, clip.root, step)
+    tracks: dict[str, Any] = {name: _mixed(track, times, step) for name, track in clip.tracks}
+    return replace(_even(clip.id, clip.skeleton, times, clip.turns, clip.root, step), **tracks)
 
 
 def between_times(clip: Clip, start: float, stop: float) -> Clip:
     """Returns the frames of a clip from ``start`` to ``stop`` seconds, at least one."""
     first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
     last = max(round(stop / clip.step) + 1, first + 1)
-    return replace(clip, turns=clip.turns[first:last], root=clip.root[first:last])
+    return clip.mapped(lambda track: track[first:last])
 
 
 def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float) -> Clip:
     """Returns a clip with frames ``step`` seconds apart from turns and root at ``times`` (F,), which begin at
     0."""
+    before, after, part = _between(times, step)
+    made = slerp(turns[before], turns[after], part[:, None])
+    return Clip(id, skeleton, continuous(made), _mixed(root, times, step), step)
+
+
+def _mixed(track: Float, times: Float, step: float) -> Float:
+    """(G, ...) the values of (F, ...) at ``times`` (F,), ``step`` seconds apart."""
+    before, after, part = _between(times, step)
+    part = part.reshape(-1, *(1,) * (track.ndim - 1))
+    return np.asarray(track[before] + part * (track[after] - track[before]))
+
+
+def _between(times: Float, step: float) -> tuple[Int, Int, Float]:
+    """(G,) the frames before and after moments ``step`` seconds apart, and how far they are between these."""
     count = int(np.floor(times[-1] / step + 1e-6)) + 1
     wanted = np.minimum(np.arange(count) * step, times[-1])
     before = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, max(len(times) - 2, 0))
     after = np.minimum(before + 1, len(times) - 1)
     width = np.where(after > before, times[after] - times[before], 1.0)
-    part = (wanted - times[before]) / width
-    made = slerp(turns[before], turns[after], part[:, None])
-    at = root[before] + part[:, None] * (root[after] - root[before])
-    return Clip(id, skeleton, continuous(made), at, step)
+    return before, after, (wanted - times[before]) / width
 
 
 def _known(bodies: Sequence[Body], still: Body) -> Float | None:

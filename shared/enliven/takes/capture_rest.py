@@ -36,9 +36,23 @@ def rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float
 
 def links(parents: list[int], positions: Float, rotations: Float) -> Float:
     """Returns (N, 3) each joint in its parent's frame, the median over the frames; zero at the root."""
+    return np.asarray(np.median(_local_links(parents, positions, rotations), axis=0))
+
+
+def moved_links(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
+    """Returns (F, N, 3) what each joint is moved by in its parent's frame beside its (N, 3) ``offsets``; zero
+    for a joint that stays where it is but for rounding."""
+    moved = _local_links(parents, positions, rotations) - offsets
+    extent = float(np.median(np.ptp(positions, axis=1).max(1)))
+    moved[:, np.abs(moved).max((0, 2)) < _MOVES * extent] = 0.0
+    return moved
+
+
+def _local_links(parents: list[int], positions: Float, rotations: Float) -> Float:
+    """Returns (F, N, 3) each joint in its parent's frame; zero at the root."""
     above = np.maximum(parents, 0)
     apart = positions - positions[:, above]
-    return np.asarray(np.median(np.einsum("fnji,fnj->fni", rotations[:, above], apart), axis=0))
+    return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, above], apart))
 
 
 def stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from known_bodies import BODIES, limbs_found
+from known_bodies import BODIES, limbs_found, t_woman
 
 from enliven.deformation.graph import DeformationGraph
 from enliven.person.body import Body
@@ -27,6 +27,8 @@ FAR = 0.35
 """Metres from the bones of an arm, of a body of 1.75 m, beyond which nothing is its: a bear's is thick."""
 STILL = 0.3
 """Share of the hand's way that anything far from the arm may move: a bear leans its head by 17 cm."""
+TAKEN = 0.005
+"""Metres a frame that a mesh which met its performer moves by as they take hold: the solver still settles."""
 SETTLED, WAVING = 75, 40
 """Frames until the mesh has come to its performer's pose, and of the wave."""
 
@@ -106,3 +108,32 @@ def test_it_waves_when_its_performer_waves(known, how, side):
             far &= np.linalg.norm(actor.graph.positions - a - share * (b - a), axis=1) > FAR
     assert far.sum() > 40
     assert moved[far].max() < STILL * moved[hand].mean(), "nothing else far away does"
+
+
+@pytest.mark.parametrize("how", ["mapped", "inside"])
+@pytest.mark.parametrize("ahead", [True, False])
+def test_a_t_pose_lets_its_arms_hang_before_anybody_holds_it(how, ahead):
+    """It meets who is in view, without a jump, and nothing of it moves as they take hold."""
+    known = t_woman()
+    own = ActorSettings(how=how, stand="modelled", ahead=ahead)
+    actor = cast_mesh(known.mesh, "it", 128, own)
+    joints, house = at_origin(known), Stage([actor])
+    hands = [
+        np.argsort(np.linalg.norm(actor.graph.positions - joints[hand], axis=1))[:3]
+        for hand in (Joint.HAND_LEFT, Joint.HAND_RIGHT)
+    ]
+    seen = [house.perform([], 0)[0], house.perform([waving("left", 0.0)], FRAME)[0]]
+    for i in range(2, SETTLED):
+        seen.append(house.perform([waving("left", 0.0)], i * FRAME)[0])
+        step = np.linalg.norm(seen[-1].positions - seen[-2].positions, axis=1).max()
+        assert i < 3 or step < 2.0 * own.fade_pace * FRAME * 1e-9, "nothing jumps"
+    assert actor.state == "free"
+    for hand in hands:
+        fell = (seen[1].positions - seen[-1].positions)[hand, 1].mean()
+        assert (fell > 0.3) == ahead
+        assert ahead or abs(fell) < 1e-6
+    house.possess("it")
+    for i in range(10 if ahead else 0):
+        seen.append(house.perform([waving("left", 0.0)], (SETTLED + i) * FRAME)[0])
+        step = np.linalg.norm(seen[-1].positions - seen[-2].positions, axis=1).max()
+        assert step < TAKEN

@@ -24,10 +24,11 @@ from strict_gltf import checked_glb
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
 FILES = sorted(p for p in DATA.glob("gltf/*/*") if p.suffix in (".glb", ".gltf"))
-ONLY_TURN = {"BrainStem", "Fox", "RiggedFigure", "RiggedSimple", "SimpleSkin", "Manta_ray"}
-"""Rigs whose animations only turn joints (and move the root): those are exact."""
-NEARLY = 0.2
-"""Share of the size that a vertex of the others is off by at most, where animators stretched the rig."""
+EXACT = 1e-4
+"""Share of the size that a vertex is off by at most: float32 in files and poses."""
+STRAY = {"Trex": 0.1, "Spider": 3e-3}
+"""Shares for rigs with stray weights (0.2 % of the surface) of a joint above the root, and with joints of one
+place that part by less than a thousandth."""
 
 pytestmark = [
     pytest.mark.real,
@@ -49,11 +50,9 @@ def test_a_real_rig_moves_as_gltf_says(path):
             ours = skin_vertices(character, player.pose(frame * clip.step))[::every]
             theirs = slow.vertices_at(number, start + frame * clip.step, every)
             worst = max(worst, float(np.linalg.norm(ours - theirs, axis=1).max()) / size)
-    told = [note for note in rig.notes if "not kept" in note]
-    assert worst < (1e-4 if path.stem in ONLY_TURN else NEARLY)
-    # What is off by more than a thousandth is told.
-    assert bool(told) or worst < 2e-3
-    assert not (told and path.stem in ONLY_TURN)
+    assert worst < STRAY.get(path.stem, EXACT)
+    # What is off by more than can be seen is told.
+    assert worst < 3e-3 or any("not kept" in note for note in rig.notes)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
@@ -66,15 +65,26 @@ def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     made = glb_of([performance_of(project, rig.shape.id, 0.0, end)])
     checked_glb(made)
     (tmp_path / "again.glb").write_bytes(made)
-    mesh = read_gltf(tmp_path / "again.glb").shape.mesh
+    read = read_gltf(tmp_path / "again.glb")
+    mesh = read.shape.mesh
     before, after = rig.shape.mesh.materials, mesh.materials
     if before is not None:
         assert set(before.definitions) <= set(after.definitions)
         assert [t.image.tobytes() for t in before.textures] == [t.image.tobytes() for t in after.textures]
-    again = read_gltf(tmp_path / "again.glb").shape.skeleton
+    again = read.shape.skeleton
     np.testing.assert_array_equal(again.parents, rig.shape.skeleton.parents)
     size = float(np.ptp(rig.shape.mesh.vertices, axis=0).max())
     np.testing.assert_allclose(again.positions, rig.shape.skeleton.positions, atol=1e-5 * size)
+    if rig.clips and path.stem not in STRAY:
+        # It reaches as far as the model here; its vertices may be in another order.
+        slow, step = SlowGltf(tmp_path / "again.glb"), 0.1
+        here = skin_vertices(character_of(rig.shape), Player(project, rig.shape.id).pose(step))
+        low, high = here.min(0), here.max(0)
+        there = slow.vertices_at(0, step, max(1, len(mesh.vertices) // 40))
+        assert (there > low - 1e-3 * size).all() and (there < high + 1e-3 * size).all()
+        moved, shape = playing(Project(), read.shape, read.clips[0])
+        theirs = skin_vertices(character_of(shape), Player(moved, shape.id).pose(step))
+        np.testing.assert_allclose([theirs.min(0), theirs.max(0)], [low, high], atol=1e-3 * size)
 
 
 def test_a_foot_that_only_a_controller_moved_hangs_on_its_leg():

@@ -105,8 +105,11 @@ def unit(random, size=1.0):
     return q / np.linalg.norm(q)
 
 
-def random_rig(seed: int, path, joints: int = 7):
-    """A rig whose joints only turn (its root also travels), with as many oddities as fit into one file."""
+def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None):
+    """A rig whose joints turn (its root also travels), with as many oddities as fit into one file.
+
+    Where ``stretched`` is said, its joints are moved and scaled too, the axes by that unlike factors.
+    """
     random = np.random.default_rng(seed)
     made = Made()
     top = made.node(name="world", scale=[0.5, 0.5, 0.5])
@@ -130,6 +133,8 @@ def random_rig(seed: int, path, joints: int = 7):
         bind.append(before @ step @ trs(offsets[j], bound))
     _meshes(made, random, nodes, bind)
     _animation(made, random, nodes)
+    if stretched is not None:
+        _stretches(made, random, nodes, offsets, stretched)
     return made.write(path)
 
 
@@ -209,3 +214,18 @@ def _animation(made: Made, random, nodes) -> None:
     samplers.append({"input": times, "output": moved})
     channels.append({"sampler": len(samplers) - 1, "target": {"node": nodes[0], "path": "translation"}})
     made.add("animations", {"name": "odd", "channels": channels, "samplers": samplers})
+
+
+def _stretches(made: Made, random, nodes, offsets, uneven: float) -> None:
+    """Tracks of place and size beside the turns."""
+    (animation,) = made.json["animations"]
+    times = made.accessor((np.arange(7) * 0.125).astype(np.float32))
+    for j, node in enumerate(nodes):
+        moved = offsets[j] + random.normal(size=(7, 3)) * 0.01
+        tracks = {"scale": np.exp(0.2 * random.normal(size=(7, 1)) + uneven * random.normal(size=(7, 3)))}
+        tracks |= {"translation": moved} if j else {}
+        for path, values in tracks.items():
+            sampler = {"input": times, "output": made.accessor(values.astype(np.float32))}
+            animation["samplers"].append(sampler)
+            target = {"node": node, "path": path}
+            animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})

@@ -82,16 +82,19 @@ def test_bones_of_a_simple_rig(tmp_path):
     assert skin.indices[:, 0].tolist() == [0, 0, 0, 2, 2, 2]
 
 
-def test_what_bones_cannot_say_is_told_with_its_size(tmp_path):
+def test_a_joint_that_is_moved_or_grown_is_so_in_its_clip(tmp_path):
     made = two_joints()
-    animated(made, 1, "translation", [[0, 1, 0], [0, 1.004, 0]])
-    (note,) = read_gltf(made.write(tmp_path / "moved.gltf")).notes
-    assert "animations move 1 joint off their bones" in note
-    assert "0.004 m (0.3% of the size), child" in note
+    animated(made, 1, "translation", [[0, 1, 0], [0, 1.5, 0]])
+    rig = read_gltf(made.write(tmp_path / "moved.gltf"))
+    (clip,) = rig.clips
+    assert rig.notes == () and clip.strains is None
+    np.testing.assert_allclose(clip.offsets[-1], [[0, 0, 0], [0, 0.5, 0], [0, 0, 0]], atol=1e-6)
     made = two_joints()
     animated(made, 1, "scale", [[1, 1, 1], [1, 2, 1]])
-    (note,) = read_gltf(made.write(tmp_path / "grown.gltf")).notes
-    assert note == "animations stretch joints; not kept: at most by 100.0%, child"
+    rig = read_gltf(made.write(tmp_path / "grown.gltf"))
+    (clip,) = rig.clips
+    assert rig.notes == () and clip.offsets is None
+    np.testing.assert_allclose(clip.strains[-1, 2], [0, np.log(2.0), 0, 0, 0, 0], atol=1e-6)
 
 
 def test_a_size_that_never_changes_belongs_to_the_rest_pose(tmp_path):

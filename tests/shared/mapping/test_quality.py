@@ -10,9 +10,8 @@ from made_bodies import horse, man, meshed, random_motion, webbed
 
 from enliven.document.project import Project
 from enliven.mapping.automatic_mapping import automatic, next_best, retarget
-from enliven.mapping.quality import BOUND, crossing, quality_of, stretches
+from enliven.mapping.quality import BOUND, quality_of, stretches
 from enliven.mapping.softening import limb_of, softened
-from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import vertices_of
 
 SEEDS = st.integers(0, 10_000)
@@ -38,21 +37,8 @@ def test_at_rest_all_is_well():
     quality = quality_of(Project().with_characters(shape), "horse", clip, 1.0)
     assert quality.stretch == pytest.approx(1.0, abs=1e-5)
     assert (quality.sunk, quality.afloat) == pytest.approx((0.0, 0.0), abs=1e-5)
-    assert (quality.joints, quality.slide, quality.crossing) == ((), None, 0.0)
+    assert (quality.joints, quality.slide, quality.through, quality.parts) == ((), None, 0.0, ())
     assert "99th percentile" in str(quality)
-
-
-def test_a_surface_that_goes_through_another_is_seen():
-    """Two triangles beside one another, of which one bone turns one into the other."""
-    shape = meshed("man", man())
-    corners = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1, 0], [0.2, 0.2, 0.5], [0.3, 0.3, 0.9], [0.2, 0.3, 0.7]])
-    mesh = Mesh(corners, np.array([[0, 1, 2], [3, 4, 5]], np.int32), "two")
-    skin = replace(shape.skin, indices=shape.skin.indices[:6], weights=shape.skin.weights[:6])
-    two = shape.with_changes(mesh=mesh, skin=skin)
-    assert crossing(two, corners) == 0.0
-    moved = corners.copy()
-    moved[3:, 2] -= 0.6
-    assert crossing(two, moved) > 0.0
 
 
 @settings(max_examples=3, deadline=None)

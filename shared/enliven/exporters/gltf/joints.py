@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from enliven.arrays import Float, Float32, UInt8, UInt16
 from enliven.document import Skeleton
-from enliven.rotation import conjugate, continuous, multiply, normalized
+from enliven.examples.baking import stretch_axes
+from enliven.rotation import conjugate, continuous, from_matrix, multiply, normalized, to_matrix
 
 
 def bone_names(skeleton: Skeleton) -> list[str]:
@@ -47,6 +50,52 @@ def local_offsets(skeleton: Skeleton) -> Float:
     offsets = np.zeros((len(skeleton), 3))
     offsets[1:] = skeleton.vectors[skeleton.parents[1:]]
     return offsets
+
+
+@dataclass(frozen=True, eq=False)
+class LocalMotion:
+    """What the nodes of a skeleton's bones do over time, each in the node of the bone before it.
+
+    Attributes:
+        axes: (N, 3, 3) rotations: how each node is turned at rest, so that its bone stretches along its axes.
+        turns: (T, N, 4) quaternions without jumps of sign.
+        scales: (T, N, 3).
+        places: (T, N, 3) metres, where the node is in the one before it.
+        ends: (T, N, 3) metres, where the joint is that the bone leads to, in its node.
+    """
+
+    axes: Float
+    turns: Float
+    scales: Float
+    places: Float
+    ends: Float
+
+
+def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotion:
+    """The motion of nodes that stretch, for maps (T, N, 3, 3) and joints (T, N, 3) in the world.
+
+    A node has no shear: what a bone is sheared against the one before it is left out, and nothing below it.
+    """
+    parents, above = skeleton.parents, np.maximum(skeleton.parents, 0)
+    pivots, relative = joints[:, above], linear.copy()
+    relative[:, 1:] = np.linalg.solve(linear[:, parents[1:]], linear[:, 1:])
+    axes = stretch_axes(relative)
+    turns, scales = np.empty((*joints.shape[:2], 4)), np.empty(joints.shape)
+    places, ends, world = np.empty(joints.shape), np.empty(joints.shape), np.empty_like(linear)
+    for j, parent in enumerate(parents):
+        local, places[:, j] = linear[:, j] @ axes[j], pivots[:, j]
+        if j:
+            back = np.linalg.inv(world[:, parent])
+            local = back @ local
+            places[:, j] = np.einsum("tab,tb->ta", back, pivots[:, j] - pivots[:, parent])
+        turns[:, j] = from_matrix(local)
+        turned = to_matrix(turns[:, j])
+        scales[:, j] = np.einsum("tba,tba->ta", turned, local)
+        world[:, j] = turned * scales[:, j, None, :]
+        if j:
+            world[:, j] = world[:, parent] @ world[:, j]
+        ends[:, j] = np.linalg.solve(world[:, j], (joints[:, j] - pivots[:, j])[..., None])[..., 0]
+    return LocalMotion(axes, continuous(turns), scales, places, ends)
 
 
 def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:

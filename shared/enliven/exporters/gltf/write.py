@@ -2,11 +2,11 @@
 
 A bone turns about its upper end, a glTF joint about itself. So bone j becomes a joint at its parent's place,
 with the turn of bone j; it hangs on the joint of the bone before it, at the constant offset along that bone.
-Only turns are animated (and the root's place), so links keep their lengths in every program, between the
-frames too. Bones that begin at one place become joints at one place: the first that goes straight on has the
-name of the place, the others say where they lead ("Hips to LeftUpLeg"). The end of a limb becomes a joint
-that moves nothing, so that an editor shows the last bone in its length. Reading the file gives the same
-skeleton again.
+Where no bone is stretched, only turns are animated (and the root's place), so links keep their lengths in
+every program, between the frames too; bones that are moved or stretched have tracks of place and scale.
+Bones that begin at one place become joints at one place: the first that goes straight on has the name of the
+place, the others say where they lead ("Hips to LeftUpLeg"). The end of a limb becomes a joint that moves
+nothing, so that an editor shows the last bone in its length. Reading the file gives the same skeleton again.
 
 Transforms without a skeleton become joints side by side, below a node that moves through the world. Such a
 joint turns, and stretches along three axes of its own, at right angles. These axes are the same in all
@@ -25,7 +25,7 @@ from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.examples.baking import BakedMorphs
-from enliven.exporters.gltf.joints import bone_names, listed, local_offsets, local_turns
+from enliven.exporters.gltf.joints import bone_names, listed, local_motion, local_offsets, local_turns
 from enliven.exporters.gltf.keys import needed_keys
 from enliven.exporters.gltf.scene import GltfScene
 from enliven.exporters.performance import Performance, stretches_of
@@ -71,23 +71,39 @@ def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
 def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton) -> None:
     """Adds the mesh, the joints of the bones, then of the ends of limbs, and their animation."""
     mesh, skin = performance.surface
-    names = bone_names(skeleton)
-    local = local_turns(skeleton, from_matrix(performance.linear))
-    offsets = local_offsets(skeleton)
+    names, parents = bone_names(skeleton), skeleton.parents
+    joints = performance.joints
+    if joints is None or not performance.stretches:
+        offsets, turns = local_offsets(skeleton), local_turns(skeleton, from_matrix(performance.linear))
+        motion = None
+    else:
+        motion = local_motion(skeleton, performance.linear, joints)
+        offsets, turns = local_offsets(skeleton), motion.turns
+        offsets[1:] = np.einsum("nba,nb->na", motion.axes[parents[1:]], offsets[1:])
     bones: list[int] = []
-    for j, parent in enumerate(skeleton.parents):
-        offset = skeleton.positions[0] if j == 0 else offsets[j]
-        above = bones[parent] if j else None
-        node = scene.node(above, name=names[j], translation=listed(offset), children=[])
+    for j, parent in enumerate(parents):
+        rest = {"translation": listed(skeleton.positions[0] if j == 0 else offsets[j])}
+        if motion is not None:
+            before = motion.axes[parent] if j else np.eye(3)
+            rest["rotation"] = listed(np.roll(from_matrix(before.T @ motion.axes[j]), -1))
+        node = scene.node(bones[parent] if j else None, name=names[j], children=[], **rest)
         bones.append(node)
-        scene.animate(performance.times, node, "rotation", np.roll(local[:, j], -1, -1))
+        scene.animate(performance.times, node, "rotation", np.roll(turns[:, j], -1, -1))
+        if motion is not None:
+            scene.animate(performance.times, node, "scale", motion.scales[:, j])
+            if j:
+                scene.animate(performance.times, node, "translation", motion.places[:, j])
     scene.animate(performance.times, bones[0], "translation", performance.positions[:, 0])
     ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
     for j in ends:
-        end = scene.node(bones[j], name=skeleton.names[j], translation=listed(skeleton.vectors[j]))
+        vector = skeleton.vectors[j] if motion is None else motion.axes[j].T @ skeleton.vectors[j]
+        end = scene.node(bones[j], name=skeleton.names[j], translation=listed(vector))
+        if motion is not None:
+            scene.animate(performance.times, end, "translation", motion.ends[:, j])
         bones.append(end)
     pivots = np.concatenate([performance.pivots, skeleton.positions[ends]])
-    scene.skinned(performance.name, mesh, skin, bones[0], bones, pivots)
+    axes = None if motion is None else np.concatenate([motion.axes, motion.axes[ends]])
+    scene.skinned(performance.name, mesh, skin, bones[0], bones, pivots, axes)
 
 
 def _add_joints(scene: GltfScene, performance: Performance) -> None:

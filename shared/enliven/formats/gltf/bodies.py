@@ -9,19 +9,23 @@ from enliven.formats.gltf.bind import Bind
 from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.parts import GltfPart
 from enliven.formats.rig import LinkBody
-from enliven.rotation import from_matrix
+from enliven.rotation import from_matrix, strain_of
+
+_STRETCHED = 1e-4
+"""Largest stretch of a joint beyond 1 that is rounding and no scale track."""
 
 
 def bodies_of(
     file: GltfFile, chosen: list[int], parts: list[GltfPart], rest: list[Float], bind: Bind, world: Float
-) -> tuple[list[LinkBody], Float]:
-    """Returns a body for each joint, and (J,) the largest part of its motion that is no rotation."""
+) -> list[LinkBody]:
+    """Returns a body for each joint."""
     number = {node: k for k, node in enumerate(chosen)}
-    bodies, skewed = list[LinkBody](), np.zeros(len(chosen))
-    for k, node in enumerate(chosen):
+    bodies = list[LinkBody]()
+    for node in chosen:
         away = world[:, node] @ np.linalg.inv(bind.world[node])
         turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
-        skewed[k] = _skew(away[:, :3, :3])
+        scaled = _skew(away[:, :3, :3]) > _STRETCHED
+        strains = strain_of(away[:, :3, :3], turns) if scaled else None
         above = file.parents[node]
         while above >= 0 and above not in number:
             above = file.parents[above]
@@ -33,10 +37,10 @@ def bodies_of(
         body = LinkBody(
             file.name(node), number.get(above, -1), bind.world[node][:3, 3], turns, world[:, node, :3, 3]
         )
-        body.leaves = leaves
+        body.leaves, body.strains = leaves, strains
         bodies.append(body)
     _weigh(bodies, number, parts, rest)
-    return bodies, skewed
+    return bodies
 
 
 def _skew(linear: Float) -> float:

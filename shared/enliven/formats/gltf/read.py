@@ -1,8 +1,8 @@
 """Rigged models from glTF 2.0 (.gltf, .glb), as shapes with the clips that came with them.
 
 The rest pose is the bind pose, in the world of the file (metres, +Y up). See ``rig_tree``
-for how joints become bones. A shape's bones only turn: what an animation moves or scales a joint by (but the
-root, which travels) is not kept, and is noted with its size.
+for how joints become bones. What an animation moves or scales a joint by is kept as the offsets and strains
+of its clip; what no bone can follow is noted with its size.
 """
 
 from __future__ import annotations
@@ -23,7 +23,17 @@ from enliven.formats.gltf.file import GltfFile
 from enliven.formats.gltf.materials import Materials
 from enliven.formats.gltf.motion import MOST_PLACES, animated_locals, frame_times, world_matrices
 from enliven.formats.gltf.parts import GltfPart, parts_of, shown_nodes
-from enliven.formats.rig import LinkBody, Rig, Tree, joint_drift, on_floor, resized, tree_of, welded
+from enliven.formats.rig import (
+    LinkBody,
+    Rig,
+    Tree,
+    clip_tracks,
+    joint_drift,
+    on_floor,
+    resized,
+    tree_of,
+    welded,
+)
 from enliven.meshes import Mesh, submesh
 
 _TOLD = 1e-3
@@ -142,15 +152,17 @@ def _rigged(
     if len(chosen) > _MOST_JOINTS:
         raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MOST_JOINTS} can move")
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    bodies, skewed = bodies_of(file, chosen, parts, rest, bind, world)
-    tree = tree_of(bodies, size)
+    bodies = bodies_of(file, chosen, parts, rest, bind, world)
+    ours = (file.document.asset.generator or "").startswith("enliven ")
+    tree = tree_of(bodies, size, ours)
     body_of = {node: number for number, node in enumerate(chosen)}
     skin = _skin(parts, tree, body_of)
     shape = still_shape(name, tree.skeleton, mesh, skin)
     clips, taken = [], set[str]()
+    tracks = clip_tracks(bodies, tree, size)
     for animation in animations:
-        clips.append(_clip(animation, tree, bodies, taken))
-    notes += tree.notes + _told(bodies, tree, skewed, size)
+        clips.append(_clip(animation, tree, bodies, tracks, taken))
+    notes += tree.notes + _told(bodies, tree, size)
     return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
 
 
@@ -198,24 +210,28 @@ def _skin(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWei
     return SkinWeights(bone[nodes], weights.astype(np.float32))
 
 
-def _clip(animation: _Animation, tree: Tree, bodies: list[LinkBody], taken: set[str]) -> Clip:
+def _clip(
+    animation: _Animation,
+    tree: Tree,
+    bodies: list[LinkBody],
+    tracks: tuple[Float | None, Float | None],
+    taken: set[str],
+) -> Clip:
+    """One animation; ``tracks`` are the offsets and strains of all of them, kept where this one has any."""
     name = unused(animation.name, taken)
     taken.add(name)
     turns = np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1)
-    return Clip(name, tree.skeleton, turns, bodies[tree.root].places[animation.frames], animation.step)
+    own = [None if track is None else track[animation.frames] for track in tracks]
+    offsets, strains = (None if track is None or not track.any() else track for track in own)
+    root = bodies[tree.root].places[animation.frames]
+    return Clip(name, tree.skeleton, turns, root, animation.step, offsets=offsets, strains=strains)
 
 
-def _told(bodies: list[LinkBody], tree: Tree, skewed: Float, size: float) -> list[str]:
-    """Returns notes on the parts of the animations that bones cannot represent, with their sizes."""
-    told = []
+def _told(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:
+    """Returns notes on what in the animations no bone follows, with its size."""
     away = [(name, far) for name, far in joint_drift(bodies, tree) if far > _TOLD * size]
-    if away:
-        name, far = max(away, key=lambda pair: pair[1])
-        what = f"animations move {len(away)} joint{'s' * (len(away) > 1)} off their bones; not kept"
-        told.append(f"{what}: at most {far:.3g} m ({far / size:.1%} of the size), {name}")
-    worst = max(tree.bone, key=lambda k: skewed[k])
-    if skewed[worst] > _TOLD:
-        told.append(
-            f"animations stretch joints; not kept: at most by {skewed[worst]:.1%}, {bodies[worst].name}"
-        )
-    return told
+    if not away:
+        return []
+    name, far = max(away, key=lambda pair: pair[1])
+    what = f"animations move {len(away)} joint{'s' * (len(away) > 1)} off their bones; not kept"
+    return [f"{what}: at most {far:.3g} m ({far / size:.1%} of the size), {name}"]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Layer, Project, Ref, Shape, SkinWeights, Span, unused
+from enliven.document import Clip, Layer, Project, Ref, Shape, Skeleton, SkinWeights, Span, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
@@ -62,8 +62,13 @@ def _moved(rig: Rig, scale: float, by: Float) -> Rig:
     mesh = shape.mesh
     if mesh is not None:
         mesh = replace(mesh, vertices=mesh.vertices * scale + by)
-    clips = tuple(replace(c, skeleton=skeleton, root=c.root * scale + by) for c in rig.clips)
+    clips = tuple(_resized_clip(c, skeleton, scale, by) for c in rig.clips)
     return replace(rig, shape=shape.with_changes(skeleton=skeleton, mesh=mesh), clips=clips)
+
+
+def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Clip:
+    offsets = None if clip.offsets is None else clip.offsets * scale
+    return replace(clip, skeleton=skeleton, root=clip.root * scale + by, offsets=offsets)
 
 
 def welded(shape: Shape) -> Shape:
@@ -91,8 +96,8 @@ def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]
     """Returns the project with the shape added and moved by a clip of its own skeleton: every bone, and the
     root.
 
-    Every bone has a layer of its own (the chain from the joint above it to it), so each turns just as the
-    clip says.
+    Every bone has a layer of its own (the chain from the joint above it to it), so each turns, moves and
+    stretches just as the clip says.
 
     Raises:
         InputError: where the clip is of another skeleton.
@@ -106,7 +111,7 @@ def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]
     taken: dict[str, object] = dict(project.layer_names)
     for j, name in enumerate(skeleton.names):
         chain = (int(skeleton.parents[j]), j) if j else (0,)
-        layer = Layer(unused(f"{clip.id}: {name}", taken), clip.id, chain)
+        layer = Layer(unused(f"{clip.id}: {name}", taken), clip.id, chain, stretch=bool(clip.tracks))
         taken[layer.id] = layer
         layers.append(layer)
         spans.append((Span(1.0, (Ref(layer.id, 0.0, 1.0),)),))

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.rotation import rotate
+from enliven.document import stretched
+from enliven.rotation import rotate, stretch_of
 
 _LOOSE = 0.01
 """Share of the model's size: a joint that leaves its parent by more counts as detached."""
@@ -42,6 +43,7 @@ class LinkBody:
         mass: the surface that follows it, m2, each vertex by its weight.
         reach: (3,) metres, the far end of those vertices, or None.
         leaves: name and (3,) metres of its child nodes that are no joints.
+        strains: (F, 6) the Hencky strains since rest, before the turns; None where it is never stretched.
     """
 
     name: str
@@ -52,6 +54,13 @@ class LinkBody:
     mass: float = 0.0
     reach: Float | None = None
     leaves: list[tuple[str, Float]] = field(default_factory=list)
+    strains: Float | None = None
+
+    def moved(self, way: Float) -> Float:
+        """(F, 3) where vectors (3,) or (F, 3) of the rest pose lead: stretched, then turned."""
+        if self.strains is not None:
+            way = stretched(stretch_of(self.strains), np.broadcast_to(way, (len(self.places), 3)))
+        return rotate(self.turns, way)
 
 
 @dataclass
@@ -74,15 +83,18 @@ class Links:
         return next(j for j, parent in self.parents.items() if parent < 0)
 
 
-def links_of(bodies: list[LinkBody], size: float) -> Links:
+def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
     """Returns the tree of the joints; of all loose parts the root is the one that leaves the smallest misfit.
 
     Joints that neither move a vertex nor carry one that does are dropped; where they were, their parents
     have a leaf. A root that moves nothing and carries one joint is dropped too.
+
+    Args:
+        as_is: believe the file's parents, however loose their links are.
     """
     before = [body.parent for body in bodies]
     off = _residuals(bodies)
-    loose = [p < 0 or off[j, p] > _LOOSE * size for j, p in enumerate(before)]
+    loose = [p < 0 or (not as_is and off[j, p] > _LOOSE * size) for j, p in enumerate(before)]
     weight = _weights(bodies, before)
     total = sum(body.mass for body in bodies)
     tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _HEAVY * total]
@@ -125,7 +137,10 @@ def _residuals(bodies: list[LinkBody]) -> Float:
     places = np.stack([body.places[looked] for body in bodies])
     off = np.empty((count, count))
     for p, body in enumerate(bodies):
-        expected = places[p] + rotate(body.turns[looked], (rest - rest[p])[:, None])
+        way = (rest - rest[p])[:, None]
+        if body.strains is not None:
+            way = stretched(stretch_of(body.strains[looked]), way)
+        expected = places[p] + rotate(body.turns[looked], way)
         off[:, p] = np.sqrt(((expected - places) ** 2).sum(2).mean(1))
     return off
 

@@ -23,12 +23,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Skeleton, unused
+from enliven.document import Skeleton, stretched, unused
 from enliven.formats.rig.rig_links import LinkBody, downward, links_of
-from enliven.rotation import rotate
+from enliven.rotation import conjugate, rotate, stretch_of
 
 _SAME_PLACE = 2e-5
 """Share of the size within which two joints are at one place: less is rounding."""
+_SEEN = 1e-4
+"""Share of the size by which a joint moves on its parent at least to keep its track: less is rounding."""
+_STRAY = 0.01
+"""Share of the surface that follows a body at most by stray weights: it is drawn with the root."""
+_PARTED = 1e-3
+"""Share of the size by which joints of one place may part over time and still be one: less is not visible."""
 _STRAIGHT = np.cos(np.radians(25.0))
 """Cosine of 25 degrees: bones within that angle of the incoming bone count as equally straight."""
 _TWIN = 0.02
@@ -45,6 +51,7 @@ class Tree:
     Attributes:
         skeleton: joints and tips.
         driver: for each bone the body that it turns with.
+        body: for each joint the body that it is the place of, -1 for a tip.
         bone: for each body that vertices follow, the bone that they follow now.
         root: the body that the root joint is at.
         notes: what was changed, a sentence each.
@@ -52,41 +59,75 @@ class Tree:
 
     skeleton: Skeleton
     driver: list[int]
+    body: list[int]
     bone: dict[int, int]
     root: int
     notes: list[str]
 
 
-def tree_of(bodies: list[LinkBody], size: float) -> Tree:
+def tree_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree:
     """Returns the skeleton of a rig.
 
     Args:
         bodies: parents before children, one at least moves vertices.
         size: metres, of the whole model.
+        as_is: believe the file's parents: a file of ours has been through this before.
     """
-    links = links_of(bodies, size)
+    links = links_of(bodies, size, as_is)
     places = _joined(bodies, links.parents, size)
-    tree = _built(bodies, links.parents, places, size, links.notes)
-    tree.bone.update(dict.fromkeys(links.merged, 0))
+    apart = [j for j in links.merged if _parts(bodies, j, links.root, size)]
+    tree = _built(bodies, links.parents, places, size, links.notes, apart)
+    tree.bone.update(dict.fromkeys((j for j in links.merged if j not in apart), 0))
     return tree
 
 
+def _parts(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
+    """Whether a body above the root moves against it with more of the surface than stray weights."""
+    if bodies[j].mass <= _STRAY * sum(body.mass for body in bodies):
+        return False
+    expected = bodies[root].places + bodies[root].moved(bodies[j].rest - bodies[root].rest)
+    away = np.linalg.norm(expected - bodies[j].places, axis=1).max(initial=0.0)
+    turned = np.abs(np.sum(bodies[root].turns * bodies[j].turns, axis=1)).min(initial=1.0)
+    return bool(away > _PARTED * size or turned < 1.0 - _PARTED**2)
+
+
 def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
-    """Returns each joint that leaves its place on its parent, and by how many metres: bones cannot follow
-    it."""
-    skeleton, found = tree.skeleton, []
-    at = np.empty((len(bodies[0].places), len(skeleton), 3))
-    at[:, 0] = bodies[tree.root].places
-    for j in range(1, len(skeleton)):
-        turned = rotate(bodies[tree.driver[j]].turns, skeleton.vectors[j])
-        at[:, j] = at[:, skeleton.parents[j]] + turned
+    """Returns each joint that leaves the bone that its vertices follow, and by how many metres."""
+    skeleton, found, at = tree.skeleton, [], joint_tracks(bodies, tree)
     for number, bone in tree.bone.items():
         body, start = bodies[number], max(int(skeleton.parents[bone]), 0)
         lever = body.rest - skeleton.positions[start]
-        expected = at[:, start] + rotate(bodies[tree.driver[bone]].turns, lever)
+        expected = at[:, start] + bodies[tree.driver[bone]].moved(lever)
         away = np.linalg.norm(expected - body.places, axis=1).max(initial=0.0)
         found.append((body.name, float(away)))
     return found
+
+
+def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:
+    """(F, N, 3) metres, the joints over time: where their bodies are, and tips where they are carried to."""
+    skeleton = tree.skeleton
+    at = np.empty((len(bodies[0].places), len(skeleton), 3))
+    for j, body in enumerate(tree.body):
+        if body >= 0:
+            at[:, j] = bodies[body].places
+        else:
+            at[:, j] = at[:, skeleton.parents[j]] + bodies[tree.driver[j]].moved(skeleton.vectors[j])
+    return at
+
+
+def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float | None, Float | None]:
+    """(F, N, 3) offsets and (F, N, 6) strains of the bones, as a clip has them; None where none is seen."""
+    skeleton, at = tree.skeleton, joint_tracks(bodies, tree)
+    offsets, strains = np.zeros_like(at), np.zeros((*at.shape[:2], 6))
+    for j in range(len(skeleton)):
+        driver = bodies[tree.driver[j]]
+        if driver.strains is not None:
+            strains[:, j] = driver.strains
+        if j and tree.body[j] >= 0:
+            way = rotate(conjugate(driver.turns), at[:, j] - at[:, skeleton.parents[j]])
+            offsets[:, j] = stretched(stretch_of(-strains[:, j]), way) - skeleton.vectors[j]
+    offsets[:, np.abs(offsets).max((0, 2), initial=0.0) <= _SEEN * size] = 0.0
+    return offsets if offsets.any() else None, strains if strains.any() else None
 
 
 def _joined(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
@@ -98,19 +139,31 @@ def _joined(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dic
             continue
         home = first[parents[j]]
         beside = [k for k in first if parents[k] >= 0 and first.get(parents[k]) == home and first[k] == k]
-        near = [k for k in (home, *beside) if _apart(bodies, j, k) <= _SAME_PLACE * size]
+        near = [k for k in (home, *beside) if _together(bodies, j, k, size)]
         first[j] = near[0] if near else j
     return first
 
 
-def _apart(bodies: list[LinkBody], a: int, b: int) -> float:
-    return float(np.linalg.norm(bodies[a].rest - bodies[b].rest))
+def _together(bodies: list[LinkBody], a: int, b: int, size: float) -> bool:
+    """Whether two bodies are at one place, at rest and always."""
+    if np.linalg.norm(bodies[a].rest - bodies[b].rest) > _SAME_PLACE * size:
+        return False
+    away = np.linalg.norm(bodies[a].places - bodies[b].places, axis=1)
+    return bool(away.max(initial=0.0) <= _PARTED * size)
 
 
 def _built(
-    bodies: list[LinkBody], parents: dict[int, int], first: dict[int, int], size: float, notes: list[str]
+    bodies: list[LinkBody],
+    parents: dict[int, int],
+    first: dict[int, int],
+    size: float,
+    notes: list[str],
+    apart: list[int],
 ) -> Tree:
-    """The skeleton: one joint for each place, one bone for each link, and the tips."""
+    """The skeleton: one joint for each place, one bone for each link, and the tips.
+
+    ``apart`` are bodies above the root that do not go with it, and get a limb of their own there.
+    """
     names: dict[int, str] = {}
     for j, home in first.items():
         names[home] = min(names.get(home, bodies[j].name), bodies[j].name, key=len)
@@ -120,7 +173,7 @@ def _built(
         if first[j] != j:
             continue
         above = -1 if parents[j] < 0 else number[first[parents[j]]]
-        number[j] = joints.add(names[j], above, bodies[j].rest, parents[j] if above >= 0 else j)
+        number[j] = joints.add(names[j], above, bodies[j].rest, parents[j] if above >= 0 else j, j)
     root = next(j for j in parents if parents[j] < 0)
     bone: dict[int, int] = {}
     for j in downward(parents):
@@ -137,6 +190,9 @@ def _built(
             if onward < 0 and bodies[j].mass > 0:
                 onward = joints.add(f"{bodies[j].name} end", home, joints.beyond(home, _STUB), j)
             bone[j] = max(onward, out[0])
+    for j in apart:
+        home = joints.add(bodies[j].name, 0, bodies[j].rest, root, j)
+        bone[j] = joints.add(f"{bodies[j].name} end", home, joints.beyond(home, 0.5), j)
     return Tree(*joints.sorted(bone), root=root, notes=notes)
 
 
@@ -148,14 +204,16 @@ class _Joints:
         self.parents: list[int] = []
         self.rest: list[Float] = []
         self.drivers: list[int] = []
+        self.bodies: list[int] = []
         self._size = size
 
-    def add(self, name: str, parent: int, rest: Float, driver: int) -> int:
-        """The number of a new joint; a name that is taken gets a number."""
+    def add(self, name: str, parent: int, rest: Float, driver: int, body: int = -1) -> int:
+        """The number of a new joint, the place of a body or a tip; a name that is taken gets a number."""
         self.names.append(unused(name, self.names))
         self.parents.append(parent)
         self.rest.append(np.asarray(rest, np.float64))
         self.drivers.append(driver)
+        self.bodies.append(body)
         return len(self.names) - 1
 
     def straightest(self, home: int, bones: list[int]) -> int:
@@ -188,14 +246,15 @@ class _Joints:
                 inside.add(k)
         return len(inside)
 
-    def sorted(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], dict[int, int]]:
-        """Returns a skeleton, a branch at a time, with drivers and bones by its numbers."""
+    def sorted(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], list[int], dict[int, int]]:
+        """Returns a skeleton, a branch at a time, with drivers, bodies and bones by its numbers."""
         order = downward(dict(enumerate(self.parents)))
         new = {old: k for k, old in enumerate(order)}
         above = [-1 if self.parents[old] < 0 else new[self.parents[old]] for old in order]
         names = tuple(self.names[old] for old in order)
         skeleton = Skeleton(names, np.array(above, np.int32), np.array([self.rest[old] for old in order]))
-        return skeleton, [self.drivers[old] for old in order], {j: new[k] for j, k in bone.items()}
+        drivers, bodies = ([some[old] for old in order] for some in (self.drivers, self.bodies))
+        return skeleton, drivers, bodies, {j: new[k] for j, k in bone.items()}
 
 
 def _tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:

@@ -12,16 +12,13 @@ from enliven.document import Shape, SkinWeights
 from enliven.meshes import submesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.skinning import renumbered
-from enliven.rotation import to_matrix
 
 
-def posed_vertices(shape: Shape, turns: Float, joints: Float) -> Float:
-    """(V, 3) metres: v' = sum_j w_j (D_j (v - rest_parent) + x_parent), for D (N, 4) and x (N, 3)."""
+def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
+    """(V, 3) metres: v' = sum_j w_j (L_j (v - rest_parent) + x_parent), for L (N, 3, 3) and x (N, 3)."""
     assert shape.mesh is not None and shape.skin is not None
     above = np.maximum(shape.skeleton.parents, 0)
-    return blended(
-        shape.mesh.vertices, shape.skin, shape.skeleton.positions[above], to_matrix(turns), joints[above]
-    )
+    return blended(shape.mesh.vertices, shape.skin, shape.skeleton.positions[above], linear, joints[above])
 
 
 def blended(vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, positions: Float) -> Float:
@@ -74,10 +71,9 @@ def _part_of(piece: Piece, inside: Bool) -> Piece | None:
     return Piece(mesh, skin, piece.kept[used], int(faces[len(faces) - piece.caps :].sum()))
 
 
-def bone_maps(shape: Shape, turns: Float, joints: Float) -> Float:
-    """(N, 3, 4) world from rest of each bone: D_j (v - rest_parent) + x_parent."""
+def bone_maps(shape: Shape, linear: Float, joints: Float) -> Float:
+    """(N, 3, 4) world from rest of each bone: L_j (v - rest_parent) + x_parent, for L (N, 3, 3)."""
     above = np.maximum(shape.skeleton.parents, 0)
-    linear = to_matrix(turns)
     offset = joints[above] - np.einsum("nab,nb->na", linear, shape.skeleton.positions[above])
     return np.concatenate([linear, offset[..., None]], -1)
 

@@ -10,7 +10,7 @@ from enliven.modeling.mesh import Cut, cut_across_bone, numbers_in, with_piece
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.nodes import divided, insert_node, new_name
 from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_kept
-from enliven.rotation import conjugate, multiply, normalized, rotate
+from enliven.rotation import conjugate, multiply, normalized
 
 _END = 1e-9
 """Nearer than this share of a bone to its end, a cut is at the joint."""
@@ -89,7 +89,7 @@ def parted_at(
     else:
         assert time is not None
         upper, lower = _between(project, shape, j, at, time, new_name(shape, j, name))
-        place = joints[parent] + at * rotate(turns[j], shape.skeleton.vectors[j])
+        place = joints[parent] + at * (joints[j] - joints[parent])
     _refuse_bare(shape, upper, lower)
     lower[0] = Bone(lower[0].name, "", lower[0].rest, turns[above], STILL)
     place = place - lower[0].rest

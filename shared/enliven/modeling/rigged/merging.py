@@ -23,8 +23,9 @@ from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bone_number, bones_of, inside, rebuilt
 from enliven.modeling.rigged.graft import grafted, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
-from enliven.modeling.rigged.posed import posed, with_travel_kept
+from enliven.modeling.rigged.posed import moment, with_travel_kept
 from enliven.modeling.skinning import renumbered
+from enliven.motion.layers import ShapePose
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
 _SEAM = SeamSettings()
@@ -91,18 +92,19 @@ def merge(
         project, name = insert_node(project, host_id, j, at, rigid=True)
         j = project.shape(host_id).skeleton.index(name)
     host = project.shape(host_id)
-    (ours, spots), (theirs, places) = posed(project, host, time), posed(project, graft, time)
-    world = ours[j]
-    axes = Axes(_exact(multiply(conjugate(world), theirs[_first_bone(graft, time)])))
+    ours, theirs = moment(project, host, time), moment(project, graft, time)
+    world = ours.turns[j]
+    axes = Axes(_exact(multiply(conjugate(world), theirs.turns[_first_bone(graft, time)])))
     layers = _layers_beside(host, graft, axes)
     bones, names = grafted(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
     pins = (*host.pins, *_pins(graft, names))
     more = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
     merged = with_travel_kept(project, host, rebuilt(host, [*bones_of(host), *bones], **more))
-    surfaces = _surface(host, ours, spots, time), _surface(graft, theirs, places + spots[j] - places[0], time)
+    theirs = replace(theirs, joints=theirs.joints + ours.joints[j] - theirs.joints[0])
+    surfaces = _surface(host, ours, time), _surface(graft, theirs, time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
     moved = _put(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
-    then = None if time is None else posed(project, merged, time)
+    then = None if time is None else moment(project, merged, time)
     mesh, skin = _one_surface(merged, surfaces[0], moved, then, loose, seam, [] if notes is None else notes)
     del names[graft.skeleton.names[0]]
     merged = merged.with_changes(mesh=mesh, skin=skin)
@@ -125,11 +127,11 @@ def _layers_beside(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
     return made
 
 
-def _surface(shape: Shape, turns: Float, joints: Float, time: float | None) -> SkinnedSurface | None:
+def _surface(shape: Shape, pose: ShapePose, time: float | None) -> SkinnedSurface | None:
     """The shape's mesh and where it is seen: at a time as posed, in the rest pose as it is."""
     if shape.mesh is None or shape.skin is None:
         return None
-    seen = shape.mesh.vertices if time is None else posed_vertices(shape, turns, joints)
+    seen = shape.mesh.vertices if time is None else posed_vertices(shape, pose.linear, pose.joints)
     return SkinnedSurface(shape.mesh, shape.skin, seen)
 
 
@@ -148,7 +150,7 @@ def _one_surface(
     merged: Shape,
     host: SkinnedSurface | None,
     graft: SkinnedSurface | None,
-    then: tuple[Float, Float] | None,
+    then: ShapePose | None,
     loose: bool,
     seam: SeamSettings,
     notes: list[str],
@@ -157,8 +159,8 @@ def _one_surface(
     if host is None or graft is None:
         only = host or graft
         return (None, None) if only is None else (only.mesh, only.skin)
-    skeleton = merged.skeleton if then is None else replace(merged.skeleton, positions=then[1])
-    maps = no_maps(merged) if then is None else bone_maps(merged, *then)
+    skeleton = merged.skeleton if then is None else replace(merged.skeleton, positions=then.joints)
+    maps = no_maps(merged) if then is None else bone_maps(merged, then.linear, then.joints)
 
     def heal(mesh: Mesh, skin: SkinWeights, where: Bool) -> tuple[Mesh, SkinWeights]:
         return healed(mesh, skin, skeleton, where, seam)

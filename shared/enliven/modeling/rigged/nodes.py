@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import STILL, Project, Shape, SkinWeights, unused
+from enliven.document import Project, Shape, SkinWeights, unused
 from enliven.errors import InputError
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, numbers_of, rebuilt
 from enliven.modeling.rigged.posed import with_travel_kept
-from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, split_spans
+from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, riding, split_spans
 from enliven.modeling.skinning import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
 from enliven.rotation import IDENTITY, multiply
 
@@ -52,7 +52,8 @@ def insert_node(
         raise InputError("there is a joint already at the end of a bone", where=shape_id, mend=mend)
     name = new_name(shape, j, name)
     bones = bones_of(shape)
-    bones[j : j + 1] = divided(bones[j], bones, at, name, rigid)
+    ridden = frozenset(layer.id for layer in shape.layers if layer.stretch) if rigid else None
+    bones[j : j + 1] = divided(bones[j], bones, at, name, ridden)
     skin = shape.skin
     if shape.mesh is not None and skin is not None:
         begin, end = shape.skeleton.positions[[int(shape.skeleton.parents[j]), j]]
@@ -73,10 +74,17 @@ def new_name(shape: Shape, j: int, name: str | None) -> str:
     return name or unused(f"{shape.skeleton.names[j]} node", taken)
 
 
-def divided(bone: Bone, bones: list[Bone], at: float, name: str, rigid: bool = False) -> list[Bone]:
-    """The two bones that a node called ``name`` makes of one of ``bones``; their product turns as it did."""
+def divided(
+    bone: Bone, bones: list[Bone], at: float, name: str, ridden: frozenset[str] | None = None
+) -> list[Bone]:
+    """The two bones that a node called ``name`` makes of one of ``bones``; their product turns as it did.
+
+    Where ``ridden`` is given, the upper one takes the whole turn; the lower one is stretched as it is, by the
+    layers of these names.
+    """
     begin = next(other.rest for other in bones if other.name == bone.parent)
-    upper, lower = (bone.spans, STILL) if rigid else split_spans(bone.spans, at)
+    parted = split_spans(bone.spans, at) if ridden is None else (bone.spans, riding(bone.spans, ridden))
+    upper, lower = parted
     modeling, lower = without_before(IDENTITY, lower)
     first = Bone(name, bone.parent, begin + at * (bone.rest - begin), bone.modeling, upper)
     return [first, Bone(bone.name, name, bone.rest, modeling, lower)]

@@ -8,7 +8,7 @@ from enliven.arrays import Float
 from enliven.document import Project, Shape
 from enliven.errors import InputError
 from enliven.modeling.rigged.spans import before
-from enliven.motion.layers import pose_of, travel_scale
+from enliven.motion.layers import ShapePose, pose_of, travel_scale
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
 
@@ -21,12 +21,17 @@ def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Fl
     Raises:
         InputError: for a time that is not finite.
     """
+    pose = moment(project, shape, time)
+    return pose.turns, pose.joints
+
+
+def moment(project: Project, shape: Shape, time: float | None) -> ShapePose:
+    """The pose with the stretches of the bones; otherwise as :func:`posed`."""
     if time is None:
-        return as_modeled(shape)
+        return ShapePose(*as_modeled(shape))
     if not np.isfinite(time):
         raise InputError(f"the time is {time}", where=f"shape {shape.id!r}", mend="Give seconds.")
-    pose = pose_of(project.with_characters(shape), shape.id, float(time))
-    return pose.turns, pose.joints
+    return pose_of(project.with_characters(shape), shape.id, float(time))
 
 
 def as_modeled(shape: Shape) -> tuple[Float, Float]:

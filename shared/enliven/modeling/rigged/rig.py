@@ -23,12 +23,12 @@ from enliven.modeling.rig import Merge, Player, Posed, RigEdits
 from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bones_of, rebuilt
 from enliven.modeling.rigged.merging import merge as merge_shapes
-from enliven.modeling.rigged.posed import posed, with_travel_kept
+from enliven.modeling.rigged.posed import moment, posed, with_travel_kept
 from enliven.modeling.rigged.posing import drag_joint
 from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.motion.layers import Player as ShapePlayer
 from enliven.motion.layers import pose_from
-from enliven.rotation import IDENTITY, multiply, normalized, rotate, to_matrix
+from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
 class ShapeRig(RigEdits):
@@ -47,8 +47,8 @@ class ShapeRig(RigEdits):
 
     def seen(self, project: Project, shape: Shape, time: float) -> Float:
         """The vertices; of a shape without a mesh, the joints."""
-        turns, joints = posed(project, shape, time)
-        return joints if shape.mesh is None else posed_vertices(shape, turns, joints)
+        pose = moment(project, shape, time)
+        return pose.joints if shape.mesh is None else posed_vertices(shape, pose.linear, pose.joints)
 
     def surface(self, project: Project, shape: Shape) -> Callable[[float], Float]:
         """The vertices; of a shape without a mesh, the joints."""
@@ -112,9 +112,10 @@ class ShapeRig(RigEdits):
         """Each bone becomes a node where it begins; skin and pose stay, and at the times nothing is off."""
         drawn, mesh = character_of(shape), shape.mesh
         assert mesh is not None
-        turns, joints = ShapePlayer(project, shape.id).sample(times)
-        above = np.maximum(shape.skeleton.parents, 0)
-        stream = PoseStream(stream_id, to_matrix(turns), joints[:, above], float(times[1] - times[0]))
+        prepared = ShapePlayer(project, shape.id)
+        turns, joints = prepared.sample(times)
+        above, linear = np.maximum(shape.skeleton.parents, 0), prepared.linear(times, turns)
+        stream = PoseStream(stream_id, linear, joints[:, above], float(times[1] - times[0]))
         part = GraphPart(stream_id, np.arange(len(above)), offset=float(times[0]))
         pivots = shape.skeleton.positions[above]
         return GraphShape(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""

@@ -39,6 +39,15 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
     return _scaled(upper, 1.0), _scaled(lower, 1.0)
 
 
+def riding(spans: Spans, layers: frozenset[str]) -> Spans:
+    """The spans of a bone that goes on rigidly from one with ``spans``: it is stretched by these layers.
+
+    A part of a layer that begins where it ends turns nothing.
+    """
+    refs = tuple(replace(ref, start=ref.end) for ref in spans[-1].refs if ref.layer in layers)
+    return (Span(refs=refs),)
+
+
 def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDENTITY) -> Spans:
     """The spans of one bone that turns as two did, one after the other.
 

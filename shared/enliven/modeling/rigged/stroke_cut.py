@@ -12,7 +12,7 @@ from enliven.document import Project, Shape
 from enliven.errors import InputError
 from enliven.modeling.mesh import CutSurface, cut_by_stroke, numbers_in, parted, posed_vertices, with_piece
 from enliven.modeling.rigged.cutting import parted_at
-from enliven.modeling.rigged.posed import posed
+from enliven.modeling.rigged.posed import moment
 
 
 class Crossing(NamedTuple):
@@ -54,8 +54,8 @@ def cut_stroke(
         InputError: where the stroke crosses no bone, a limb twice, or a mesh that cannot be cut.
     """
     shape = project.shape(shape_id)
-    turns, joints = posed(project, shape, time)
-    crossings = crossings_of(shape, stroke, joints)
+    pose = moment(project, shape, time)
+    crossings = crossings_of(shape, stroke, pose.joints)
     _check(shape, crossings)
     edited, upper, lowers = project, shape.with_changes(mesh=None, skin=None), []
     for crossing in crossings:
@@ -64,7 +64,7 @@ def cut_stroke(
         edited = edited.with_characters(upper, lower)
         lowers.append(lower)
     if shape.mesh is not None and shape.skin is not None:
-        cut = cut_by_stroke(shape.mesh, shape.skin, stroke, posed_vertices(shape, turns, joints))
+        cut = cut_by_stroke(shape.mesh, shape.skin, stroke, posed_vertices(shape, pose.linear, pose.joints))
         near, far = (cut.near, cut.far) if crossings[0].near else (cut.far, cut.near)
         pieces = parted(far, [shape.skeleton.below(crossing.bone) for crossing in crossings])
         nodes = [lower.skeleton.names[0] for lower in lowers]

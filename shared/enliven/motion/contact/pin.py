@@ -149,6 +149,7 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, weights, goals, 
     on it.
 
     Args:
+        vectors: (T or 1, N, 3) metres from each parent to its joint before the bone turns.
         chain: (K,) joints of the limb.
         kept: (N,) bones that keep their turn in the world.
         rise: how much of its own rise above the goal the foot keeps.
@@ -177,7 +178,7 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, weights, goals, 
             q = upper if i <= middle else lower
             store(turns[t], chain[i], mul(q, load(turns[t], chain[i])))
             fixed[chain[i]] = True
-        rebuild(parents, vectors, fixed, local, start, turns[t], joints[t])
+        rebuild(parents, vectors[min(t, len(vectors) - 1)], fixed, local, start, turns[t], joints[t])
 
 
 @njit(cache=True, nogil=True)

@@ -2,7 +2,7 @@
 
     window_of(layers, takes) -> Window                       # the time that has to be watched
     standing_of(pins, window, free) -> Standing              # contacts, and how far the root comes down
-    standing.hold(times, on, skeleton, turns, joints)        # pins the feet of a pose, in place
+    standing.hold(times, on, tree, turns, joints)        # pins the feet of a pose, in place
 
 The whole motion is played once, free, and watched.
 """
@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import convolve1d, maximum_filter1d
 
-from enliven.arrays import Bool, Float, Int
-from enliven.document import Clip, Layer, Skeleton
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.document import Clip, Layer
 from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, contacts_of, hold, runs_of
 from enliven.motion.contact.pin import HeldPin, pin_limb
 
@@ -80,8 +80,10 @@ class Standing:
     drops: Float
     grounds: tuple[Contacts, ...] = ()
 
-    def hold(self, times: Float, on: Float, skeleton: Skeleton, turns: Float, joints: Float) -> None:
+    def hold(self, times: Float, on: Float, tree: tuple[Int32, Float], turns: Float, joints: Float) -> None:
         """Pins the feet at times (T,) in the window; changes turns (T, N, 4) and joints (T, N, 3) in place.
+
+        ``tree`` is the joints' parents, and (T or 1, N, 3) metres from each of these to its joint, unturned.
 
         ``on`` (T, 3) metres is how far the shape went on in the rounds before.
         """
@@ -90,10 +92,10 @@ class Standing:
         for pin, contacts in self.pins:
             weights, goals = _held(pin, contacts, times)
             goals += on
-            tree, limb = (skeleton.parents, skeleton.vectors), (pin.chain, pin.middle, pin.side, pin.kept)
+            limb = (pin.chain, pin.middle, pin.side, pin.kept)
             pin_limb(*tree, *limb, pin.settings.rise, weights, goals, drops, turns, joints)
         for (pin, _), ground in zip(self.pins, self.grounds, strict=False):
-            _lift(pin, ground, times, skeleton, turns, joints)
+            _lift(pin, ground, times, tree, turns, joints)
 
 
 def standing_of(
@@ -143,7 +145,7 @@ def _while(on: Bool, times: Float) -> Contacts:
 
 
 def _lift(
-    pin: HeldPin, ground: Contacts, times: Float, skeleton: Skeleton, turns: Float, joints: Float
+    pin: HeldPin, ground: Contacts, times: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
 ) -> None:
     """Brings a foot up that has its sole below the floor; changes turns and joints in place."""
     weights, _ = _held(pin, ground, times)
@@ -151,7 +153,7 @@ def _lift(
     if not (lift > 0.0).any():
         return
     goals = joints[:, pin.chain[-1]] + lift[:, None] * [0.0, 1.0, 0.0]
-    tree, limb = (skeleton.parents, skeleton.vectors), (pin.chain, pin.middle, pin.side, pin.kept)
+    limb = (pin.chain, pin.middle, pin.side, pin.kept)
     up = np.asarray(lift > 0.0, np.float64)
     pin_limb(*tree, *limb, 0.0, up, goals, np.zeros(len(times)), turns, joints)
 

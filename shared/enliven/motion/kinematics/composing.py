@@ -31,8 +31,12 @@ def own_turns(knots, knot, part, fixed, first, terms, inverse, out):  # type: ig
 
 @njit(cache=True, nogil=True)
 def compose(parents, vectors, modeling, own, root, turns, joints):  # type: ignore[no-untyped-def]
-    """Kernel: D_j = D_parent m_j a_j into ``turns`` (T, N, 4), and where the joints are (T, N, 3)."""
+    """Kernel: D_j = D_parent m_j a_j into ``turns`` (T, N, 4), and where the joints are (T, N, 3).
+
+    ``vectors`` (T or 1, N, 3) lead from each parent to its joint before the bone turns.
+    """
     for t in range(len(own)):
+        way = vectors[min(t, len(vectors) - 1)]
         for j in range(len(parents)):
             q = mul(load(modeling, j), load(own[t], j))
             if parents[j] < 0:
@@ -41,7 +45,7 @@ def compose(parents, vectors, modeling, own, root, turns, joints):  # type: igno
                 continue
             q = mul(load(turns[t], parents[j]), q)
             store(turns[t], j, q)
-            x, y, z = turn(q, vectors[j, 0], vectors[j, 1], vectors[j, 2])
+            x, y, z = turn(q, way[j, 0], way[j, 1], way[j, 2])
             joints[t, j, 0] = joints[t, parents[j], 0] + x
             joints[t, j, 1] = joints[t, parents[j], 1] + y
             joints[t, j, 2] = joints[t, parents[j], 2] + z

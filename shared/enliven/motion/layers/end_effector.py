@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.document import Layer, Shape, Skeleton
+from enliven.document import Layer, Shape
 from enliven.kernels import njit
 from enliven.motion.contact import bend_of, local_turns, rebuild
 from enliven.motion.kinematics import between, conj, load, mul, reach, row, store, turn
@@ -113,17 +113,17 @@ def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
 
 
 def lead_at(
-    chain: LedChain, knots: Float, heard: Float, skeleton: Skeleton, turns: Float, joints: Float
+    chain: LedChain, knots: Float, heard: Float, parents: Int32, vectors: Float, turns: Float, joints: Float
 ) -> None:
     """Leads one chain at the times of ``knots`` (T, S + 1, 4), as far as its layer is ``heard`` (T,).
 
-    Turns and joints are changed in place.
+    Turns and joints are changed in place; ``vectors`` (T or 1, N, 3) lead from joint to joint unturned.
     """
     weights = chain.weight * heard
     fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, weights)
     # Laid out anew, so that compiled code is made once, for one time as for many.
     apart = np.ascontiguousarray(knots)
-    lead_end(skeleton.parents, skeleton.vectors, *fixed, apart, turns, joints)
+    lead_end(parents, vectors, *fixed, apart, turns, joints)
 
 
 @njit(cache=True, nogil=True)
@@ -131,6 +131,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
     """Kernel: brings the end of a chain to where the take's is, and rebuilds what hangs on it.
 
     Args:
+        vectors: (T or 1, N, 3) metres from each parent to its joint before the bone turns.
         chain: (K,) joints.
         links: (S, 3) the take's bones at rest in the target's axes.
         ends: (2,) and parts (2,): where on the take's polyline the chain begins and ends.
@@ -164,7 +165,8 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
         for i in range(1, count):
             fixed[chain[i]] = True
             store(turns[t], chain[i], mul(load(made, i - 1), load(turns[t], chain[i])))
-        rebuild(parents, vectors, fixed, local, chain[0], turns[t], joints[t])
+        way = vectors[min(t, len(vectors) - 1)]
+        rebuild(parents, way, fixed, local, chain[0], turns[t], joints[t])
 
 
 @njit(cache=True, nogil=True)

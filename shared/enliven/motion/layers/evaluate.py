@@ -4,6 +4,7 @@
     player = Player(project, shape_id)                     # prepared: evaluate often
     player.at(seconds) -> ShapePose                        # turns (N, 4), joints (N, 3)
     player.sample(times) -> (turns (T, N, 4), joints (T, N, 3))
+    player.linear(times, turns) -> (T, N, 3, 3)            # what moves the vertices: turns and stretches
     player.own(times) -> (T, N, 4)                         # a_j alone: the animation rotations
     player.contacts() -> {joint name: Contacts}            # of the pinned feet
     player.pose(seconds) -> enliven.document.character.Pose         # for the wire and the viewer
@@ -13,7 +14,8 @@
 D_0 = m_0 a_0, D_j = D_parent m_j a_j; x_root = rest + place + travel, x_j = x_parent + D_j (rest_j -
 rest_parent). a_j is the product over the bone's spans of what stands before each and the span's own turn
 C(0)^-1 C(1), with C the product of its layers' q, the first outermost. A muted layer, and one of weight 0, is
-left out.
+left out. Where a layer takes its take's stretches too, x_j = x_parent + D_j U_j (rest_j - rest_parent +
+offset_j), and what is rigid with bone j is moved by D_j U_j; see :mod:`enliven.motion.layers.stretching`.
 """
 
 from __future__ import annotations
@@ -23,15 +25,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven.document import Pose, Project, Shape
+from enliven.document import Pose, Project, Shape, stretched
 from enliven.errors import InputError
 from enliven.motion.contact import Contacts, Standing, held_pins, standing_of, window_of
 from enliven.motion.kinematics import compose, upright
 from enliven.motion.layers.end_effector import lead_at, led_chains
 from enliven.motion.layers.footing import foot_modes
 from enliven.motion.layers.sampling import Sampler
+from enliven.motion.layers.stretching import Stretching
 from enliven.motion.layers.travel import Travel
-from enliven.rotation import to_matrix
+from enliven.rotation import stretch_of, to_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +44,18 @@ class ShapePose:
     Attributes:
         turns: (N, 4) unit quaternions D_j, w >= 0: what bone j turned since rest, in world axes.
         joints: (N, 3) float64 metres.
+        stretch: (N, 3, 3) U_j, by which each bone is stretched before it turns; None: none is.
     """
 
     turns: Float
     joints: Float
+    stretch: Float | None = None
+
+    @property
+    def linear(self) -> Float:
+        """(N, 3, 3) what moves the vertices of each bone: D_j U_j."""
+        maps = to_matrix(self.turns)
+        return maps if self.stretch is None else np.asarray(maps @ self.stretch)
 
 
 def pose_of(project: Project, shape_id: str, seconds: float) -> ShapePose:
@@ -59,9 +70,8 @@ def pose_of(project: Project, shape_id: str, seconds: float) -> ShapePose:
 def pose_from(shape: Shape, at: ShapePose, seconds: float) -> Pose:
     """The transforms of ``character_of``: bone j about the rest position of its parent."""
     above = np.maximum(shape.skeleton.parents, 0)
-    linear = to_matrix(at.turns).astype(np.float32)
     positions: Float32 = at.joints[above].astype(np.float32)
-    return Pose(shape.id, round(seconds * 1e9), linear, positions)
+    return Pose(shape.id, round(seconds * 1e9), at.linear.astype(np.float32), positions)
 
 
 class Player:
@@ -74,6 +84,7 @@ class Player:
         self.project, self.shape = project, project.shape(shape_id)
         self._sampler, self._travel = Sampler(project, self.shape), Travel(project, self.shape)
         parts = self._sampler
+        self._stretching = Stretching.of(parts, self.shape)
         self._led = [
             (number, part, chain)
             for number, (layer, line, part) in enumerate(
@@ -88,8 +99,10 @@ class Player:
 
     def at(self, seconds: float) -> ShapePose:
         """The shape at a time of the project."""
-        turns, joints = self.sample(np.array([seconds], np.float64))
-        return ShapePose(upright(turns[0]), joints[0])
+        times = np.array([seconds], np.float64)
+        turns, joints = self.sample(times)
+        stretch = self._stretch(times)
+        return ShapePose(upright(turns[0]), joints[0], None if stretch is None else stretch[0])
 
     def pose(self, seconds: float) -> Pose:
         """The pose for the wire and the viewer, with the transforms of :func:`pose_from`."""
@@ -103,8 +116,29 @@ class Player:
         if standing is not None:
             first = standing.window.folded(times)
             on = joints[:, 0] - self._travel.at(first)
-            standing.hold(first, on, self.shape.skeleton, turns, joints)
+            tree = (self.shape.skeleton.parents, self._links(times))
+            standing.hold(first, on, tree, turns, joints)
         return turns, joints
+
+    def linear(self, times: AnyArray, turns: Float) -> Float:
+        """(T, N, 3, 3) D_j U_j at times (T,), for the turns D_j (T, N, 4) of :meth:`sample`."""
+        maps, stretch = to_matrix(turns), self._stretch(_times(times))
+        return maps if stretch is None else np.asarray(maps @ stretch)
+
+    def _stretch(self, times: Float) -> Float | None:
+        """(T, N, 3, 3) U_j at times (T,); None where no bone is stretched."""
+        strains = None if self._stretching is None else self._stretching.at(times)[1]
+        return None if strains is None or not strains.any() else stretch_of(strains)
+
+    def _links(self, times: Float) -> Float:
+        """(T or 1, N, 3) metres from each joint's parent to the joint before its bone turns."""
+        links = self.shape.skeleton.vectors[None]
+        if self._stretching is not None:
+            offsets, strains = self._stretching.at(times)
+            links = links + offsets
+            links = stretched(stretch_of(strains), links) if strains.any() else links
+            links.setflags(write=False)  # as a skeleton's are: compiled code is made once for both
+        return links
 
     def free(self, times: AnyArray) -> tuple[Float, Float]:
         """As :meth:`sample`, with no foot pinned."""
@@ -114,11 +148,13 @@ class Player:
         knots, skeleton = self._sampler.knots(times), self.shape.skeleton
         own, root = self._sampler.own(knots), self._travel.at(times)
         turns, joints = np.empty_like(own), np.empty((*own.shape[:2], 3))
-        compose(skeleton.parents, skeleton.vectors, self.shape.modeling, own, root, turns, joints)
+        links = self._links(times)
+        compose(skeleton.parents, links, self.shape.modeling, own, root, turns, joints)
         heard = self._sampler.weights(times) if self._led else None
         for number, part, chain in self._led:
             assert heard is not None
-            lead_at(chain, knots[:, part], np.ascontiguousarray(heard[:, number]), skeleton, turns, joints)
+            loud = np.ascontiguousarray(heard[:, number])
+            lead_at(chain, knots[:, part], loud, skeleton.parents, links, turns, joints)
         return turns, joints
 
     def own(self, times: AnyArray) -> Float:

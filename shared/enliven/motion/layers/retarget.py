@@ -19,8 +19,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from enliven.arrays import AnyArray
-from enliven.document import Layer, Project, Ref, Shape, Skeleton, Span, unused
+from enliven.document import Clip, Layer, Project, Ref, Shape, Skeleton, Span, unused
 from enliven.errors import InputError
 from enliven.motion.layers.basis import UP, VIEW, basis_between, first_bone
 from enliven.motion.layers.polyline import arc_of, bones_of, goes_down
@@ -53,7 +55,8 @@ def bind_chain(
         basis: (4,) target_from_source in the place of the view's; the identity turns in world axes.
         flip: turn the y axis over; not with a ``basis``.
         layer_id: the new layer's name; None finds one.
-        played: offset, speed, loop, weight, muted, mirrored of the :class:`Layer`.
+        played: offset, speed, loop, weight, muted, mirrored, stretch of the :class:`Layer`; bones take the
+            stretches of a clip of a skeleton like the shape's own unless that is said.
 
     Raises:
         InputError: where there is no such shape, take or joint, or a chain cannot be followed.
@@ -82,12 +85,20 @@ def bind_chain(
     name = unused(take_id, project.layer_names) if layer_id is None else layer_id
     if any(layer.id == name for layer in shape.layers):
         raise InputError(f"there is a layer {name!r} already", where=shape.where, mend="Choose another name.")
+    played.setdefault("stretch", _own(shape.skeleton, project.takes[take_id]))
     layer = Layer(name, take_id, source, basis, **played)
     arc = arc_of(shape.skeleton, target) if len(target) > 1 else [0.0, 1.0]
     spans = list(shape.spans)
     for bone, start, end in zip(bones, arc[:-1], arc[1:], strict=True):
         spans[bone] = _laid(spans[bone], name, float(start), float(end))
     return project.with_characters(shape.with_changes(spans=tuple(spans), layers=(*shape.layers, layer)))
+
+
+def _own(skeleton: Skeleton, take: Clip) -> bool:
+    """Whether a take is a clip of this skeleton that moves or stretches its bones."""
+    theirs = take.skeleton
+    alike = skeleton.names == theirs.names and np.array_equal(skeleton.parents, theirs.parents)
+    return alike and bool(take.tracks)
 
 
 def clear_chain(

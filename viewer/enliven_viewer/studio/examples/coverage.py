@@ -141,5 +141,5 @@ def _shown(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
 
 def _frame(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
     """(J, 3) one frame in the body frame."""
-    one = Clip(clip.id, clip.skeleton, clip.turns[frame : frame + 1], clip.root[frame : frame + 1], clip.step)
+    one = clip.mapped(lambda track: track[frame : frame + 1])
     return np.asarray(performed(one, joints).poses[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven.mapping import BOUND, MotionQuality, Plan, limb_of
+from enliven.mapping import BOUND, THROUGH, MotionQuality, Plan, limb_of
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.places import Area
@@ -20,8 +20,6 @@ _ROWS = 34.0
 """Pixels under the picture of the take: a row of buttons."""
 _SAID = 3 * 20.0
 """Pixels of the lines that say how good a motion is."""
-_CUTS = 0.005
-"""Share of the edges that cut another part from which it is said: fewer are not seen."""
 _THUMB = ImVec2(92, 92)
 
 
@@ -98,8 +96,8 @@ def _said(plan: Plan, quality: MotionQuality) -> list[str]:
     floor = [] if quality.sunk is None else [f"off the floor {max(quality.sunk, quality.afloat or 0.0):.1%}"]
     if quality.slide is not None:
         floor.append(f"feet slide {quality.slide:.0f} cm/s")
-    if quality.crossing > _CUTS:
-        floor.append(f"{quality.crossing:.1%} cuts itself")
+    if quality.through > THROUGH:
+        floor.append(f"{quality.through:.0%} goes through itself: {', '.join(quality.parts[:2])}")
     less = {limb_of(c): c.weight for c in plan.chains if c.weight < 1.0 and "whole" not in c.role}
     told_less = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
     return [*said, *([", ".join(floor)] if floor else []), *([f"Moved less: {told_less}"] if less else [])]

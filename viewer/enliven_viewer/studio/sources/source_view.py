@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document import Clip, still_shape
+from enliven.document import Clip, joint_places, still_shape
 from enliven.motion.layers import ShapePose, pose_from
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import OrbitCamera
@@ -17,7 +17,6 @@ from enliven_viewer.studio.viewport import (
     Selection,
     StandingCharacter,
     joint_at,
-    joints_of,
 )
 
 _TURN = 0.01
@@ -130,8 +129,8 @@ class SourceView:
 def posed_take(clip: Clip, time: float) -> StandingCharacter:
     """A take's own skeleton at the frame nearest to ``time``, seconds since its begin."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
-    joints = joints_of(clip.skeleton, clip.turns[frame], clip.root[frame])
-    shape = still_shape(SOURCE, clip.skeleton)
+    one = clip.mapped(lambda track: track[frame : frame + 1])
+    joints, shape = joint_places(one)[0], still_shape(SOURCE, clip.skeleton)
     return StandingCharacter(
         shape, None, pose_from(shape, ShapePose(clip.turns[frame], joints), time), joints
     )

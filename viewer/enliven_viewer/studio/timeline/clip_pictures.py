@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -69,7 +68,7 @@ def _frames(count: int) -> Int32:
 
 def _joints(take: Clip, frames: Int32) -> Float:
     """(P, N, 3) metres, the joints of a take at frames."""
-    return joint_places(replace(take, turns=take.turns[frames], root=take.root[frames]))
+    return joint_places(take.mapped(lambda track: track[frames]))
 
 
 def _bones(take: Clip) -> AnyArray:

@@ -1,0 +1,145 @@
+"""The lengths and stretches that layers give the bones of a shape, beside their turns.
+
+    stretching = Stretching.of(sampler, shape)              # None where no layer's take stretches anything
+    offsets, strains = stretching.at(times)                 # (T, N, 3) metres, (T, N, 6)
+
+A bone of the take gives its strain to all that falls on it, and its offset in proportion to the arc length
+that does, in the size of the bone that takes it. So a bone that a node divides keeps its stretch on both
+sides, and the offsets of the two halves add up to that of the whole. Several layers on a bone add up:
+strains are logarithms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Clip, Layer, Ref, Shape, Span
+from enliven.motion.layers.polyline import Polyline, place_of
+from enliven.motion.layers.sampling import Sampler
+from enliven.motion.layers.timing import Clocks
+from enliven.rotation import rotate, turned_strain
+
+_LENGTH = 1e-9
+"""Share of the shape's longest bone below which a bone has no length to be compared by."""
+_REFLECTED = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0])
+"""(6,) what the reflection in the plane x = 0 does to a strain."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretched:
+    """One layer that stretches bones.
+
+    Attributes:
+        bones: (B,) of the take, along the layer's chain.
+        signs: (B,) -1 for a bone that the chain goes up.
+        offsets: (N, B) how much of each bone's offset each bone of the shape takes.
+        strains: (N, B) the same for its strain.
+    """
+
+    layer: Layer
+    clip: Clip
+    clock: Clocks
+    bones: list[int]
+    signs: Float
+    offsets: Float
+    strains: Float
+
+    def at(self, times: Float) -> tuple[Float, Float]:
+        """(T, N, 3) offsets and (T, N, 6) strains at times (T,)."""
+        played = self.clock.played(times)
+        weight = played.weight[:, 0] * self.layer.weight
+        made = [np.zeros((len(times), len(self.bones), 3)), np.zeros((len(times), len(self.bones), 6))]
+        for out, track in zip(made, (self.clip.offsets, self.clip.strains), strict=True):
+            if track is not None:
+                one, other = (_between(track[:, self.bones], at[:, 0]) for at in (played.frame, played.other))
+                out += weight[:, None, None] * (one + played.share[:, :1, None] * (other - one))
+        offsets, strains = made[0] * self.signs[:, None], made[1]
+        if self.layer.mirrored:
+            offsets, strains = offsets * [-1.0, 1.0, 1.0], strains * _REFLECTED
+        offsets, strains = rotate(self.layer.basis, offsets), turned_strain(self.layer.basis, strains)
+        return np.einsum("nb,tbc->tnc", self.offsets, offsets), np.einsum(
+            "nb,tbc->tnc", self.strains, strains
+        )
+
+
+class Stretching:
+    """All the layers of a shape that stretch bones."""
+
+    def __init__(self, layers: list[_Stretched]) -> None:
+        self._layers = layers
+
+    @staticmethod
+    def of(sampler: Sampler, shape: Shape) -> Stretching | None:
+        """The layers of a shape that take the lengths and stretches of their takes; None without any."""
+        both = zip(sampler.layers, sampler.lines, strict=True)
+        heard = [(layer, line) for layer, line in both if layer.stretch and line.clip.tracks]
+        ratios = [_ratios(layer, line, shape) for layer, line in heard]
+        known = [ratio[np.isfinite(ratio)] for ratio in ratios]
+        usual = float(np.median(np.concatenate(known))) if any(len(some) for some in known) else 1.0
+        found = [
+            _stretched(layer, line, shape, np.where(np.isfinite(ratio), ratio, usual))
+            for (layer, line), ratio in zip(heard, ratios, strict=True)
+        ]
+        return Stretching(found) if found else None
+
+    def at(self, times: Float) -> tuple[Float, Float]:
+        """(T, N, 3) metres and (T, N, 6) at times (T,): offsets and strains as a clip has them."""
+        made = [layer.at(times) for layer in self._layers]
+        return sum(offsets for offsets, _ in made), sum(strains for _, strains in made)  # type: ignore[return-value]
+
+
+def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _Stretched:
+    """One layer laid out; ``ratios`` (N,) metres of each bone for a metre of the take."""
+    skeleton, count = line.clip.skeleton, len(line.bones)
+    upward = [int(skeleton.parents[a]) == b for a, b in pairwise(line.chain)] or [False]
+    taken = np.zeros((2, len(shape.skeleton), count))
+    wide = np.diff(line.knots)
+    for j, spans in enumerate(shape.spans):
+        for share, ref in _refs(spans, layer):
+            low, high = min(ref.start, ref.end), max(ref.start, ref.end)
+            if low == high:
+                # It rides on the bone before: as long a part of the take's bone as it is itself.
+                there = int(place_of(line.knots, np.array([low]))[0][0])
+                theirs = float(skeleton.lengths[line.bones[there]])
+                taken[0, j, there] += share * shape.skeleton.lengths[j] / theirs if theirs > 0.0 else 0.0
+                taken[1, j, there] += share
+                continue
+            common = np.minimum(high, line.knots[1:]) - np.maximum(low, line.knots[:-1])
+            common = np.maximum(common, 0.0)
+            taken[0, j] += ratios[j] * common / wide
+            taken[1, j] += share * common / (high - low)
+    signs = np.where(upward, -1.0, 1.0)
+    bones = line.bones.tolist()
+    return _Stretched(layer, line.clip, Clocks.of([layer], [line.clip]), bones, signs, *taken)
+
+
+def _ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
+    """(N,) metres of each bone of a shape for a metre of a layer's take that falls on it.
+
+    NaN for a bone without length, and for all of a chain without.
+    """
+    lengths, ratios = shape.skeleton.lengths, np.full(len(shape.skeleton), np.nan)
+    theirs = line.clip.skeleton.positions[list(line.chain)]
+    theirs = float(np.linalg.norm(np.diff(theirs, axis=0), axis=1).sum())
+    for j, spans in enumerate(shape.spans):
+        refs = _refs(spans, layer)
+        part = sum(abs(ref.end - ref.start) for _, ref in refs)
+        if refs and part * theirs > 0.0 and lengths[j] > _LENGTH * lengths.max():
+            ratios[j] = lengths[j] * sum(share for share, _ in refs) / (part * theirs)
+    return ratios
+
+
+def _refs(spans: tuple[Span, ...], layer: Layer) -> list[tuple[float, Ref]]:
+    """The parts of a layer that fall on a bone, each with the share of its span."""
+    return [(span.share, ref) for span in spans for ref in span.refs if ref.layer == layer.id]
+
+
+def _between(track: Float, at: Float) -> Float:
+    """(T, ...) the values of (F, ...) at frame numbers (T,)."""
+    frame = np.clip(at.astype(int), 0, max(len(track) - 2, 0))
+    part = np.clip(at - frame, 0.0, 1.0).reshape(-1, *(1,) * (track.ndim - 1))
+    return np.asarray(track[frame] + part * (track[np.minimum(frame + 1, len(track) - 1)] - track[frame]))
