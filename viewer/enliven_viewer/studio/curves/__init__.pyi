@@ -1,3 +1,3 @@
 from .channels import Dot as Dot, CurveGroup as CurveGroup
-from .curve_input import CurveInput as CurveInput
+from .curve_input import KEYED as KEYED, CurveInput as CurveInput
 from .scale import Scale as Scale

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphShape, Playing, Project, Puppet, RigBase, Shape, eased_degrees
+from enliven.document import GraphShape, MotionKey, Playing, Pose, Project, Puppet, RigBase, Shape, key_values
 from enliven.modeling.edits import key_layer, keys_of, rig_of
 from enliven.rotation import (
     conjugate,
@@ -46,7 +46,7 @@ class CurveGroup:
     """Channels of one unit.
 
     Attributes:
-        name: "keys", "turn", "place", "weight" or "speed".
+        name: "keys", "moves", "turn", "place", "weight" or "speed".
         unit: what stands behind a value.
         channels: their names.
         values: (T, C) at the times that were asked for; nothing is drawn where one is not finite.
@@ -70,7 +70,7 @@ class Thing:
 
 
 def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
-    """The curves of a thing at times (T,); those of its keys are apart, in :func:`key_group`.
+    """The curves of a thing at times (T,); those of its keys are apart, in :func:`key_groups`.
 
     Raises:
         EnlivenError: where it cannot be played.
@@ -94,23 +94,35 @@ def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGr
     return {group.name: group for group in found}
 
 
-def key_group(project: Project, thing: Thing, times: Float) -> CurveGroup | None:
-    """The keys of a chosen bone and the curves through them, in degrees; None where there is no bone."""
-    shape = project.characters.get(thing.character)
-    if not isinstance(shape, Shape) or thing.handle is None:
-        return None
-    number = key_layer(project, shape.id, thing.handle)
-    if number is None:
-        return CurveGroup("keys", "\u00b0", AXES, np.zeros((len(times), 3)))
-    layer = shape.layers[number]
-    clip = project.takes[layer.take]
-    seconds = [layer.played(float(time), clip.duration)[0] for time in times]
-    dots = tuple(
-        Dot(k, axis, time, key.degrees[axis], key.ease)
-        for k, (time, key) in enumerate(keys_of(project, shape.id, thing.handle))
+def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
+    """The keys of a thing and the curves through them: "keys" in degrees, and "moves" in metres.
+
+    They are of the chosen bone or node, or else of the whole; a bone is only turned, and the control points
+    of a puppet have key poses instead.
+    """
+    character = project.characters.get(thing.character)
+    if character is None or (thing.handle is not None and thing.handle >= character.keyable):
+        return {}
+    number, known = key_layer(project, thing.character, thing.handle), np.zeros((len(times), 6))
+    keys = keys_of(project, thing.character, thing.handle)
+    if number is not None:
+        layer = character.playing[number]
+        length = project.length_of(layer)
+        seconds = [layer.played(float(time), length)[0] for time in times]
+        known = key_values([key for _, key in keys], np.array(seconds))
+    made = {"keys": CurveGroup("keys", "\u00b0", AXES, known[:, :3], _dots(keys, "degrees"))}
+    if thing.handle is None or not isinstance(character, Shape):
+        made["moves"] = CurveGroup("moves", "m", AXES, known[:, 3:], _dots(keys, "metres"))
+    return made
+
+
+def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Dot, ...]:
+    """A dot for each key and axis; ``values`` names what of a key they show."""
+    return tuple(
+        Dot(k, axis, time, getattr(key, values)[axis], key.ease)
+        for k, (time, key) in enumerate(keys)
         for axis in range(3)
     )
-    return CurveGroup("keys", "\u00b0", AXES, eased_degrees(clip.keys, np.array(seconds)), dots)
 
 
 def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
@@ -142,6 +154,8 @@ def _moving(
     """What gives the turn (4,) and the place (3,) of a thing at a time; None where none is chosen."""
     player = rig_of(character).player(project, character)
     if isinstance(character, GraphShape):
+        if thing.handle is not None:
+            return _of_node(player, thing.handle)
         number = min(thing.layer or 0, len(character.parts) - 1)
         part = slice(character.starts[number], character.starts[number + 1])
 
@@ -168,6 +182,18 @@ def _moving(
         return turn, np.asarray(handles[handle], np.float64)
 
     return of_handle
+
+
+def _of_node(
+    player: Callable[[float], tuple[Pose, Float]], node: int
+) -> Callable[[float], tuple[Float, Float]]:
+    """What gives the turn and the place of a node of a deformation graph."""
+
+    def at(time: float) -> tuple[Float, Float]:
+        pose = player(time)[0]
+        return from_matrix(pose.linear[node]), np.asarray(pose.positions[node], np.float64)
+
+    return at
 
 
 def _unwrapped(turns: Float) -> Float:

@@ -5,20 +5,21 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError
-from enliven.modeling.edits import added_degrees, ease_key, move_key, remove_key, set_key
+from enliven.modeling.edits import ease_key, key_at, keys_of, move_key, remove_key, set_key
 from enliven.modeling.puppet import change_key_pose, remove_key_pose
 from enliven_viewer.studio.curves.channels import (
     CurveGroup,
     Dot,
     Thing,
     groups_of,
-    key_group,
+    key_groups,
     layer_of_thing,
     pose_dots,
 )
@@ -26,8 +27,10 @@ from enliven_viewer.studio.curves.scale import Scale
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import TimelineInput
 
-GROUPS = ("keys", "turn", "place", "weight", "speed")
+GROUPS = ("keys", "moves", "turn", "place", "weight", "speed")
 """All groups, in the order in which they are offered."""
+KEYED = {"keys": "degrees", "moves": "metres"}
+"""The groups of keys over motion, and what of a key each shows."""
 REACH = 8.0
 """Pixels around a key within which the pointer takes hold of it."""
 _SAMPLES = 240
@@ -75,7 +78,7 @@ class CurveInput:
         self._pool: ThreadPoolExecutor | None = None
         self._work: tuple[_Wanted, Future[dict[str, CurveGroup]]] | None = None
         self._known: tuple[_Wanted, dict[str, CurveGroup]] | None = None
-        self._keys: tuple[_Wanted, CurveGroup | None] | None = None
+        self._keys: tuple[_Wanted, dict[str, CurveGroup]] | None = None
 
     def toggle(self) -> None:
         """Show or hide the curves."""
@@ -119,9 +122,8 @@ class CurveInput:
         layout = self.timeline.layout
         wanted = _Wanted(project, thing, layout.start, layout.shown)
         if self._keys is None or not wanted.same(self._keys[0]):
-            self._keys = (wanted, key_group(project, thing, self.times))
-        if self._keys[1] is not None:
-            found["keys"] = self._keys[1]
+            self._keys = (wanted, key_groups(project, thing, self.times))
+        found.update(self._keys[1])
         if "place" in found and (dots := pose_dots(project, thing)):
             found["place"] = replace(found["place"], dots=dots)
         return {name: found[name] for name in GROUPS if name in found}
@@ -141,7 +143,7 @@ class CurveInput:
 
     def sampled(self) -> Float:
         """(T,) seconds of the values of :meth:`shown`, which may be of a moment ago."""
-        if self._known is None or self.shown_name() == "keys":
+        if self._known is None or self.shown_name() in KEYED:
             return self.times
         return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _SAMPLES)
 
@@ -221,27 +223,28 @@ class CurveInput:
     def double(self, x: float, y: float) -> None:
         """A double click: a key more, with the value at the pointer on the nearest channel."""
         thing, group = self.thing, self.shown()
-        if thing is None or thing.handle is None or group is None or group.name != "keys":
+        if thing is None or group is None or group.name not in KEYED:
             return
         if self.dot_at(x, y) is not None:
             return
         time, value = self.timeline.layout.time(x), self.scale(group).value(y)
-        bone = thing.handle
-        values = list(added_degrees(self.editor.project, thing.character, bone, time))
+        word = KEYED[group.name]
+        values = list(getattr(key_at(self.editor.project, thing.character, thing.handle, time), word))
         axis = int(np.abs(np.array(values) - value).argmin())
         values[axis] = value
-        self.editor.edit("set key", lambda project: set_key(project, thing.character, bone, time, values))
+        how: dict[str, Any] = {word: values}
+        self.editor.edit("set key", lambda p: set_key(p, thing.character, thing.handle, time, **how))
 
     def remove(self) -> None:
         """Remove the chosen key."""
         thing, number = self.thing, self.chosen
-        if thing is None or number is None or thing.handle is None:
+        if thing is None or number is None:
             return
-        bone, self.chosen = thing.handle, None
-        if isinstance(self.editor.chosen(), Puppet):
+        keyed, self.chosen = self.shown_name() in KEYED, None
+        if not keyed:
             self.editor.edit("remove key pose", lambda p: remove_key_pose(p, thing.character, number))
         else:
-            self.editor.edit("remove key", lambda p: remove_key(p, thing.character, bone, number))
+            self.editor.edit("remove key", lambda p: remove_key(p, thing.character, thing.handle, number))
 
     def type(self, key: str) -> bool:
         """Whether a key of the keyboard meant the chosen key: Delete removes it."""
@@ -253,29 +256,32 @@ class CurveInput:
     def ease(self, ease: str) -> None:
         """Let the chosen key go over into the next in another way."""
         thing, number = self.thing, self.chosen
-        if thing is not None and number is not None and thing.handle is not None:
-            bone = thing.handle
-            self.editor.edit(f"{ease} key", lambda p: ease_key(p, thing.character, bone, number, ease))
+        if thing is not None and number is not None:
+            self.editor.edit(
+                f"{ease} key", lambda p: ease_key(p, thing.character, thing.handle, number, ease)
+            )
 
     def _moved(self, x: float, y: float) -> Edit:
         """The edit that brings the held key to a pixel."""
         assert self._held is not None
         dot, from_x, from_y, scale = self._held
         thing, layout = self.thing, self.timeline.layout
-        assert thing is not None and thing.handle is not None
+        assert thing is not None
+        word = KEYED.get(self.shown_name())
         time = dot.time + layout.time(x) - layout.time(from_x)
         value = dot.value + scale.value(y) - scale.value(from_y)
         # A drag that goes one way leaves the other as it is.
         time = dot.time if abs(x - from_x) < REACH / 2 else time
         value = dot.value if abs(y - from_y) < REACH / 2 else value
-        bone = thing.handle
 
         def change(project: Project) -> Project:
-            if isinstance(project.character(thing.character), Puppet):
+            if word is None:
                 return _pose_moved(project, thing, dot, time, value)
-            degrees = [one.value for one in _dots(project, thing) if one.number == dot.number]
-            degrees[dot.axis] = value
-            return move_key(project, thing.character, bone, dot.number, time, degrees)
+            known = keys_of(project, thing.character, thing.handle)[dot.number][1]
+            values = list(getattr(known, word))
+            values[dot.axis] = value
+            how: dict[str, Any] = {word: values}
+            return move_key(project, thing.character, thing.handle, dot.number, time, **how)
 
         return change
 
@@ -288,11 +294,6 @@ class CurveInput:
         if error is not None and not isinstance(error, EnlivenError):
             self.editor.toasts.tell(error)  # what cannot be played is told by the panel that plays it
         self._known = (wanted, {} if error is not None else future.result())
-
-
-def _dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
-    group = key_group(project, thing, np.zeros(1))
-    return () if group is None else group.dots
 
 
 def _pose_moved(project: Project, thing: Thing, dot: Dot, time: float, value: float) -> Project:
