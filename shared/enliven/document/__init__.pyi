@@ -38,8 +38,10 @@ from .graph import (
 )
 from .keys import (
     EASES as EASES,
+    CurveKey as CurveKey,
     KEY_STEP as KEY_STEP,
     MotionKey as MotionKey,
+    curve_of as curve_of,
     key_values as key_values,
     placed_keys as placed_keys,
     through_keys as through_keys,
@@ -68,6 +70,8 @@ from .skeleton import Skeleton as Skeleton, skeleton_of as skeleton_of
 from .surface_settings import ArapSettings as ArapSettings
 from .smoothing import smoothed as smoothed
 from .time_map import (
+    FASTEST as FASTEST,
+    SLOWEST as SLOWEST,
     Moment as Moment,
     Playing as Playing,
     Segment as Segment,

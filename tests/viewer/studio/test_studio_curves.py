@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "modeling"))
 from test_character_laws import WORLDS
 
-from enliven.document import KEY_STEP, Layer, same
-from enliven.modeling.edits import change_layers, keys_of, rig_of, set_key, vertices_of
+from enliven.document import KEY_STEP, SLOWEST, Layer, same
+from enliven.modeling.edits import change_layers, keys_of, layer_keys, rig_of, set_key, vertices_of
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven_viewer.studio.curves import CurveInput, Scale
 from enliven_viewer.studio.editor import Editor
@@ -254,6 +254,40 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     curves.release(x, y - 30)
     assert keys_of(editor.project, name, None)[1][1].metres[0] > key.metres[0]
     assert editor.history.names[-1] == "move key"
+
+
+@rigs
+def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
+    editor, curves, name = desk(rig, handle=None)
+    editor.select(layer=0)
+    curves.settle()
+    for group, number in (("weight", "weights"), ("speed", "speeds")):
+        curves.group = group
+        shown = curves.shown()
+        assert shown is not None and shown.name == group and not shown.dots
+        for second, value in ((0.3, 0.8), (0.9, 0.5)):
+            curves.double(curves.timeline.layout.x(second), curves.scale(shown).y(value))
+        shown = curves.settle()[group]
+        assert [dot.time for dot in shown.dots] == pytest.approx([0.3, 0.9], abs=0.02)
+        drawn = np.interp([dot.time for dot in shown.dots], curves.times, shown.values[:, 0])
+        np.testing.assert_allclose([dot.value for dot in shown.dots], drawn, atol=0.05)
+        x, y = at(curves, 1, 0)
+        curves.press(x, y)
+        curves.drag(x, y + 5000)
+        curves.release(x, y + 5000)  # below what can be played: the least is taken, and it is said
+        keys = layer_keys(editor.project, name, 0, number)
+        assert keys[1].value == (0.0 if number == "weights" else SLOWEST)
+        assert editor.toasts.shown
+        curves.press(*at(curves, 0, 0))
+        curves.release(*at(curves, 0, 0))
+        curves.ease("linear")
+        assert layer_keys(editor.project, name, 0, number)[0].ease == "linear"
+        curves.remove()
+        assert len(layer_keys(editor.project, name, 0, number)) == 1
+        while editor.history.undo_name:
+            editor.undo()
+        assert same(editor.project, WORLDS[rig][0])
+        curves.settle()
 
 
 def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> None:

@@ -61,6 +61,12 @@ from .keys import (
     remove_key as remove_key,
     set_key as set_key,
 )
+from .layer_curves import (
+    layer_keys as layer_keys,
+    move_layer_key as move_layer_key,
+    remove_layer_key as remove_layer_key,
+    set_layer_key as set_layer_key,
+)
 from .markers import (
     add_marker as add_marker,
     move_marker as move_marker,

@@ -225,7 +225,7 @@ def _second(project: Project, layer: Playing, time: float) -> float:
     """
     if layer.segments or layer.loop or layer.speed < 0.0:
         return layer.played(time, project.length_of(layer))[0]
-    second = (time - layer.offset) * layer.speed
+    second = (layer.even(time) - layer.offset) * layer.speed
     if _frame(second) < 0:
         what = f"the clip of its keys begins at {layer.offset:.2f} s"
         raise InputError(what, where=f"layer {layer.take!r}", mend="Move that clip earlier first.")

@@ -88,7 +88,8 @@ def _frames(project: Project, character: RigBase, time: float) -> tuple[Float, b
     rig = rig_of(character)
     heard = [layer for layer in character.playing if not layer.muted]
     rounds = [layer.lasting(project.length_of(layer)) for layer in heard if layer.loop]
-    if rounds and len(rounds) == len(heard) and np.ptp(rounds) < 1e-9 and rounds[0] > 0.0:
+    even = not any(layer.weights or layer.speeds for layer in heard)
+    if even and rounds and len(rounds) == len(heard) and np.ptp(rounds) < 1e-9 and rounds[0] > 0.0:
         player = rig.player(project, character)
         first, last = (player(at).pose.positions for at in (time, time + rounds[0]))
         if np.abs(first - last).max() < _SAME:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import GraphShape, MotionKey, Playing, Pose, Project, Puppet, RigBase, Shape, key_values
-from enliven.modeling.edits import key_layer, keys_of, rig_of
+from enliven.modeling.edits import key_layer, keys_of, layer_keys, rig_of
 from enliven.rotation import (
     conjugate,
     continuous,
@@ -20,6 +21,8 @@ from enliven.rotation import (
 )
 
 AXES = ("x", "y", "z")
+NUMBERS: dict[str, Literal["weights", "speeds"]] = {"weight": "weights", "speed": "speeds"}
+"""The groups of numbers of a layer, and which of its keys are theirs."""
 
 
 @dataclass(frozen=True)
@@ -139,13 +142,47 @@ def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
     )
 
 
+def layer_dots(project: Project, thing: Thing, group: str) -> tuple[Dot, ...]:
+    """The keys of the weight or the speed of a thing's layer, with the values that are drawn."""
+    number = layer_number(project, thing)
+    if number is None or group not in NUMBERS:
+        return ()
+    keys = layer_keys(project, thing.character, number, NUMBERS[group])
+    offset = project.character(thing.character).playing[number].offset
+    return tuple(
+        Dot(
+            k,
+            0,
+            offset + key.second,
+            key.value * scale_of(project, thing, group, offset + key.second),
+            key.ease,
+        )
+        for k, key in enumerate(keys)
+    )
+
+
+def scale_of(project: Project, thing: Thing, group: str, time: float) -> float:
+    """What a value of 1 of a key of a layer's weight or speed is drawn as: the layer's own number."""
+    layer = layer_of_thing(project, thing)
+    if layer is None or group == "weight":
+        return float(getattr(layer, "weight", 1.0)) or 1.0
+    plain: dict[str, Any] = {"speeds": ()}
+    return _speed(replace(layer, **plain), layer.even(time), project.length_of(layer)) or layer.speed
+
+
 def layer_of_thing(project: Project, thing: Thing) -> Playing | None:
     """The chosen layer of a thing, or else the first that is heard."""
+    number = layer_number(project, thing)
+    return None if number is None else project.character(thing.character).playing[number]
+
+
+def layer_number(project: Project, thing: Thing) -> int | None:
+    """The number of that layer; None where nothing is heard."""
     character = project.characters.get(thing.character)
     playing = () if character is None else character.playing
     if thing.layer is not None and thing.layer < len(playing):
-        return playing[thing.layer]
-    return next((one for one in playing if not one.muted), None)
+        return thing.layer
+    return next((number for number, one in enumerate(playing) if not one.muted), None)
 
 
 def _moving(

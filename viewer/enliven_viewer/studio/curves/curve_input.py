@@ -5,32 +5,30 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError
-from enliven.modeling.edits import ease_key, key_at, keys_of, move_key, remove_key, set_key
-from enliven.modeling.puppet import change_key_pose, remove_key_pose
 from enliven_viewer.studio.curves.channels import (
+    NUMBERS,
     CurveGroup,
     Dot,
     Thing,
     groups_of,
     key_groups,
-    layer_of_thing,
+    layer_dots,
+    layer_number,
     pose_dots,
 )
+from enliven_viewer.studio.curves.edits import KEYED, added, beyond, eased, moved, removed
 from enliven_viewer.studio.curves.scale import Scale
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import TimelineInput
 
 GROUPS = ("keys", "moves", "turn", "place", "weight", "speed")
 """All groups, in the order in which they are offered."""
-KEYED = {"keys": "degrees", "moves": "metres"}
-"""The groups of keys over motion, and what of a key each shows."""
 REACH = 8.0
 """Pixels around a key within which the pointer takes hold of it."""
 _SAMPLES = 240
@@ -126,6 +124,9 @@ class CurveInput:
         found.update(self._keys[1])
         if "place" in found and (dots := pose_dots(project, thing)):
             found["place"] = replace(found["place"], dots=dots)
+        for name in NUMBERS:
+            if name in found:
+                found[name] = replace(found[name], dots=layer_dots(project, thing, name))
         return {name: found[name] for name in GROUPS if name in found}
 
     def settle(self) -> dict[str, CurveGroup]:
@@ -210,6 +211,8 @@ class CurveInput:
         """The button was let go: what was dragged is one edit."""
         held = self._held
         if held is not None and self.editor.draft is not None:
+            if self.thing is not None:
+                self._warn(self.thing, self.shown_name(), *self._wanted(x, y))
             self.editor.edit("move key", self._moved(x, y))
         self.editor.draft, self._held = None, None
         dot = self.dot_at(x, y)
@@ -223,28 +226,22 @@ class CurveInput:
     def double(self, x: float, y: float) -> None:
         """A double click: a key more, with the value at the pointer on the nearest channel."""
         thing, group = self.thing, self.shown()
-        if thing is None or group is None or group.name not in KEYED:
+        if thing is None or group is None or group.name not in (*KEYED, *NUMBERS):
             return
         if self.dot_at(x, y) is not None:
             return
-        time, value = self.timeline.layout.time(x), self.scale(group).value(y)
-        word = KEYED[group.name]
-        values = list(getattr(key_at(self.editor.project, thing.character, thing.handle, time), word))
-        axis = int(np.abs(np.array(values) - value).argmin())
-        values[axis] = value
-        how: dict[str, Any] = {word: values}
-        self.editor.edit("set key", lambda p: set_key(p, thing.character, thing.handle, time, **how))
+        name, time, value = group.name, self.timeline.layout.time(x), self.scale(group).value(y)
+        self._warn(thing, name, time, value)
+        self.editor.edit("set key", lambda p: added(p, thing, self._lane(thing), name, time, value))
 
     def remove(self) -> None:
         """Remove the chosen key."""
-        thing, number = self.thing, self.chosen
+        thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is None or number is None:
             return
-        keyed, self.chosen = self.shown_name() in KEYED, None
-        if not keyed:
-            self.editor.edit("remove key pose", lambda p: remove_key_pose(p, thing.character, number))
-        else:
-            self.editor.edit("remove key", lambda p: remove_key(p, thing.character, thing.handle, number))
+        self.chosen = None
+        word = "remove key" if name in (*KEYED, *NUMBERS) else "remove key pose"
+        self.editor.edit(word, lambda p: removed(p, thing, self._lane(thing), name, number))
 
     def type(self, key: str) -> bool:
         """Whether a key of the keyboard meant the chosen key: Delete removes it."""
@@ -255,35 +252,43 @@ class CurveInput:
 
     def ease(self, ease: str) -> None:
         """Let the chosen key go over into the next in another way."""
-        thing, number = self.thing, self.chosen
+        thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is not None and number is not None:
-            self.editor.edit(
-                f"{ease} key", lambda p: ease_key(p, thing.character, thing.handle, number, ease)
-            )
+            self.editor.edit(f"{ease} key", lambda p: eased(p, thing, self._lane(thing), name, number, ease))
+
+    def _lane(self, thing: Thing) -> tuple[int, ...]:
+        """The numbers of the layers that share a bar of the timeline with the thing's layer."""
+        number = layer_number(self.editor.project, thing) or 0
+        bars = self.timeline.layout.bars()
+        mine = (one.layers for one in bars if one.character.id == thing.character and number in one.layers)
+        rest = tuple(one for one in next(mine, ()) if one != number)
+        return (number, *rest)
+
+    def _warn(self, thing: Thing, name: str, time: float, value: float) -> None:
+        """Say that a value cannot be played, and that the nearest is taken."""
+        if said := beyond(self.editor.project, thing, name, time, value):
+            self.editor.toasts.say(said)
+
+    def _wanted(self, x: float, y: float) -> tuple[float, float]:
+        """The time and the value that the held key is dragged to by a pointer at a pixel."""
+        assert self._held is not None
+        dot, from_x, from_y, scale = self._held
+        layout = self.timeline.layout
+        time = dot.time + layout.time(x) - layout.time(from_x)
+        value = dot.value + scale.value(y) - scale.value(from_y)
+        # A drag that goes one way leaves the other as it is.
+        return (
+            dot.time if abs(x - from_x) < REACH / 2 else time,
+            dot.value if abs(y - from_y) < REACH / 2 else value,
+        )
 
     def _moved(self, x: float, y: float) -> Edit:
         """The edit that brings the held key to a pixel."""
         assert self._held is not None
-        dot, from_x, from_y, scale = self._held
-        thing, layout = self.thing, self.timeline.layout
+        thing, name, dot, (time, value) = self.thing, self.shown_name(), self._held[0], self._wanted(x, y)
         assert thing is not None
-        word = KEYED.get(self.shown_name())
-        time = dot.time + layout.time(x) - layout.time(from_x)
-        value = dot.value + scale.value(y) - scale.value(from_y)
-        # A drag that goes one way leaves the other as it is.
-        time = dot.time if abs(x - from_x) < REACH / 2 else time
-        value = dot.value if abs(y - from_y) < REACH / 2 else value
-
-        def change(project: Project) -> Project:
-            if word is None:
-                return _pose_moved(project, thing, dot, time, value)
-            known = keys_of(project, thing.character, thing.handle)[dot.number][1]
-            values = list(getattr(known, word))
-            values[dot.axis] = value
-            how: dict[str, Any] = {word: values}
-            return move_key(project, thing.character, thing.handle, dot.number, time, **how)
-
-        return change
+        lane = self._lane(thing)
+        return lambda project: moved(project, thing, lane, name, dot, time, value)
 
     def _take(self) -> None:
         """Take the curves that were sampled."""
@@ -294,15 +299,3 @@ class CurveInput:
         if error is not None and not isinstance(error, EnlivenError):
             self.editor.toasts.tell(error)  # what cannot be played is told by the panel that plays it
         self._known = (wanted, {} if error is not None else future.result())
-
-
-def _pose_moved(project: Project, thing: Thing, dot: Dot, time: float, value: float) -> Project:
-    """A project in which a key pose puts the control point elsewhere, or is of another moment."""
-    puppet, layer = project.puppet(thing.character), layer_of_thing(project, thing)
-    assert layer is not None and thing.handle is not None
-    places = puppet.poses[dot.number].places.copy()
-    places[thing.handle, dot.axis] = value
-    changes: dict[str, object] = {"places": places}
-    if time != dot.time:
-        changes["time"] = layer.played(time, project.length_of(layer))[0]
-    return change_key_pose(project, puppet.id, dot.number, **changes)

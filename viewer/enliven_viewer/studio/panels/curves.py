@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven.document import EASES
-from enliven_viewer.studio.curves import KEYED, CurveGroup, CurveInput, Dot, Scale
+from enliven_viewer.studio.curves import KEYED, NUMBERS, CurveGroup, CurveInput, Dot, Scale
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.places import Area
@@ -110,6 +110,9 @@ def _plot(
         _diamond(draw, at, _colour(group, dot.axis), chosen=dot.number == curves.chosen)
     x = origin.x + layout.x(workspace.editor.time)
     draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
+    if group.name in NUMBERS and not group.dots:
+        said = "Double-click: a key, from which on it changes over time."
+        draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
     if group.name in KEYED and not group.dots:
         said = "Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it."
         draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
