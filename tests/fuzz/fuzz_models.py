@@ -18,8 +18,8 @@ from fuzz_seeds import character, json_anew, poses, recording
 from made_gltf import random_rig
 from surgery_worlds import random_project
 
+from enliven.document import graph_shape_of
 from enliven.document.character import SkinWeights
-from enliven.document.possessed import graph_shape_of
 from enliven.formats.project.file import project_bytes
 from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh

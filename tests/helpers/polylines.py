@@ -13,7 +13,11 @@ def turns(line, frames, weight=1.0, basis=IDENTITY, mirrored=False):
     at = np.array(np.atleast_1d(frames), np.float64).reshape(-1, 1)
     out = np.empty((len(at), len(line.knots), 4))
     first, bases = np.array([0, len(line.bones)], np.int32), np.array([line.base], np.int32)
-    how = (np.array([weight], np.float64), np.array([basis], np.float64), np.array([mirrored], np.bool_))
+    how = (
+        np.full((len(at), 1), weight, np.float64),
+        np.array([basis], np.float64),
+        np.array([mirrored], np.bool_),
+    )
     knot_turns(line.clip.turns, line.bones, first, bases, at, *how, 0, out)
     return out
 

@@ -9,7 +9,7 @@ import numpy as np
 from made_studio_puppets import project_with
 from strokes import limb
 
-from enliven.document.possessed import graph_shape_at_rest
+from enliven.document import graph_shape_at_rest
 from enliven.document.project import Project
 from enliven.formats.project import write_project
 from enliven.modeling.edits import scale_character

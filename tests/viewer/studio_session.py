@@ -15,7 +15,7 @@ from cage import Swing, cage_of
 from strokes import limb
 from studio_driver import JointPlace, Place, where
 
-from enliven.document.possessed import PoseStream
+from enliven.document import PoseStream
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings

@@ -5,16 +5,7 @@ from .body_take import (
     Possession as Possession,
 )
 from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
-from .clip import (
-    EASES as EASES,
-    KEY_STEP as KEY_STEP,
-    Clip as Clip,
-    TurnKey as TurnKey,
-    eased_degrees as eased_degrees,
-    joint_places as joint_places,
-    keyed_clip as keyed_clip,
-    stretched as stretched,
-)
+from .clip import Clip as Clip, joint_places as joint_places, keyed_clip as keyed_clip, stretched as stretched
 from .constraints import (
     Constraint as Constraint,
     Coupling as Coupling,
@@ -24,10 +15,17 @@ from .constraints import (
 )
 from .example_settings import ExampleSettings as ExampleSettings
 from .history import History as History
-from .layers import FEET as FEET, STILL as STILL, Layer as Layer, Ref as Ref, Span as Span
+from .layers import (
+    FEET as FEET,
+    STILL as STILL,
+    Layer as Layer,
+    Ref as Ref,
+    RootLayer as RootLayer,
+    Span as Span,
+)
 from .locomotion import Kind as Kind, LocomotionSettings as LocomotionSettings, Switch as Switch
 from .pin import ContactSettings as ContactSettings, Pin as Pin
-from .possessed import (
+from .graph import (
     GraphLayer as GraphLayer,
     GraphPart as GraphPart,
     GraphShape as GraphShape,
@@ -36,6 +34,17 @@ from .possessed import (
     character_of_graph as character_of_graph,
     graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_of as graph_shape_of,
+    keyed_stream as keyed_stream,
+)
+from .keys import (
+    EASES as EASES,
+    CurveKey as CurveKey,
+    KEY_STEP as KEY_STEP,
+    MotionKey as MotionKey,
+    curve_of as curve_of,
+    key_values as key_values,
+    placed_keys as placed_keys,
+    through_keys as through_keys,
 )
 from .project import (
     CameraMark as CameraMark,
@@ -61,6 +70,8 @@ from .skeleton import Skeleton as Skeleton, skeleton_of as skeleton_of
 from .surface_settings import ArapSettings as ArapSettings
 from .smoothing import smoothed as smoothed
 from .time_map import (
+    FASTEST as FASTEST,
+    SLOWEST as SLOWEST,
     Moment as Moment,
     Playing as Playing,
     Segment as Segment,

@@ -79,6 +79,48 @@ class Layer(Playing):
         self.check_time(f"layer {self.id!r}")
 
 
+@dataclass(frozen=True, eq=False)
+class RootLayer(Playing):
+    """A clip by which a whole character is turned and moved in the world, over all that it plays.
+
+    With the clip's turn r and place d at a time, x in the world becomes R (x - about) + about + m, where
+    R = L r L^-1 and m = size L d, with L = basis S where it is mirrored, S = diag(-1, 1, 1), else L = basis.
+    Of several the first is the innermost.
+
+    Attributes:
+        take: the id of a clip; the turn of its whole and the place of its joint 0 are played.
+        about: (3,) metres in the world, what it turns about.
+        basis, size, mirrored: how the character was turned, scaled and mirrored since.
+        weight: from 0 to 1, how much of it is played.
+        muted: true leaves it out.
+    """
+
+    take: str
+    about: Float = field(default_factory=lambda: np.zeros(3))
+    basis: Float = field(default_factory=lambda: IDENTITY)
+    size: float = 1.0
+    mirrored: bool = False
+    weight: float = 1.0
+    muted: bool = False
+
+    def __post_init__(self) -> None:
+        freeze(self, "about", "basis")
+        where = f"layer {self.take!r}"
+        self.check_time(where)
+        unit = self.basis.shape == (4,) and np.isclose(np.linalg.norm(self.basis), 1.0, atol=1e-6)
+        if not (unit and self.about.shape == (3,) and np.isfinite(self.about).all()):
+            what = f"it cannot be turned by {self.basis} about {self.about}"
+            raise InputError(what, where=where, mend="Set its keys again.")
+        if not (0.0 < self.size < np.inf and 0.0 <= self.weight <= 1.0):
+            what = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
+            raise InputError(what, where=where, mend="Give a size above 0, and a weight from 0 to 1.")
+
+    @property
+    def id(self) -> str:
+        """What it is called: as its clip."""
+        return self.take
+
+
 @dataclass(frozen=True)
 class Ref:
     """The part of a layer's arc length that falls on a span: from ``start`` to ``end``, within [0, 1].

@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.document.body_take import BodyTake
 from enliven.document.clip import Clip
-from enliven.document.possessed import GraphShape, PoseStream
+from enliven.document.graph import GraphShape, PoseStream
 from enliven.document.puppet import Puppet
 from enliven.document.rig import RigBase
 from enliven.document.rigged import Shape

@@ -11,12 +11,13 @@ edits are written once against :class:`enliven.modeling.rig.RigEdits`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from enliven.arrays import Int32
+from enliven.document.layers import RootLayer
 from enliven.document.time_map import Playing
 from enliven.errors import InputError
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from enliven.meshes import Mesh
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RigBase:
     """A character of a project: a mesh, what moves it, and the layers that it plays.
 
@@ -37,6 +39,7 @@ class RigBase:
         kinds: every rig by its kind; a class enters itself.
         id: its name in the project.
         mesh: the surface at rest, or None.
+        root_layers: what turns and moves the whole of it over what it plays, the innermost first.
     """
 
     kind: ClassVar[str]
@@ -44,6 +47,7 @@ class RigBase:
     played: ClassVar[str] = "layers"
     drawn_by: ClassVar[tuple[str, ...]] = ("mesh",)
     kinds: ClassVar[dict[str, type[RigBase]]] = {}
+    root_layers: tuple[RootLayer, ...] = ()
     if TYPE_CHECKING:
 
         @property
@@ -66,18 +70,25 @@ class RigBase:
         return ()
 
     @property
+    def keyable(self) -> int:
+        """How many handles, or nodes, can have keys of their own over its motion."""
+        return 0
+
+    @property
     def parents(self) -> Int32:
         """(H,) the handle that each handle hangs on by a bone; -1 where none is."""
         return np.full(len(self.handles), -1, np.int32)
 
     @property
     def playing(self) -> tuple[Playing, ...]:
-        """Its layers, each a take with a time map."""
-        return tuple(getattr(self, self.played))
+        """Its layers, each a take with a time map; those of its root last."""
+        return (*getattr(self, self.played), *self.root_layers)
 
     def with_playing(self, *layers: Playing) -> Self:
         """The same with other layers."""
-        return self.with_changes(**{self.played: layers})
+        own = tuple(one for one in layers if not isinstance(one, RootLayer))
+        root = tuple(one for one in layers if isinstance(one, RootLayer))
+        return self.with_changes(**{self.played: own, "root_layers": root})
 
     def without_layer(self, number: int) -> Self:
         """The same without a layer; the take stays."""

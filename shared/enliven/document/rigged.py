@@ -74,7 +74,7 @@ class Shape(RigBase):
     def at_rest(self, mesh: Mesh | None) -> tuple[Shape, tuple[()]]:
         """The same without motion, travel and pins."""
         spans = (STILL,) * len(self.skeleton)
-        return self.with_changes(mesh=mesh, spans=spans, layers=(), travel=None, pins=()), ()
+        return self.with_changes(mesh=mesh, spans=spans, layers=(), travel=None, pins=(), root_layers=()), ()
 
     kind = "bones"
     word = "shape"
@@ -86,12 +86,19 @@ class Shape(RigBase):
         return self.skeleton.names
 
     @property
+    def keyable(self) -> int:
+        """Every bone."""
+        return len(self.skeleton)
+
+    @property
     def parents(self) -> Int32:
         """(N,) the joint before each; -1 for the root."""
         return self.skeleton.parents
 
     def without_layer(self, number: int) -> Shape:
         """The same without a layer, which no bone and no travel names any more."""
+        if number >= len(self.layers):
+            return super().without_layer(number)
         gone = self.layers[number].id
         spans = tuple(
             tuple(replace(one, refs=tuple(ref for ref in one.refs if ref.layer != gone)) for one in spans)

@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.document.clip import Clip
-from enliven.document.possessed import PoseStream
+from enliven.document.graph import PoseStream
 from enliven.rotation import normalized
 
 T = TypeVar("T", bound=Clip | PoseStream)

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
+from enliven.document.keys import CurveKey, curve_of
 from enliven.errors import InputError
 
+SLOWEST = 0.02
+"""Times as fast that a key of the speed plays a lane at least: time goes on, and never back."""
+FASTEST = 50.0
+"""Times as fast that a key of the speed plays a lane at most."""
+_APART = 1e-3
+"""Seconds between two keys of a weight or a speed at least: below it no frame is seen."""
 _NEAR = 1e-9
 """Seconds within which two clips meet: rounding."""
 
@@ -73,6 +80,9 @@ class TimeMap:
         smooth: seconds over which the take is smoothed as it is played; 0 plays it as recorded.
         recorded: the name of the recording that it came from; empty: from none.
         alternatives: the name of the takes of which that is one; one of them is heard, on all characters.
+        weights: keys of how far it is heard, from 0 to 1, in the order of time; none: all the way.
+        speeds: keys of how many times as fast the lane is played, above 0, so that time never stands or goes
+            back; none: once.
     """
 
     offset: float = 0.0
@@ -84,6 +94,8 @@ class TimeMap:
     smooth: float = 0.0
     recorded: str = ""
     alternatives: str = ""
+    weights: tuple[CurveKey, ...] = ()
+    speeds: tuple[CurveKey, ...] = ()
 
     def check_time(self, where: str) -> None:
         """Refuse numbers that cannot be played.
@@ -91,7 +103,11 @@ class TimeMap:
         Raises:
             InputError: where one is not finite, a speed is 0, or segments do not follow one another.
         """
-        object.__setattr__(self, "segments", tuple(self.segments))
+        for name in ("segments", "weights", "speeds"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        if problem := _problem_of_keys(self.weights, self.speeds):
+            mend = f"Give weights from 0 to 1, speeds of at least {SLOWEST}, and each key a time of its own."
+            raise InputError(problem, where=where, mend=mend)
         if self.speed == 0.0 or not (math.isfinite(self.offset) and math.isfinite(self.speed)):
             what = f"offset {self.offset}, speed {self.speed} cannot be played"
             raise InputError(what, where=where, mend="Give seconds, and a speed that is not 0.")
@@ -120,7 +136,7 @@ class TimeMap:
         :class:`enliven.motion.layers.timing.Clocks` is the same for many layers and times, compiled.
         """
         extent, lane = self.extent(length), self.lane(length)
-        at = (time - self.offset) * self.speed + (extent if self.speed < 0.0 else 0.0)
+        at = (self.even(time) - self.offset) * self.speed + (extent if self.speed < 0.0 else 0.0)
         rounds = math.floor(at / extent) if self.loop and extent > 0.0 else 0
         at -= rounds * extent
         number = max((k for k, one in enumerate(lane) if one.begin <= at), default=0)
@@ -128,12 +144,27 @@ class TimeMap:
         weight = 1.0
         if not self.hold:
             weight = self._weight(at, rounds, lane, number)
+        if self.weights:
+            weight *= float(curve_of(self.weights)([time - self.offset])[0])
         # A clip that is over holds its last frame until the next begins.
         second = _within(now.second(min(max(at, now.begin), now.end)), length)
         if number and at < before.end:
             share = eased((at - now.begin) / (before.end - now.begin))
             return Moment(_within(before.second(at), length), second, share, rounds, weight)
         return Moment(second, second, 0.0, rounds, weight)
+
+    def even(self, time: float) -> float:
+        """The time of the project at which the same would be played without keys of the speed.
+
+        It rises with the time, and is the offset there.
+        """
+        if not self.speeds:
+            return time
+        return self.offset + float(curve_of(self.speeds).area([time - self.offset])[0])
+
+    def uneven(self, time: float) -> float:
+        """The inverse of :meth:`even`."""
+        return self.offset + curve_of(self.speeds).reached(time - self.offset) if self.speeds else time
 
     def _weight(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
         """How far a layer that does not hold is heard at a second of its lane, which is of a round."""
@@ -165,7 +196,8 @@ class TimeMap:
         places = [one.begin + (second - one.first) / one.speed for one in lane]
         inside = [at for at, one in zip(places, lane, strict=True) if one.begin <= at <= one.end]
         at = min(inside) if inside else places[0]
-        return self.offset + (at - (self.extent(length) if self.speed < 0.0 else 0.0)) / self.speed
+        at -= self.extent(length) if self.speed < 0.0 else 0.0
+        return self.uneven(self.offset + at / self.speed)
 
     def plays(self, second: float, length: float) -> bool:
         """Whether a second of the take is played at any time: it may have been trimmed off."""
@@ -174,7 +206,8 @@ class TimeMap:
 
     def lasting(self, length: float) -> float:
         """Seconds of the project that one round with a take of ``length`` seconds lasts."""
-        return self.extent(length) / abs(self.speed)
+        lasts = self.extent(length) / abs(self.speed)
+        return self.uneven(self.offset + lasts) - self.offset if self.speeds else lasts
 
     def end(self, length: float) -> float:
         """The time of the project at which a lane with a take of ``length`` seconds has been played once."""
@@ -185,13 +218,21 @@ class TimeMap:
         return replace(self, offset=self.offset + delay)
 
     def clips(self, length: float) -> tuple[Segment, ...]:
-        """The segments in seconds of the project, in the order of time."""
+        """The segments in seconds of the project, in the order of time.
+
+        Between their ends keys of the speed make them faster and slower; their own speed is the mean.
+        """
         extent, speed = self.extent(length), self.speed
         start = self.offset - (extent / speed if speed < 0.0 else 0.0)
         made = []
         for one in self.lane(length):
             low, high = sorted((start + one.begin / speed, start + one.end / speed))
-            made.append(Segment(low, high, one.first if speed > 0.0 else one.last, one.speed * speed))
+            first, faster = (one.first if speed > 0.0 else one.last), one.speed * speed
+            if self.speeds:
+                faster *= high - low
+                low, high = self.uneven(low), self.uneven(high)
+                faster /= high - low
+            made.append(Segment(low, high, first, faster))
         return tuple(sorted(made, key=lambda one: one.begin))
 
     def with_clips(self, clips: Sequence[Segment], length: float) -> Self:
@@ -209,6 +250,26 @@ class TimeMap:
             return replace(self, offset=start, speed=first.speed, segments=())
         lane = tuple(replace(one, begin=one.begin - start, end=one.end - start) for one in ordered)
         return replace(self, offset=start, speed=1.0, segments=lane)
+
+    def with_lane(self, change: Callable[[Self], Self]) -> Self:
+        """The same with its lane changed by an edit that knows of no keys of weight or speed.
+
+        Args:
+            change: gets the layer without these keys, on the time of :meth:`even`.
+        """
+        made = change(self._without_keys())
+        if not (self.weights or self.speeds):
+            return made
+        begin = self.uneven(made.offset)
+        late = begin - self.offset
+
+        def kept(keys: Sequence[CurveKey]) -> tuple[CurveKey, ...]:
+            return tuple(replace(key, second=key.second - late) for key in keys)
+
+        return replace(made, offset=begin, weights=kept(self.weights), speeds=kept(self.speeds))
+
+    def _without_keys(self) -> Self:
+        return replace(self, weights=(), speeds=())
 
     def when(self) -> tuple[object, ...]:
         """All that decides when and how its take is played: layers with the same share a bar."""
@@ -259,6 +320,19 @@ def run_of(lane: Sequence[Segment], number: int) -> tuple[float, float]:
     while high + 1 < len(lane) and lane[high].end >= lane[high + 1].begin - _NEAR:
         high += 1
     return lane[low].begin, lane[high].end
+
+
+def _problem_of_keys(weights: Sequence[CurveKey], speeds: Sequence[CurveKey]) -> str:
+    for keys in (weights, speeds):
+        if any(b.second - a.second < _APART for a, b in pairwise(keys)):
+            return "keys of its weight or speed are at one time, or not in order"
+    if any(not 0.0 <= key.value <= 1.0 for key in weights):
+        return f"a key gives it the weight {max((key.value for key in weights), key=lambda v: abs(v - 0.5))}"
+    if any(not SLOWEST <= key.value <= FASTEST for key in speeds):
+        return (
+            f"a key plays it {min(key.value for key in speeds)} to {max(key.value for key in speeds)} times"
+        )
+    return ""
 
 
 def _within(second: float, length: float) -> float:

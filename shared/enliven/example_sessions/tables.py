@@ -9,6 +9,7 @@ from typing import Literal
 from enliven.document import (
     ArapSettings,
     Coupling,
+    CurveKey,
     ExampleSettings,
     LocomotionSettings,
     Position,
@@ -115,6 +116,8 @@ INSIDE: dict[str, tuple[str, type]] = {
     "velocity": ("velocities", Velocity),
     "coupling": ("couplings", Coupling),
     "switch": ("switches", Switch),
+    "weight_key": ("weights", CurveKey),
+    "speed_key": ("speeds", CurveKey),
 }
 """[[layer.clip]] and the other tables inside a layer: the attribute that each fills, and its type."""
 

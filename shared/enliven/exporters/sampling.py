@@ -33,10 +33,10 @@ from enliven.examples.baking import (
 )
 from enliven.exporters.performance import Performance
 from enliven.meshes import Mesh
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import rig_of, root_motions
 from enliven.modeling.puppet import frame_times
 from enliven.motion.layers import Player
-from enliven.rotation import stretch_of, to_matrix
+from enliven.rotation import multiply, stretch_of, to_matrix
 
 _STICK = 0.08
 """Width of a drawn bone as a share of its length, as animation programs draw them."""
@@ -96,6 +96,9 @@ def _of_shape(project: Project, shape: Shape, times: Float, *_: object) -> Perfo
     player = Player(project, shape.id)
     turns, joints = player.sample(times)
     linear = player.linear(times, turns)
+    if shape.root_layers:
+        whole = root_motions(project, shape, times)
+        linear, joints = to_matrix(whole.turn)[:, None] @ linear, whole(joints)
     return _of_bones(shape.id, shape.skeleton, times, linear, joints, shape.mesh, shape.skin)
 
 
@@ -115,6 +118,9 @@ def _of_puppet(
 ) -> Performance:
     """The puppet, baked in its own frame."""
     states, turns, places = states_of(project, puppet, times)
+    if puppet.root_layers:
+        whole = root_motions(project, puppet, times)
+        turns, places = multiply(whole.turn, turns), whole(places[:, None])[:, 0]
     frames, mesh = SurfaceFrames(puppet, states, settings.kept), puppet.mesh
     if how == "morphs":
         morphs, still = bake_morphs(mesh, frames, states, settings), np.zeros((len(times), 1, 3))

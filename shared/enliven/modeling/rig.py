@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation import skin_vertices
-from enliven.document import Character, GraphShape, Pose, PoseStream, Project
+from enliven.document import Character, GraphShape, MotionKey, Pose, PoseStream, Project
 from enliven.errors import InputError
 from enliven.modeling.mesh import CutSurface, SeamSettings
 
@@ -102,6 +102,15 @@ class RigEdits(ABC):
         """Posed by hand: a handle is at ``place`` (3,) metres in the world at a time."""
         mend = "Move or turn the whole, or perform it again."
         raise InputError("what was recorded is not posed by hand", where=character.where, mend=mend)
+
+    def key_layer(self, project: Project, character: Any, handle: int, /) -> int | None:
+        """The number among its layers of the one that plays the keys of a handle or node; None without."""
+        return None
+
+    def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey, /) -> Project:
+        """With the first key of a handle or node: a take, and a layer that plays it over all others."""
+        mend = "Choose the whole: keys turn and move it. A puppet is posed by its key poses."
+        raise InputError("its handles take no keys", where=character.where, mend=mend)
 
     @abstractmethod
     def moved(self, character: Any, offset: Float, turn: Float, about: Float, /) -> Any:

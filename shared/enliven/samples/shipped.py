@@ -9,12 +9,17 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven.meshes import Mesh
+from enliven.rotation import slerp
 
 if TYPE_CHECKING:
     from enliven.document import Project
 
 HERE = Path(__file__).resolve().parent
 """The folder of the files."""
+_BEAT = 18
+"""Frames from one pose of the dance to the next: 0.6 s, a slow march."""
+_FRAME = 1.0 / 30.0
+"""Seconds of a frame of the dance."""
 STEP = 2.0**-14
 """Metres between two values of a coordinate in the files: 0.06 mm, a two-hundredth of an edge."""
 
@@ -48,3 +53,23 @@ def cactus_project() -> Project:
     from enliven.formats.project import read_project
 
     return read_project(HERE / "cactus.enliven")
+
+
+def dancing_cactus() -> Project:
+    """Returns the project of the cactus with a motion that it plays: on a beat, from each of its poses on."""
+    from enliven.document import Clip, PuppetLayer
+
+    project = cactus_project()
+    puppet = project.puppet("cactus")
+    poses = project.takes[puppet.poses[0].take]
+    share = np.arange(_BEAT) / _BEAT
+    share = share * share * (3.0 - 2.0 * share)
+    after = np.roll(np.arange(len(poses.turns)), -1)
+    turns = slerp(poses.turns[:, None], poses.turns[after, None], share[None, :, None])
+    places = poses.root[:, None] + share[None, :, None] * (poses.root[after] - poses.root)[:, None]
+    turns, root = turns.reshape(-1, *poses.turns.shape[1:]), places.reshape(-1, 3)
+    # It ends as it begins.
+    turns, root = np.concatenate([turns, poses.turns[:1]]), np.concatenate([root, poses.root[:1]])
+    dance = Clip("cactus dance", poses.skeleton, turns, root, _FRAME)
+    layer = PuppetLayer(dance.id, loop=True, travel=False)
+    return project.with_takes(dance).with_characters(puppet.with_changes(layers=(layer,)))

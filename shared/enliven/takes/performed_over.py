@@ -22,7 +22,9 @@ from enliven.document import (
     Project,
     unused,
 )
+from enliven.modeling.edits import root_motion
 from enliven.modeling.possessed import between, even_times, graph_pose, over_base
+from enliven.rotation import to_matrix
 from enliven.takes.body_takes import RecordedHolds
 from enliven.takes.punching import Punch
 
@@ -34,7 +36,7 @@ _NEAR = 2e-3
 
 def plays(project: Project, shape: GraphShape) -> bool:
     """Whether a possessed mesh was performed before, so that something can be performed over that."""
-    return any(project.streams[one.take].duration > 0.0 for one in shape.playing)
+    return any(project.streams[one.take].duration > 0.0 for one in (*shape.parts, *shape.over))
 
 
 class OverNodes:
@@ -93,6 +95,8 @@ class LiveOver:
         maps, apart = self._within(*each)
         base = graph_pose(self._project, self._shape, seconds)
         linear, positions = over_base(base, maps[0], apart[0])
+        whole = root_motion(self._project, self._shape, seconds)
+        linear, positions = to_matrix(whole.turn) @ linear, whole(positions)
         return Pose(self._shape.id, live.time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
 

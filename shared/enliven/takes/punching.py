@@ -48,6 +48,18 @@ class Punch:
         """
         if layer.muted:
             return layer
+        if layer.weights or layer.speeds:
+            even = replace(
+                self, begin=layer.even(self.begin), end=layer.even(self.end), until=layer.even(self.until)
+            )
+            kept_lane: list[_Layer | None] = []
+
+            def lane(plain: _Layer) -> _Layer:
+                kept_lane.append(even(project, plain))
+                return kept_lane[0] or plain
+
+            changed = layer.with_lane(lane)
+            return None if kept_lane[0] is None else changed
         ease = min(FADE if layer.hold else layer.ease, self._half)
         low, high = self.begin + ease, self.end - ease
         before, after = list[Segment](), list[Segment]()

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_lanes import lanes, lengths, maps, sixteenths
 
+from enliven.document import GraphPart
 from enliven.document.clip import Clip
 from enliven.document.layers import Layer
 from enliven.document.naming import unused
-from enliven.document.possessed import GraphPart
 from enliven.document.puppet import PuppetLayer
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.document import Clip, Project, Skeleton
-from enliven.document.possessed import GraphPart, GraphShape, PoseStream
+from enliven.document import Clip, GraphPart, GraphShape, PoseStream, Project, Skeleton
 from enliven.document.rigged import SkinWeights, still_shape
 from enliven.errors import InputError
 from enliven.exporters import exporter_of, performance_of, performance_of_clip

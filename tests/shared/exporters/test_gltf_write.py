@@ -11,9 +11,9 @@ from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 
 from enliven.deformation.skinning import skin_vertices
+from enliven.document import graph_shape_of
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.clip import Clip
-from enliven.document.possessed import graph_shape_of
 from enliven.document.project import Project
 from enliven.document.rigged import character_of, still_shape
 from enliven.document.skeleton import Skeleton

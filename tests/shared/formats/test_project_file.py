@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.document import graph_shape_of
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.layers import Span
-from enliven.document.possessed import graph_shape_of
 from enliven.document.project import Project, same
 from enliven.errors import InputError, ResourceError
 from enliven.examples import in_world, state_of

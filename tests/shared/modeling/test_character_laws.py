@@ -2,29 +2,16 @@
 and a fourth rig that only the tests know: tests/helpers/cage.py is all that there is of it.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rig_worlds import ALL, GRAPHS, RIGS, WORLDS, kind, rigs, worlds
+from surgery_worlds import random_turns, tube
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-import made_puppets
-from cage import Swing, cage_of
-from surgery_worlds import bending_arm, random_turns, tube
-from swaying import possessed_chair
-
-from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.document.character import Pose
 from enliven.document.history import History
-from enliven.document.layers import Layer
-from enliven.document.locomotion import Switch
 from enliven.document.naming import unused
-from enliven.document.possessed import PoseStream, graph_shape_of
 from enliven.document.project import Project, same
-from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples import in_world
 from enliven.exporters import performance_of
@@ -44,6 +31,7 @@ from enliven.modeling.edits import (
     remove_layer,
     rename_character,
     rig_of,
+    root_motion,
     scale_character,
     shift_character,
     turn_character,
@@ -52,65 +40,14 @@ from enliven.modeling.edits import (
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.puppet import key_pose_at
 from enliven.modeling.puppet.parts import state_at
-from enliven.rotation import from_rotation_vector, rotate, to_matrix
+from enliven.rotation import rotate
 
 laws = settings(deadline=None, max_examples=6)
 TIMES = st.floats(-0.5, 3.0)
 SEEDS = st.integers(0, 2**32 - 1)
-RIGS = ("bones", "graph", "points", "cage", "possessed")
-GRAPHS = ("graph", "possessed")
 FAR = PlaneCut([99.0, 0, 0], [1.0, 0, 0])
 NEAR = 1e-6
 """Metres: rounding; a puppet's surface is settled by an iterative solver, which ends as near to itself."""
-
-
-def skeleton_world():
-    """An arm that a take bends, while its root goes where the take's goes."""
-    project = bending_arm()
-    shape = project.shape("arm")
-    way = Layer("way", "bend", (0,), from_rotation_vector([0.0, 0.7, 0.0]), offset=0.2, speed=0.5, loop=True)
-    take = project.takes["bend"]
-    walking = type(take)("bend", take.skeleton, take.turns, np.array([[0, 0, 0], [0.4, 0.1, 0.2]]), 1.0)
-    moving = shape.with_changes(layers=(*shape.layers, way), travel="way", place=[0.3, 0.0, -0.2])
-    return project.with_takes(walking).with_characters(moving), "arm"
-
-
-def graph_world():
-    """A possessed tube: each node bends and sways on its own."""
-    mesh = tube(length=2.0, around=8, along=13)
-    graph = DeformationGraph.build(mesh, 10, seed=1)
-    character, poses = character_from(mesh, graph, "post"), []
-    for frame in range(8):
-        sway = 0.4 * np.sin(frame / 2 + graph.positions[:, 0])
-        turns = to_matrix(from_rotation_vector(np.stack([0 * sway, 0.4 * sway, sway], 1)))
-        moved = graph.positions + np.stack([0.05 * frame + 0 * sway, 0.3 * sway, 0.1 * sway], 1)
-        poses.append(Pose("post", round(frame * 2e8), turns.astype(np.float32), moved.astype(np.float32)))
-    shape, stream = graph_shape_of(character, poses, "sway")
-    return Project().with_streams(stream).with_characters(shape), "post"
-
-
-def puppet_world():
-    """A bean that dances by three examples, and travels."""
-    # What flies falls as gravity has it, whatever its size: this one stays on the floor.
-    first = PuppetLayer("dance", offset=0.1, speed=0.8, switches=(Switch(0, "contact"),))
-    layers = (first, PuppetLayer("dance", ("near",), weight=0.4))
-    mesh = made_puppets.tube(rings=10, around=8)
-    made = made_puppets.puppet(mesh=mesh, layers=layers, place=[0.5, 0.0, 0.1])
-    return Project().with_takes(made_puppets.take()).with_characters(made), "bean"
-
-
-def cage_world():
-    """A tube in a tetrahedron with corners that swing."""
-    times = np.arange(8)[:, None, None]
-    ways = 0.3 * np.sin(times / 2 + np.arange(12).reshape(4, 3))
-    stream = PoseStream("swing", np.tile(np.eye(3), (8, 4, 1, 1)), ways, 0.2)
-    cage = cage_of(tube(length=2.0, around=8, along=9), "box", (Swing("swing", offset=0.1, speed=0.7),))
-    return Project().with_streams(stream).with_characters(cage), "box"
-
-
-MADE = (skeleton_world(), graph_world(), puppet_world(), cage_world(), possessed_chair(frames=45))
-WORLDS = dict(zip(RIGS, MADE, strict=True))
-rigs = pytest.mark.parametrize("rig", RIGS)
 
 
 def near(found, expected, within=NEAR):
@@ -121,7 +58,7 @@ def centre_of(project, name):
     return rig_of(project.characters[name]).centre(project.characters[name])
 
 
-@rigs
+@worlds
 @laws
 @given(seed=SEEDS, time=TIMES)
 def test_a_move_commutes_with_time(rig, seed, time):
@@ -136,7 +73,7 @@ def test_a_move_commutes_with_time(rig, seed, time):
     near(vertices_of(turned, name, time), rotate(turn, vertices_of(project, name, time) - centre) + centre)
 
 
-@rigs
+@worlds
 @laws
 @given(factor=st.floats(0.3, 3.0), time=TIMES)
 def test_a_scale_commutes_with_time(rig, factor, time):
@@ -146,7 +83,7 @@ def test_a_scale_commutes_with_time(rig, factor, time):
     near(seen, centre + factor * (vertices_of(project, name, time) - centre), 3 * NEAR)
 
 
-@rigs
+@worlds
 @laws
 @given(seed=SEEDS, time=TIMES)
 def test_a_mirror_commutes_with_time_and_twice_is_nothing(rig, seed, time):
@@ -166,7 +103,7 @@ def test_a_mirror_commutes_with_time_and_twice_is_nothing(rig, seed, time):
     assert (twice.characters[name].mesh.faces == project.characters[name].mesh.faces).all()
 
 
-@rigs
+@worlds
 @laws
 @given(delay=st.integers(-8, 8).map(lambda n: n / 4), time=st.integers(0, 40).map(lambda n: n / 16 + 1 / 64))
 def test_a_shift_in_time_commutes_with_time(rig, delay, time):
@@ -175,7 +112,7 @@ def test_a_shift_in_time_commutes_with_time(rig, delay, time):
     near(vertices_of(shifted, name, time + delay), vertices_of(project, name, time))
 
 
-@rigs
+@worlds
 @laws
 @given(time=TIMES, later=TIMES)
 def test_what_is_muted_is_silent(rig, time, later):
@@ -201,7 +138,7 @@ def test_a_layer_twice_as_fast_plays_the_same_in_half_the_time(rig, speed, time)
     near(vertices_of(fast, name, time), vertices_of(plain, name, second))
 
 
-@rigs
+@worlds
 @laws
 @given(seed=SEEDS, time=TIMES)
 def test_a_copy_does_the_same_elsewhere_and_when_it_is_deleted_nothing_has_happened(rig, seed, time):
@@ -217,26 +154,27 @@ def test_a_copy_does_the_same_elsewhere_and_when_it_is_deleted_nothing_has_happe
     assert same(quiet.characters[name], project.characters[name])
 
 
-@rigs
+@worlds
 @laws
 @given(time=TIMES)
 def test_a_paste_into_another_project_plays_the_same(rig, time):
     project, name = WORLDS[rig]
-    for target in (Project(), project, WORLDS[RIGS[RIGS.index(rig) - 1]][0]):
+    for target in (Project(), project, WORLDS[ALL[ALL.index(rig) - 1]][0]):
         pasted, copy = paste_character(target, project, name)
         near(vertices_of(pasted, copy, time), vertices_of(project, name, time))
         again, _ = paste_character(pasted, project, name)
         assert list(again.takes) == list(pasted.takes) and list(again.streams) == list(pasted.streams)
 
 
-@rigs
+@worlds
 @settings(deadline=None, max_examples=2)
 @given(along=st.floats(0.3, 0.7), time=st.floats(0.0, 1.5))
 def test_at_the_time_of_a_cut_nothing_moves_and_of_a_merge_neither(rig, along, time):
     project, name = WORLDS[rig]
-    if rig == "points":
+    if kind(rig) == "points":
         # A moment of one take alone can become a key pose, which the halves keep.
-        project = project.with_characters(project.puppet(name).with_playing(project.puppet(name).layers[0]))
+        puppet = project.puppet(name)
+        project = project.with_characters(puppet.with_playing(puppet.layers[0], *puppet.root_layers))
     seen = vertices_of(project, name, time)
     axis = np.linalg.svd(seen - seen.mean(0), full_matrices=False)[2][0]
     low, high = np.percentile((seen - seen.mean(0)) @ axis, [0, 100])
@@ -248,7 +186,7 @@ def test_at_the_time_of_a_cut_nothing_moves_and_of_a_merge_neither(rig, along, t
     # A half of a puppet is within 2 % of where it was (PuppetCutSettings) in its key poses, of which
     # the moment is a mixture. A bone's skin near a joint follows bones of both sides, and one of them after
     # the cut. A graph keeps every vertex to rounding.
-    within = {"points": 0.04 * size, "bones": 0.02 * size}.get(rig, NEAR)
+    within = {"points": 0.04 * size, "bones": 0.02 * size}.get(kind(rig), NEAR)
     for part in parts:
         assert off_surface(vertices_of(cut, part, time), seen, plane) < within
     whole = merge_characters(cut, name, parts[1], time, loose=True)
@@ -292,7 +230,7 @@ def random_edit(project, random):
 @given(seed=SEEDS)
 def test_undo_restores_characters_of_all_rigs_bit_for_bit(seed):
     random, project = np.random.default_rng(seed), Project()
-    for source, name in WORLDS.values():
+    for source, name in (WORLDS[rig] for rig in RIGS):
         project, _ = paste_character(project, source, name)
     history, states = History(project), [project]
     for number in range(60):
@@ -303,7 +241,7 @@ def test_undo_restores_characters_of_all_rigs_bit_for_bit(seed):
         assert same(history.redo(), after)
 
 
-@rigs
+@worlds
 @laws
 @given(seed=SEEDS, time=st.floats(0.0, 1.5))
 def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
@@ -322,12 +260,13 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
     dragged = drag_handle(project, name, character.handles[number], place, time)
     made = dragged.character(name)
     found = rig_of(made).player(dragged, made)(time).handles
-    if rig == "points":
+    if kind(rig) == "points":
         # The moment is a key pose of the nearest frame of the take; it is met as closely as examples are.
         layer = character.layers[0]
         second = layer.played(time, project.takes[layer.take].duration)[0]
         pose = made.poses[key_pose_at(dragged, made, layer.take, second)]
-        near(in_world(character, state_at(project, character, time), pose.places[number]), place)
+        there = in_world(character, state_at(project, character, time), pose.places[number])
+        near(root_motion(project, character, time)(there[None])[0], place)
     elif character.parents[number] >= 0:
         start = found[character.parents[number]]
         ways = [(one - start) / np.linalg.norm(one - start) for one in (found[number], place)]
@@ -341,10 +280,10 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
         drag_handle(project, name, 0, [0, np.nan, 0], time)
 
 
-@rigs
+@worlds
 def test_a_layer_is_taken_away_or_it_is_said_why_not(rig):
     project, name = WORLDS[rig]
-    if rig in GRAPHS:
+    if kind(rig) in GRAPHS:
         with pytest.raises(InputError, match="no other motion"):
             remove_layer(project, name, 0)
         return
@@ -360,7 +299,7 @@ def test_a_layer_is_taken_away_or_it_is_said_why_not(rig):
         remove_layer(left, name, 0)
 
 
-@rigs
+@worlds
 def test_every_rig_is_stored_and_sampled(rig):
     """The project file, and what exporters are given: nothing there is written for a rig that need not be."""
     project, name = WORLDS[rig]
@@ -369,7 +308,7 @@ def test_every_rig_is_stored_and_sampled(rig):
     assert performance.name == name and len(list(performance.poses())) == 6
 
 
-@rigs
+@worlds
 def test_the_pose_for_viewers_and_the_name(rig):
     project, name = WORLDS[rig]
     pose = pose_of_character(project, name, 0.5)
@@ -380,7 +319,7 @@ def test_the_pose_for_viewers_and_the_name(rig):
     near(vertices_of(renamed, "other", 0.5), vertices_of(project, name, 0.5))
 
 
-@rigs
+@worlds
 def test_what_cannot_be_done_is_said(rig):
     project, name = WORLDS[rig]
     two, copy = copy_character(project, name)
@@ -410,7 +349,7 @@ def test_what_cannot_be_done_is_said(rig):
     assert rename_character(project, name, name) is project
 
 
-@rigs
+@worlds
 @laws
 @given(seed=SEEDS, cut=st.floats(0, 1, exclude_max=True))
 def test_what_is_sent_of_a_character_is_that_character_at_rest_and_a_part_of_it_is_refused(rig, seed, cut):
@@ -424,8 +363,8 @@ def test_what_is_sent_of_a_character_is_that_character_at_rest_and_a_part_of_it_
     (got,) = sent.characters.values()
     near(got.mesh.vertices, one.mesh.vertices.astype(np.float32).astype(float), 0)
     assert type(got) is type(one) and got.id == name and np.array_equal(got.mesh.faces, one.mesh.faces)
-    assert not got.playing or rig in GRAPHS
-    assert not sent.takes or rig == "points"
+    assert not got.playing or kind(rig) in GRAPHS
+    assert not sent.takes or kind(rig) == "points"
     assert all(len(stream.positions) == 1 for stream in sent.streams.values())
     assert same(sent, project_of(character_bytes(sent, name))), "what is sent again is the same"
     with pytest.raises(InputError):

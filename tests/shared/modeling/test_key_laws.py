@@ -8,17 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_character_laws import WORLDS
 
-from enliven.document import EASES, KEY_STEP, Project, TurnKey, eased_degrees, keyed_clip, same
+from enliven.document import EASES, KEY_STEP, MotionKey, Project, key_values, keyed_clip, same
 from enliven.errors import InputError
 from enliven.exporters import performance_of
 from enliven.formats.project import project_of
 from enliven.formats.project.file import project_bytes
 from enliven.modeling.edits import (
-    added_degrees,
     change_layers,
     copy_character,
     ease_key,
-    key_joint,
+    key_at,
+    key_handle,
     key_layer,
     keys_of,
     mirror_character,
@@ -61,7 +61,7 @@ def test_at_a_key_the_bone_is_turned_by_it_after_its_motion(at, degrees, ease):
         wanted = multiply(before[BONE], from_rotation_vector(np.radians(each)))
         assert turn_apart(turns[BONE], wanted) < 1e-9
         assert turn_apart(turns[:BONE], before[:BONE]) < 1e-12, "what it hangs on stays"
-        assert added_degrees(project, ARM, BONE, time) == pytest.approx(each)
+        assert key_at(project, ARM, BONE, time).degrees == pytest.approx(each)
     assert [key.second for _, key in keys_of(project, ARM, BONE)] == pytest.approx(
         sorted(frame * KEY_STEP for frame in at)
     )
@@ -73,15 +73,15 @@ kinds = st.tuples(st.integers(0, 60), angles, st.sampled_from(EASES))
 @laws
 @given(st.lists(kinds, min_size=1, max_size=6, unique_by=lambda one: one[0]), st.floats(-1, 4))
 def test_between_two_keys_no_channel_goes_beyond_either(keys, second):
-    made = sorted((TurnKey(f * KEY_STEP, d, e) for f, d, e in keys), key=lambda one: one.second)
-    (found,) = eased_degrees(made, np.array([second]))
+    made = sorted((MotionKey(f * KEY_STEP, d, e) for f, d, e in keys), key=lambda one: one.second)
+    (found,) = key_values(made, np.array([second]))[:, :3]
     before = [one for one in made if one.second <= second + 1e-9] or made[:1]
     after = [one for one in made if one.second > second] or made[-1:]
     ends = np.array([before[-1].degrees, after[0].degrees])
     assert (found >= ends.min(0) - 1e-9).all() and (found <= ends.max(0) + 1e-9).all()
     for one in made:
-        assert eased_degrees(made, np.array([one.second]))[0] == pytest.approx(one.degrees, abs=1e-9)
-    near = eased_degrees(made, np.array([second, second + 1e-5]))
+        assert key_values(made, np.array([one.second]))[:, :3][0] == pytest.approx(one.degrees, abs=1e-9)
+    near = key_values(made, np.array([second, second + 1e-5]))[:, :3]
     if all(ease != "step" for _, _, ease in keys):
         assert np.abs(np.diff(near, axis=0)).max() < 1.0, "no jump without a step"
 
@@ -136,7 +136,7 @@ def test_posed_by_hand_a_key_points_there_and_other_keys_stay(frame, place, mirr
     project, time = PROJECT, frame * KEY_STEP
     if mirrored:
         project = mirror_character(set_key(PROJECT, ARM, BONE, 3.0, (10, 0, 0)), ARM, [1.0, 0, 0])
-    made = key_joint(project, ARM, BONE, place, time)
+    made = key_handle(project, ARM, BONE, place, time)
     joints = posed(made, made.shape(ARM), time)[1]
     start = joints[BONE - 1] if int(made.shape(ARM).skeleton.parents[BONE]) == BONE - 1 else joints[0]
     way, bone = np.array(place) - start, joints[BONE] - start
@@ -173,7 +173,7 @@ def test_what_is_no_key_is_refused():
         (lambda: set_key(PROJECT, ARM, BONE, 0.5, (0, 0, 0), "bounce"), "are no key"),
         (lambda: ease_key(project, ARM, BONE, 4, "step"), "there is no key 4"),
         (lambda: remove_key(PROJECT, ARM, BONE, 0), "there is no key 0"),
-        (lambda: key_joint(PROJECT, ARM, 0, (0, 0, 0), 0.0), "moved, not turned"),
+        (lambda: key_handle(PROJECT, ARM, 0, (0, 0, 0), 0.0), "moved, not turned"),
         (lambda: set_key(late, ARM, BONE, 0.2, (0, 0, 0)), "begins at 1.00 s"),
         (lambda: keyed_clip("keys", "arm", []), "there is no key"),
     ):

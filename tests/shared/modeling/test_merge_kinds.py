@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from surgery_worlds import random_turns
 from test_character_laws import WORLDS
 
-from enliven.document.possessed import GraphShape
+from enliven.document import GraphShape
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of

@@ -8,9 +8,9 @@ from tolerances import assert_alike
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
+from enliven.document import GraphPart, PoseStream, character_of_graph, graph_shape_of
 from enliven.document.character import Pose
 from enliven.document.history import History
-from enliven.document.possessed import GraphPart, PoseStream, character_of_graph, graph_shape_of
 from enliven.document.project import Project, same
 from enliven.errors import InputError
 from enliven.formats.project.file import read_project, write_project

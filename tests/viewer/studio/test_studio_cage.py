@@ -7,7 +7,7 @@ import pytest
 from cage import Cage, Swing, cage_of
 from studio_driver import Click, Drag, HeadlessStage, Key, Near, OnTimeline, Spot, Wait, play
 
-from enliven.document.possessed import PoseStream
+from enliven.document import PoseStream
 from enliven.document.project import Project, same
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.workspace import Workspace

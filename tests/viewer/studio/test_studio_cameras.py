@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document import Project
-from enliven.modeling.edits import move_character
+from enliven.document import GraphPart, PoseStream, Project, graph_shape_at_rest
+from enliven.modeling.edits import move_character, vertices_of
+from enliven.samples import load_sample
 from enliven_viewer.render import LOOKS
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
@@ -67,3 +68,27 @@ def test_looks_come_in_turn_and_come_back(make_limb) -> None:
         workspace.input.key("shift+l")
         found.append(workspace.editor.look)
     assert set(found) == set(LOOKS) and found[-1] == begin
+
+
+def test_what_is_opened_is_framed_with_all_of_its_way() -> None:
+    mesh = load_sample("chair")
+    rest, far = np.zeros((1, 3)), np.array([[4.0, 0.0, 0.0]])
+    shape, still = graph_shape_at_rest("chair", rest, np.zeros((0, 2), np.int32), mesh)
+    walk = PoseStream("walk", np.tile(np.eye(3), (2, 1, 1, 1)), np.stack([rest, far]), 2.0)
+    shape = shape.with_changes(parts=(GraphPart("walk", np.arange(1)),))
+    editor = Editor(project=Project().with_streams(still, walk).with_characters(shape))
+    editor.size = (800.0, 600.0)
+    editor.choose("chair")
+    editor.frame_all(at_once=True)
+    end = vertices_of(editor.project, "chair", 2.0)
+    assert not inside(editor, end)
+    editor.frame_chosen_way()
+    editor.camera.advance(np.inf)
+    for time in (0.0, 1.0, 2.0):
+        assert inside(editor, vertices_of(editor.project, "chair", time))
+
+
+def inside(editor: Editor, points) -> bool:
+    """Whether all of some places are in the picture."""
+    pixels = editor.lens.project(points)[0]
+    return bool(((pixels >= 0) & (pixels <= editor.size)).all())

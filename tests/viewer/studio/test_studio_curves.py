@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "modeling"))
 from test_character_laws import WORLDS
 
-from enliven.document import KEY_STEP, Layer, same
-from enliven.modeling.edits import change_layers, keys_of, rig_of, set_key
+from enliven.document import KEY_STEP, SLOWEST, Layer, same
+from enliven.modeling.edits import change_layers, keys_of, layer_keys, rig_of, set_key, vertices_of
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven_viewer.studio.curves import CurveInput, Scale
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.timeline import TimelineInput
+from enliven_viewer.studio.viewport import Disc
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 
 rigs = pytest.mark.parametrize("rig", ["bones", "graph", "points", "cage"])
@@ -208,3 +209,110 @@ def test_a_key_that_is_set_at_the_playhead_is_removed_there(time: float) -> None
     assert len(keys_of(editor.project, name, BONE)) == 1 and not commands.lacks_key()
     commands.remove()
     assert same(editor.project, before)
+
+
+def drag(tool, start, way) -> None:
+    from enliven_viewer.studio.tools.base import Pointer
+
+    end = (start[0] + way[0], start[1] + way[1])
+    assert tool.press(Pointer(start))
+    tool.drag(Pointer(end))
+    tool.release(Pointer(end))
+
+
+@rigs
+def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) -> None:
+    from enliven_viewer.studio.tools.carry import CarryTool
+
+    editor, curves, name = desk(rig, handle=None)
+    editor.size = (800.0, 600.0)
+    editor.frame_all(at_once=True)
+    KeyCommands(editor).set()  # at 0 s it is where it was
+    editor.time, editor.keying = 1.0, True
+    before = vertices_of(editor.project, name, 1.0)
+    x, y = editor.lens.pixels_of(before.mean(0)[None])[0]
+    drag(CarryTool(editor), (x, y), (90, -20))
+    assert editor.history.names == ("set key", f"move {name}")
+    (_, still), (time, key) = keys_of(editor.project, name, None)
+    assert time == pytest.approx(1.0) and not any(still.metres) and np.abs(key.metres).max() > 0.05
+    after, start = vertices_of(editor.project, name, 1.0), vertices_of(editor.project, name, 0.0)
+    np.testing.assert_allclose(after - before, np.broadcast_to(key.metres, after.shape), atol=1e-6)
+    np.testing.assert_allclose(start, vertices_of(WORLDS[rig][0], name, 0.0), atol=1e-6)
+    if rig == "points":
+        editor.solving.settle(editor.project, name)
+    seen = editor.posed(name).vertices  # a puppet's surface is solved beside the window
+    if rig != "points":
+        np.testing.assert_allclose(seen, after, atol=1e-5)
+    handles = rig_of(editor.chosen()).player(editor.project, editor.chosen())(1.0).handles
+    np.testing.assert_allclose(editor.posed(name).handles, handles, atol=1e-6)
+    curves.group = "moves"
+    group = curves.shown()
+    assert group is not None and group.name == "moves"
+    x, y = at(curves, 1, 0)
+    curves.press(x, y)
+    curves.drag(x, y - 30)
+    curves.release(x, y - 30)
+    assert keys_of(editor.project, name, None)[1][1].metres[0] > key.metres[0]
+    assert editor.history.names[-1] == "move key"
+
+
+@rigs
+def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
+    editor, curves, name = desk(rig, handle=None)
+    editor.select(layer=0)
+    curves.settle()
+    for group, number in (("weight", "weights"), ("speed", "speeds")):
+        curves.group = group
+        shown = curves.shown()
+        assert shown is not None and shown.name == group and not shown.dots
+        for second, value in ((0.3, 0.8), (0.9, 0.5)):
+            curves.double(curves.timeline.layout.x(second), curves.scale(shown).y(value))
+        shown = curves.settle()[group]
+        assert [dot.time for dot in shown.dots] == pytest.approx([0.3, 0.9], abs=0.02)
+        drawn = np.interp([dot.time for dot in shown.dots], curves.times, shown.values[:, 0])
+        np.testing.assert_allclose([dot.value for dot in shown.dots], drawn, atol=0.05)
+        x, y = at(curves, 1, 0)
+        curves.press(x, y)
+        curves.drag(x, y + 5000)
+        curves.release(x, y + 5000)  # below what can be played: the least is taken, and it is said
+        keys = layer_keys(editor.project, name, 0, number)
+        assert keys[1].value == (0.0 if number == "weights" else SLOWEST)
+        assert editor.toasts.shown
+        curves.press(*at(curves, 0, 0))
+        curves.release(*at(curves, 0, 0))
+        curves.ease("linear")
+        assert layer_keys(editor.project, name, 0, number)[0].ease == "linear"
+        curves.remove()
+        assert len(layer_keys(editor.project, name, 0, number)) == 1
+        while editor.history.undo_name:
+            editor.undo()
+        assert same(editor.project, WORLDS[rig][0])
+        curves.settle()
+
+
+def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> None:
+    from enliven_viewer.studio.tools.pose import PoseTool
+
+    editor, curves, name = desk("graph")
+    editor.size = (800.0, 600.0)
+    editor.frame_all(at_once=True)
+    editor.time, tool = 0.6, PoseTool(editor)
+    assert not any(isinstance(one, Disc) for one in tool.overlay().marks), "no dots before it sets keys"
+    editor.keying = True
+    assert len(tool.overlay().marks) == len(editor.project.graph(name).positions)
+    nodes = np.array(editor.posed(name).nodes, float)
+    pixels = np.array(editor.lens.pixels_of(nodes))
+    apart = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + 1e9 * np.eye(len(pixels))
+    node = int(apart.min(1).argmax())  # one that stands alone in the picture
+    drag(tool, tuple(pixels[node]), (0, -40))
+    assert editor.selection.handle == node and editor.history.names == (f"key {name}",)
+    ((time, key),) = keys_of(editor.project, name, node)
+    assert time == pytest.approx(0.6, abs=KEY_STEP) and np.abs(key.metres).max() > 0.01
+    moved = np.array(editor.posed(name).nodes, float)
+    (found,) = editor.lens.pixels_of(moved[[node]])
+    np.testing.assert_allclose(found, pixels[node] + (0, -40), atol=0.5)
+    assert {"keys", "moves"} <= set(curves.groups()) and len(curves.groups()["moves"].dots) == 3
+    commands = KeyCommands(editor)
+    assert not commands.lacks_key()
+    commands.remove()
+    assert same(editor.project, WORLDS["graph"][0])

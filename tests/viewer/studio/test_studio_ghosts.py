@@ -14,7 +14,15 @@ from hypothesis import strategies as st
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "modeling"))
 from test_character_laws import WORLDS, near
 
-from enliven.modeling.edits import change_layers, move_character, rig_of, vertices_of
+from enliven.modeling.edits import (
+    change_layers,
+    key_layer,
+    keys_of,
+    move_character,
+    rig_of,
+    set_key,
+    vertices_of,
+)
 from enliven_viewer.render.gl.context import offscreen_context
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor import Editor
@@ -125,6 +133,30 @@ def test_a_chosen_bone_has_the_trail() -> None:
     line = np.stack([sampled.points[k][1] for k in range(sampled.wanted.first, sampled.wanted.last + 1)])
     away = np.linalg.norm(one.tubes[:, None, :3] - line[None], axis=2).min(1)
     assert away.max() < 0.1, "all of it lies along the way of that joint"
+
+
+@pytest.mark.parametrize(("rig", "handle"), [("bones", 2), ("graph", 4), ("points", None), ("cage", None)])
+def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handle: int | None) -> None:
+    editor, ghosts, name = desk(rig)
+    project = editor.project
+    for time, degrees in ((0.2, (0, 0, 0)), (0.5, (0, 50, 0)), (1.1, (0, 0, 0)), (1.5, (0, 20, 0))):
+        project = set_key(project, name, handle, time, degrees)
+    number = key_layer(project, name, handle)
+    assert number is not None
+    editor.edit("keys", lambda _: project)
+    if rig == "points":
+        editor.solving.settle(editor.project, name)
+    for chosen in ({"handle": handle}, {"layer": number}):
+        editor.choose(name)
+        editor.select(**chosen)
+        ghosts.settle()
+        moments = ghosts._known[name].wanted.moments
+        assert set(moments) <= {one[0] for one in keys_of(project, name, handle)} and len(moments) == 4
+    later = change_layers(project, name, [number], offset=0.5)
+    moved = key_moments(later, later.character(name), handle, number)
+    assert moved == pytest.approx((0.7, 1.0, 1.6, 2.0))
+    muted = change_layers(project, name, [number], muted=True)
+    assert 0.5 not in key_moments(muted, muted.character(name), handle, number)
 
 
 def test_a_puppets_ghosts_stand_at_its_key_poses() -> None:

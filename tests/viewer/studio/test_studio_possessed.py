@@ -11,8 +11,8 @@ import pytest
 from studio_driver import Action, Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play, steps
 from swaying import possessed_chair, without_cache
 
+from enliven.document import graph_shape_of
 from enliven.document.character import Character, Pose, SkinWeights
-from enliven.document.possessed import graph_shape_of
 from enliven.document.project import Project, same
 from enliven.modeling.edits import cut_character
 from enliven.modeling.mesh import PlaneCut

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from in_a_window import in_a_window
 from studio_driver import HeadlessStage, Key, play
 
+from enliven.modeling.edits import rig_of
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.start import TOUR, Toured
 from enliven_viewer.studio.workspace import SAMPLES
@@ -70,6 +72,12 @@ def test_a_sample_opens_beside_what_is_there_and_is_undone(workspace: Workspace,
         assert workspace.actions.do(f"sample.{name}")
         assert len(workspace.editor.project.characters) == count
     assert workspace.editor.playing == (name == "cactus")
+    if name == "cactus":
+        project = workspace.editor.project
+        one = next(iter(project.puppets.values()))
+        assert not rig_of(one).lacking(project, one) and project.end_of(one) > 5.0
+        hands = [rig_of(one).player(project, one)(time).handles[7] for time in (0.0, 3.0)]
+        assert np.abs(hands[1] - hands[0]).max() > 0.3, "it dances"
     assert not [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
     workspace.actions.do("edit.undo")
     workspace.actions.do("edit.undo")

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_acting_stage import acting_stage, two_takes
 
+from enliven.document import same
 from enliven.modeling.edits import takes_beside
 from enliven_viewer.studio.timeline import LABELS, RULER, TimelineInput, TimelineLayout
 from enliven_viewer.studio.timeline.layout import EDGE, END, TAKES
@@ -103,3 +104,20 @@ def test_a_dragged_end_sticks_to_the_playhead_and_without_a_span_the_ruler_scrub
     bare = replace(layout, marked=None)
     assert bare.handle_at(layout.x(1.6), 4.0).kind == "ruler"
     assert layout.handle_at(layout.x(1.6) + EDGE + 1, 4.0).kind == "ruler"
+
+
+def test_a_take_is_deleted_by_its_row_of_the_list(stage: Workspace) -> None:
+    editor, takes = stage.editor, stage.commands.takes
+    shape = editor.project.shape("limb")
+    again = replace(editor.project.takes["wave"], id="wave 2")
+    others = [replace(one, take="wave 2") if one.recorded == "take 2" else one for one in shape.layers]
+    before = editor.project.with_takes(again).with_characters(shape.with_changes(layers=tuple(others)))
+    editor.edit("other take", lambda _: before)
+    takes.delete_row("wave 2")
+    assert takes_beside(editor.project, "take 1") == {"take 1": True} and "wave 2" not in editor.project.takes
+    editor.undo()
+    assert same(editor.project, before)
+    takes.delete_row("walk")
+    assert "walk" not in editor.project.takes, "nothing plays it"
+    takes.delete_row("sway")
+    assert "sway" in editor.project.takes and editor.toasts.shown[-1].bad, "a character plays it"

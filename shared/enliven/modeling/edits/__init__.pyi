@@ -51,15 +51,21 @@ from .handling import (
     refuse_locked as refuse_locked,
     rename_take as rename_take,
 )
+from .keying import key_characters as key_characters, key_handle as key_handle
 from .keys import (
-    added_degrees as added_degrees,
     ease_key as ease_key,
-    key_joint as key_joint,
+    key_at as key_at,
     key_layer as key_layer,
     keys_of as keys_of,
     move_key as move_key,
     remove_key as remove_key,
     set_key as set_key,
+)
+from .layer_curves import (
+    layer_keys as layer_keys,
+    move_layer_key as move_layer_key,
+    remove_layer_key as remove_layer_key,
+    set_layer_key as set_layer_key,
 )
 from .markers import (
     add_marker as add_marker,
@@ -68,8 +74,14 @@ from .markers import (
     rename_marker as rename_marker,
 )
 from .merging import merge_characters as merge_characters
+from .root_layers import (
+    RigidMotion as RigidMotion,
+    root_motion as root_motion,
+    root_motions as root_motions,
+)
 from .rigs import (
     RIGS as RIGS,
+    as_standing as as_standing,
     pose_of_character as pose_of_character,
     rig_of as rig_of,
     vertices_of as vertices_of,

@@ -44,11 +44,14 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
         InputError: where no clip is there, or its end is.
     """
 
+    numbers = tuple(numbers)
+    seen, time = time, _layer(project.character(character_id), numbers[0]).even(time)
+
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         inside = [k for k, one in enumerate(clips) if one.begin + _SHORTEST < time < one.end - _SHORTEST]
         if not inside:
             what, mend = (
-                f"no clip is there at {time:.2f} s",
+                f"no clip is there at {seen:.2f} s",
                 "Put the playhead over a clip, away from its ends.",
             )
             raise InputError(what, where=f"character {character_id!r}", mend=mend)
@@ -80,7 +83,9 @@ def trim_clip(
     It gets no longer than its take: from the first frame, or to the last.
     """
     character, numbers = project.character(character_id), tuple(numbers)
-    length = project.length_of(_layer(character, numbers[0]))
+    layer = _layer(character, numbers[0])
+    length = project.length_of(layer)
+    begin, end = (None if at is None else layer.even(at) for at in (begin, end))
 
     def change(one: Segment) -> Segment:
         ends = sorted((one.begin - one.first / one.speed, one.begin + (length - one.first) / one.speed))
@@ -108,13 +113,14 @@ def move_clip(
     Raises:
         InputError: where it would lie within another, or three would overlap.
     """
-    return _changed(
-        project,
-        character_id,
-        numbers,
-        clip,
-        lambda one: replace(one, begin=one.begin + delay, end=one.end + delay),
-    )
+    numbers = tuple(numbers)
+    layer = _layer(project.character(character_id), numbers[0])
+
+    def change(one: Segment) -> Segment:
+        late = layer.even(layer.uneven(one.begin) + delay) - one.begin
+        return replace(one, begin=one.begin + late, end=one.end + late)
+
+    return _changed(project, character_id, numbers, clip, change)
 
 
 def stretch_clip(
@@ -127,6 +133,9 @@ def stretch_clip(
     end: float | None = None,
 ) -> Project:
     """A project in which a clip plays the same of its take faster or slower, from ``begin`` to ``end``."""
+    numbers = tuple(numbers)
+    layer = _layer(project.character(character_id), numbers[0])
+    begin, end = (None if at is None else layer.even(at) for at in (begin, end))
 
     def change(one: Segment) -> Segment:
         start, stop = one.begin if begin is None else begin, one.end if end is None else end
@@ -227,9 +236,9 @@ def _with_clips(project: Project, character_id: str, numbers: Iterable[int], cha
     character, wanted = project.character(character_id), tuple(numbers)
     first = _layer(character, wanted[0])
     length = project.length_of(first)
-    made = first.with_clips(change(first.clips(length)), length)
-    how = {"offset": made.offset, "speed": made.speed, "segments": made.segments}
-    return change_layers(project, character_id, wanted, **how)
+    made = first.with_lane(lambda lane: lane.with_clips(change(lane.clips(length)), length))
+    names = ("offset", "speed", "segments", "weights", "speeds")
+    return change_layers(project, character_id, wanted, **{name: getattr(made, name) for name in names})
 
 
 def _layer(character: RigBase, number: int) -> Playing:

@@ -10,6 +10,7 @@ from enliven.arrays import Float
 from enliven.document import GraphShape, Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import RIGS, handle_number, rig_of
+from enliven.modeling.edits.rooted import set_down, taken_up
 from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.rig import Merge
 
@@ -34,7 +35,8 @@ def merge_characters(
 ) -> Project:
     """A project with one character put onto another where the two are at ``time``; they are one from then on.
 
-    At ``time`` both stay where they are, and both go on moving; the graft rides on the host.
+    At ``time`` both stay where they are, and both go on moving; the graft rides on the host. So keys that
+    move the whole host move both from then on, and those of the graft are left out.
 
     Two of one rig stay of that rig. Of two rigs the result is a deformation graph, in which each side is a
     part with a time of its own. A graph is kept as it is; the bones of a skeleton become its nodes, exact at
@@ -53,13 +55,18 @@ def merge_characters(
         mend = "Copy it first."
         raise InputError("a character cannot be merged with itself", where=host.where, mend=mend)
     told, kind = [] if notes is None else notes, host.kind
+    for one in (host, graft):
+        project = set_down(RIGS[one.kind], project, one.id, time)
+    if graft.root_layers:
+        told.append(f"What moved {graft.where} as a whole is gone: it rides on {host.where}.")
     if isinstance(node, str):
         node = handle_number(host, node)
     if kind != graft.kind:
         for name in (host_id, graft_id):
             project = recorded(project, name, time, told)
         kind = GraphShape.kind
-    return RIGS[kind].merged(project, Merge(host_id, graft_id, time, node, at, loose, seam, told))
+    project = RIGS[kind].merged(project, Merge(host_id, graft_id, time, node, at, loose, seam, told))
+    return taken_up(RIGS[kind], project, host_id, host, time)
 
 
 def recorded(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
@@ -81,7 +88,8 @@ def _frames(project: Project, character: RigBase, time: float) -> tuple[Float, b
     rig = rig_of(character)
     heard = [layer for layer in character.playing if not layer.muted]
     rounds = [layer.lasting(project.length_of(layer)) for layer in heard if layer.loop]
-    if rounds and len(rounds) == len(heard) and np.ptp(rounds) < 1e-9 and rounds[0] > 0.0:
+    even = not any(layer.weights or layer.speeds for layer in heard)
+    if even and rounds and len(rounds) == len(heard) and np.ptp(rounds) < 1e-9 and rounds[0] > 0.0:
         player = rig.player(project, character)
         first, last = (player(at).pose.positions for at in (time, time + rounds[0]))
         if np.abs(first - last).max() < _SAME:

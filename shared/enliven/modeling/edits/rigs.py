@@ -5,6 +5,7 @@ from __future__ import annotations
 from enliven.arrays import Float
 from enliven.document import GraphShape, Pose, Project, Puppet, RigBase, Shape
 from enliven.errors import InputError
+from enliven.modeling.edits.rooted import RootedRig, set_down
 from enliven.modeling.possessed import GraphRig
 from enliven.modeling.puppet import PuppetRig
 from enliven.modeling.rig import RigEdits
@@ -19,8 +20,15 @@ RIGS: dict[str, RigEdits] = {
 
 
 def rig_of(character: RigBase) -> RigEdits:
-    """The edits of a character's rig."""
-    return RIGS[character.kind]
+    """The edits of a character's rig, and of the layers of its root where it has some."""
+    own = RIGS[character.kind]
+    return RootedRig(own) if character.root_layers else own
+
+
+def as_standing(project: Project, character: RigBase, time: float) -> RigBase:
+    """The character without the layers of its root, where they have it at a time of the project."""
+    standing = project.with_characters(character)
+    return set_down(RIGS[character.kind], standing, character.id, time).character(character.id)
 
 
 def handle_number(character: RigBase, handle: int | str) -> int:

@@ -4,6 +4,7 @@ from .pose import (
     graph_vertices as graph_vertices,
     over_base as over_base,
     pose_of_graph as pose_of_graph,
+    within_layer as within_layer,
 )
 from .rig import GraphRig as GraphRig
 from .solving import (

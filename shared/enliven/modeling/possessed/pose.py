@@ -21,8 +21,8 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
     """(N, 3, 3) the linear maps and (N, 3) the positions in metres of the nodes of a shape.
 
     Between two frames both are mixed in proportion. A part that rides is carried rigidly; see
-    :class:`enliven.document.possessed.Ride`. What was performed over it comes within that; see
-    :class:`enliven.document.possessed.GraphLayer`.
+    :class:`enliven.document.Ride`. What was performed over it comes within that; see
+    :class:`enliven.document.GraphLayer`.
 
     Raises:
         InputError: for a time that is not finite.
@@ -49,6 +49,26 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         linear[here] = to_matrix(turn) @ maps @ to_matrix(conjugate(part.axes))
         positions[here] = rotate(turn, places) + move
     return _layered((linear, positions), over, np.arange(len(positions)))
+
+
+def within_layer(
+    project: Project, shape: GraphShape, number: int, node: int, time: float
+) -> tuple[Float, Float, float]:
+    """What a layer over a shape does for one of its nodes at a time.
+
+    Args:
+        number: of the layer among those over it.
+
+    Returns:
+        (3, 3) by how much the node goes for a way within the rest that the layer gives it, (3,) metres where
+        it is, and how far the layer is heard.
+    """
+    layer = shape.over[number]
+    outer = shape.with_changes(over=shape.over[:number])
+    linear = graph_pose(project, outer, time)[0][node]
+    seen = graph_pose(project, shape, time)[1][node]
+    weight = layer.moment(time, project.length_of(layer)).weight
+    return linear, seen, 0.0 if layer.muted else layer.weight * weight
 
 
 def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:

@@ -8,13 +8,18 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import (
+    GraphLayer,
     GraphPart,
     GraphShape,
+    MotionKey,
     PoseStream,
     Project,
     Ride,
     character_of_graph,
+    keyed_stream,
+    unused,
 )
+from enliven.modeling.possessed.following import followers
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
 from enliven.modeling.rig import Player, Posed, RigEdits
@@ -43,6 +48,23 @@ class GraphRig(RigEdits):
     def player(self, project: Project, shape: GraphShape) -> Player:
         """Its poses; nodes are no handles: they play what was recorded."""
         return lambda time: Posed(pose_of_graph(project, shape, time), np.zeros((0, 3)))
+
+    def key_layer(self, project: Project, shape: GraphShape, handle: int) -> int | None:
+        """The first layer over it of keys that are the node's."""
+        for number, layer in enumerate(shape.over):
+            keyed = project.streams[layer.take].keyed
+            if keyed >= 0 and (layer.own[layer.nodes == keyed] == handle).any():
+                return len(shape.parts) + number
+        return None
+
+    def with_key_layer(self, project: Project, shape: GraphShape, handle: int, key: MotionKey) -> Project:
+        """A layer over all others that bends the mesh around the node."""
+        own, follow = followers(shape, handle)
+        name = unused(f"{shape.id} node {handle} keys", project.streams)
+        rest = shape.positions[own]
+        layer = GraphLayer(name, np.arange(len(own)), own, rest)
+        shape = shape.with_changes(over=(*shape.over, layer))
+        return project.with_streams(keyed_stream(name, rest, follow, [key])).with_characters(shape)
 
     def moved(self, shape: GraphShape, offset: Float, turn: Float, about: Float) -> GraphShape:
         """The rest stays, and what rides is carried along."""

@@ -12,10 +12,13 @@ from enliven.document import (
     GraphPart,
     GraphShape,
     Layer,
+    MotionKey,
     PoseStream,
     Project,
+    Ref,
     Shape,
     character_of,
+    keyed_clip,
     unused,
 )
 from enliven.modeling.mesh import posed_vertices
@@ -70,6 +73,24 @@ class ShapeRig(RigEdits):
     def dragged(self, project: Project, shape: Shape, handle: int, place: Float, time: float) -> Project:
         """The bone of the joint points there; the root goes there."""
         return drag_joint(project, shape.id, handle, place, time)
+
+    def key_layer(self, project: Project, shape: Shape, handle: int) -> int | None:
+        """The first layer of keys that is laid on the bone."""
+        laid = {ref.layer for span in shape.spans[handle] for ref in span.refs}
+        found = (k for k, one in enumerate(shape.layers) if one.id in laid and project.takes[one.take].keys)
+        return next(found, None)
+
+    def with_key_layer(self, project: Project, shape: Shape, handle: int, key: MotionKey) -> Project:
+        """A layer of turns, the innermost on the last span of the bone."""
+        bone = shape.skeleton.names[handle]
+        clip = keyed_clip(unused(f"{bone} keys", project.takes), bone, [key])
+        name = unused(f"{bone} keys", project.layer_names)
+        *others, last = shape.spans[handle]
+        spans = list(shape.spans)
+        spans[handle] = (*others, replace(last, refs=(*last.refs, Ref(name, 0.0, 1.0))))
+        layers = (*shape.layers, Layer(name, clip.id, (0,)))
+        shape = shape.with_changes(spans=tuple(spans), layers=layers)
+        return project.with_takes(clip).with_characters(shape)
 
     def moved(self, shape: Shape, offset: Float, turn: Float, about: Float) -> Shape:
         """The root's modeling rotation and place change, and the basis of its travel."""

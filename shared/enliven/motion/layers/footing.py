@@ -34,7 +34,7 @@ def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Calla
     order = sorted(range(len(spoken)), key=lambda k: spoken[k].id != shape.travel)
 
     def modes(times: Float) -> Int:
-        heard = clocks.played(times).weight > _HEARD
+        heard = clocks.played(times).weight * clocks.curves(times) > _HEARD
         found = np.zeros((len(pins), len(times)), np.int64)
         for row, legs in zip(found, mine, strict=True):
             for k in order:

@@ -121,7 +121,7 @@ def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, 
         bones: (B,) of all polylines, of polyline i from ``first[i]`` to ``first[i + 1]``.
         bases: (L,) the bone that each is relative to, or -1.
         at: (T, L) frame numbers.
-        weights: (L,); basis: (L, 4); mirrored: (L,).
+        weights: (T, L); basis: (L, 4); mirrored: (L,).
     """
     for t in range(len(at)):
         knot = begin
@@ -134,7 +134,7 @@ def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, 
                 bases[i],
                 frame,
                 part,
-                weights[i],
+                weights[t, i],
                 basis[i],
                 mirrored[i],
                 out[t, knot:],

@@ -131,23 +131,24 @@ class _Take:
     def sample(self, times: Float, out: Float) -> None:
         """Writes the turns at the knots of these layers into ``out`` (T, K, 4) of all."""
         if self.fed is not None:
-            self._knots(self.fed, np.zeros((len(times), len(self._bases))), out)
+            still = np.zeros((len(times), len(self._bases)))
+            self._knots(self.fed, still, still + self._weights, out)
             return
-        played = self._clocks.played(times)
-        self._knots(self._turns, played.frame, out)
+        played, weights = self._clocks.played(times), self._weights * self._clocks.curves(times)
+        self._knots(self._turns, played.frame, weights, out)
         if not played.plain:
             others = np.empty_like(out)
-            self._knots(self._turns, played.other, others)
+            self._knots(self._turns, played.other, weights, others)
             blend_knots(others, played.share, played.weight, self._first, self._begin, out)
 
     def weights(self, times: Float) -> Float:
         """(T, L) how far these layers are heard."""
         if self.fed is not None:
             return np.ones((len(times), len(self._bases)))
-        return self._clocks.played(times).weight
+        return self._clocks.played(times).weight * self._clocks.curves(times)
 
-    def _knots(self, turns: Float, at: Float, out: Float) -> None:
-        how = (self._weights, self._turned, self._mirrored, self._begin, out)
+    def _knots(self, turns: Float, at: Float, weights: Float, out: Float) -> None:
+        how = (weights, self._turned, self._mirrored, self._begin, out)
         knot_turns(turns, self._bones, self._first, self._bases, at, *how)
 
 

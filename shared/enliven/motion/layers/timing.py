@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document import Clip, Segment, TimeMap, run_of
+from enliven.document import Clip, Segment, TimeMap, curve_of, run_of
 from enliven.kernels import njit
 
 
@@ -46,11 +46,13 @@ class Clocks:
         lanes: (S, 6) float64 the segments of all: begin, end, first, speed, and the ends of the run that they
             are of.
         first: (L + 1,) where among the segments those of each layer begin.
+        layers: the same, asked for the curves of their weights and speeds.
     """
 
     rows: Float
     lanes: Float
     first: Int
+    layers: tuple[TimeMap, ...]
 
     @staticmethod
     def of(layers: Sequence[TimeMap], clips: Sequence[Clip]) -> Clocks:
@@ -63,13 +65,26 @@ class Clocks:
             lanes += [_row(lane, number) for number in range(len(lane))]
             counts.append(len(lane))
         first = np.array(list(accumulate(counts)), np.int64)
-        return Clocks(np.array(rows, np.float64).reshape(-1, 8), np.array(lanes).reshape(-1, 6), first)
+        table = np.array(rows, np.float64).reshape(-1, 8)
+        return Clocks(table, np.array(lanes).reshape(-1, 6), first, tuple(layers))
 
     def played(self, seconds: Float) -> Times:
-        """What is played at times (T,) of the project."""
+        """What is played at times (T,) of the project; :meth:`curves` are apart from its weights."""
         out = np.empty((5, len(seconds), len(self.rows)))
-        _played(seconds, self.rows, self.lanes, self.first, out)
+        even = np.repeat(seconds[:, None], len(self.rows), 1)
+        for number, layer in enumerate(self.layers):
+            if layer.speeds:
+                even[:, number] = layer.offset + curve_of(layer.speeds).area(seconds - layer.offset)
+        _played(even, self.rows, self.lanes, self.first, out)
         return Times(*out)
+
+    def curves(self, seconds: Float) -> Float:
+        """(T, L) the curves of the weights of the layers at times (T,), 1 without."""
+        out = np.ones((len(seconds), len(self.layers)))
+        for number, layer in enumerate(self.layers):
+            if layer.weights:
+                out[:, number] = curve_of(layer.weights)(seconds - layer.offset)
+        return out
 
 
 def _row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
@@ -79,11 +94,11 @@ def _row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
 
 @njit(cache=True, nogil=True)
 def _played(seconds, rows, lanes, first, out):  # type: ignore[no-untyped-def]
-    """Kernel: ``TimeMap.moment`` at ``seconds`` (T,), into (5, T, L) as :class:`Times` has it."""
+    """Kernel: ``TimeMap.moment`` at even ``seconds`` (T, L), into (5, T, L) as :class:`Times` has it."""
     for t in range(len(seconds)):
         for i in range(len(rows)):
             offset, speed, looped, step, frames, extent, held, _ = rows[i]
-            at = (seconds[t] - offset) * speed
+            at = (seconds[t, i] - offset) * speed
             if speed < 0.0:
                 at += extent
             rounds = np.floor(at / extent) if looped > 0.0 and extent > 0.0 else 0.0

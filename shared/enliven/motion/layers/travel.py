@@ -77,10 +77,10 @@ class Travel:
             return out
         at = self._clocks.played(times)
         travelled(self._root, rest, self._round, at.frame, at.rounds, *how, out)
-        if not at.plain:
-            other = np.empty_like(out)
+        if not at.plain or layer.weights:
+            other, heard = np.empty_like(out), at.weight * self._clocks.curves(times)
             travelled(self._root, rest, self._round, at.other, at.rounds, *how, other)
-            out = self._still + at.weight * ((1.0 - at.share) * out + at.share * other - self._still)
+            out = self._still + heard * ((1.0 - at.share) * out + at.share * other - self._still)
         return out
 
     def feed(self, take: str, root: Float) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphShape, Playing, Project, Puppet, RigBase, Shape, eased_degrees
-from enliven.modeling.edits import key_layer, keys_of, rig_of
+from enliven.document import GraphShape, MotionKey, Playing, Pose, Project, Puppet, RigBase, Shape, key_values
+from enliven.modeling.edits import key_layer, keys_of, layer_keys, rig_of
 from enliven.rotation import (
     conjugate,
     continuous,
@@ -20,6 +21,8 @@ from enliven.rotation import (
 )
 
 AXES = ("x", "y", "z")
+NUMBERS: dict[str, Literal["weights", "speeds"]] = {"weight": "weights", "speed": "speeds"}
+"""The groups of numbers of a layer, and which of its keys are theirs."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class CurveGroup:
     """Channels of one unit.
 
     Attributes:
-        name: "keys", "turn", "place", "weight" or "speed".
+        name: "keys", "moves", "turn", "place", "weight" or "speed".
         unit: what stands behind a value.
         channels: their names.
         values: (T, C) at the times that were asked for; nothing is drawn where one is not finite.
@@ -70,7 +73,7 @@ class Thing:
 
 
 def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
-    """The curves of a thing at times (T,); those of its keys are apart, in :func:`key_group`.
+    """The curves of a thing at times (T,); those of its keys are apart, in :func:`key_groups`.
 
     Raises:
         EnlivenError: where it cannot be played.
@@ -94,23 +97,35 @@ def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGr
     return {group.name: group for group in found}
 
 
-def key_group(project: Project, thing: Thing, times: Float) -> CurveGroup | None:
-    """The keys of a chosen bone and the curves through them, in degrees; None where there is no bone."""
-    shape = project.characters.get(thing.character)
-    if not isinstance(shape, Shape) or thing.handle is None:
-        return None
-    number = key_layer(project, shape.id, thing.handle)
-    if number is None:
-        return CurveGroup("keys", "\u00b0", AXES, np.zeros((len(times), 3)))
-    layer = shape.layers[number]
-    clip = project.takes[layer.take]
-    seconds = [layer.played(float(time), clip.duration)[0] for time in times]
-    dots = tuple(
-        Dot(k, axis, time, key.degrees[axis], key.ease)
-        for k, (time, key) in enumerate(keys_of(project, shape.id, thing.handle))
+def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
+    """The keys of a thing and the curves through them: "keys" in degrees, and "moves" in metres.
+
+    They are of the chosen bone or node, or else of the whole; a bone is only turned, and the control points
+    of a puppet have key poses instead.
+    """
+    character = project.characters.get(thing.character)
+    if character is None or (thing.handle is not None and thing.handle >= character.keyable):
+        return {}
+    number, known = key_layer(project, thing.character, thing.handle), np.zeros((len(times), 6))
+    keys = keys_of(project, thing.character, thing.handle)
+    if number is not None:
+        layer = character.playing[number]
+        length = project.length_of(layer)
+        seconds = [layer.played(float(time), length)[0] for time in times]
+        known = key_values([key for _, key in keys], np.array(seconds))
+    made = {"keys": CurveGroup("keys", "\u00b0", AXES, known[:, :3], _dots(keys, "degrees"))}
+    if thing.handle is None or not isinstance(character, Shape):
+        made["moves"] = CurveGroup("moves", "m", AXES, known[:, 3:], _dots(keys, "metres"))
+    return made
+
+
+def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Dot, ...]:
+    """A dot for each key and axis; ``values`` names what of a key they show."""
+    return tuple(
+        Dot(k, axis, time, getattr(key, values)[axis], key.ease)
+        for k, (time, key) in enumerate(keys)
         for axis in range(3)
     )
-    return CurveGroup("keys", "\u00b0", AXES, eased_degrees(clip.keys, np.array(seconds)), dots)
 
 
 def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
@@ -127,13 +142,47 @@ def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
     )
 
 
+def layer_dots(project: Project, thing: Thing, group: str) -> tuple[Dot, ...]:
+    """The keys of the weight or the speed of a thing's layer, with the values that are drawn."""
+    number = layer_number(project, thing)
+    if number is None or group not in NUMBERS:
+        return ()
+    keys = layer_keys(project, thing.character, number, NUMBERS[group])
+    offset = project.character(thing.character).playing[number].offset
+    return tuple(
+        Dot(
+            k,
+            0,
+            offset + key.second,
+            key.value * scale_of(project, thing, group, offset + key.second),
+            key.ease,
+        )
+        for k, key in enumerate(keys)
+    )
+
+
+def scale_of(project: Project, thing: Thing, group: str, time: float) -> float:
+    """What a value of 1 of a key of a layer's weight or speed is drawn as: the layer's own number."""
+    layer = layer_of_thing(project, thing)
+    if layer is None or group == "weight":
+        return float(getattr(layer, "weight", 1.0)) or 1.0
+    plain: dict[str, Any] = {"speeds": ()}
+    return _speed(replace(layer, **plain), layer.even(time), project.length_of(layer)) or layer.speed
+
+
 def layer_of_thing(project: Project, thing: Thing) -> Playing | None:
     """The chosen layer of a thing, or else the first that is heard."""
+    number = layer_number(project, thing)
+    return None if number is None else project.character(thing.character).playing[number]
+
+
+def layer_number(project: Project, thing: Thing) -> int | None:
+    """The number of that layer; None where nothing is heard."""
     character = project.characters.get(thing.character)
     playing = () if character is None else character.playing
     if thing.layer is not None and thing.layer < len(playing):
-        return playing[thing.layer]
-    return next((one for one in playing if not one.muted), None)
+        return thing.layer
+    return next((number for number, one in enumerate(playing) if not one.muted), None)
 
 
 def _moving(
@@ -142,6 +191,8 @@ def _moving(
     """What gives the turn (4,) and the place (3,) of a thing at a time; None where none is chosen."""
     player = rig_of(character).player(project, character)
     if isinstance(character, GraphShape):
+        if thing.handle is not None:
+            return _of_node(player, thing.handle)
         number = min(thing.layer or 0, len(character.parts) - 1)
         part = slice(character.starts[number], character.starts[number + 1])
 
@@ -168,6 +219,18 @@ def _moving(
         return turn, np.asarray(handles[handle], np.float64)
 
     return of_handle
+
+
+def _of_node(
+    player: Callable[[float], tuple[Pose, Float]], node: int
+) -> Callable[[float], tuple[Float, Float]]:
+    """What gives the turn and the place of a node of a deformation graph."""
+
+    def at(time: float) -> tuple[Float, Float]:
+        pose = player(time)[0]
+        return from_matrix(pose.linear[node]), np.asarray(pose.positions[node], np.float64)
+
+    return at
 
 
 def _unwrapped(turns: Float) -> Float:

@@ -11,22 +11,23 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError
-from enliven.modeling.edits import added_degrees, ease_key, move_key, remove_key, set_key
-from enliven.modeling.puppet import change_key_pose, remove_key_pose
 from enliven_viewer.studio.curves.channels import (
+    NUMBERS,
     CurveGroup,
     Dot,
     Thing,
     groups_of,
-    key_group,
-    layer_of_thing,
+    key_groups,
+    layer_dots,
+    layer_number,
     pose_dots,
 )
+from enliven_viewer.studio.curves.edits import KEYED, added, beyond, eased, moved, removed
 from enliven_viewer.studio.curves.scale import Scale
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import TimelineInput
 
-GROUPS = ("keys", "turn", "place", "weight", "speed")
+GROUPS = ("keys", "moves", "turn", "place", "weight", "speed")
 """All groups, in the order in which they are offered."""
 REACH = 8.0
 """Pixels around a key within which the pointer takes hold of it."""
@@ -75,7 +76,7 @@ class CurveInput:
         self._pool: ThreadPoolExecutor | None = None
         self._work: tuple[_Wanted, Future[dict[str, CurveGroup]]] | None = None
         self._known: tuple[_Wanted, dict[str, CurveGroup]] | None = None
-        self._keys: tuple[_Wanted, CurveGroup | None] | None = None
+        self._keys: tuple[_Wanted, dict[str, CurveGroup]] | None = None
 
     def toggle(self) -> None:
         """Show or hide the curves."""
@@ -119,11 +120,13 @@ class CurveInput:
         layout = self.timeline.layout
         wanted = _Wanted(project, thing, layout.start, layout.shown)
         if self._keys is None or not wanted.same(self._keys[0]):
-            self._keys = (wanted, key_group(project, thing, self.times))
-        if self._keys[1] is not None:
-            found["keys"] = self._keys[1]
+            self._keys = (wanted, key_groups(project, thing, self.times))
+        found.update(self._keys[1])
         if "place" in found and (dots := pose_dots(project, thing)):
             found["place"] = replace(found["place"], dots=dots)
+        for name in NUMBERS:
+            if name in found:
+                found[name] = replace(found[name], dots=layer_dots(project, thing, name))
         return {name: found[name] for name in GROUPS if name in found}
 
     def settle(self) -> dict[str, CurveGroup]:
@@ -141,7 +144,7 @@ class CurveInput:
 
     def sampled(self) -> Float:
         """(T,) seconds of the values of :meth:`shown`, which may be of a moment ago."""
-        if self._known is None or self.shown_name() == "keys":
+        if self._known is None or self.shown_name() in KEYED:
             return self.times
         return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _SAMPLES)
 
@@ -208,6 +211,8 @@ class CurveInput:
         """The button was let go: what was dragged is one edit."""
         held = self._held
         if held is not None and self.editor.draft is not None:
+            if self.thing is not None:
+                self._warn(self.thing, self.shown_name(), *self._wanted(x, y))
             self.editor.edit("move key", self._moved(x, y))
         self.editor.draft, self._held = None, None
         dot = self.dot_at(x, y)
@@ -221,27 +226,22 @@ class CurveInput:
     def double(self, x: float, y: float) -> None:
         """A double click: a key more, with the value at the pointer on the nearest channel."""
         thing, group = self.thing, self.shown()
-        if thing is None or thing.handle is None or group is None or group.name != "keys":
+        if thing is None or group is None or group.name not in (*KEYED, *NUMBERS):
             return
         if self.dot_at(x, y) is not None:
             return
-        time, value = self.timeline.layout.time(x), self.scale(group).value(y)
-        bone = thing.handle
-        values = list(added_degrees(self.editor.project, thing.character, bone, time))
-        axis = int(np.abs(np.array(values) - value).argmin())
-        values[axis] = value
-        self.editor.edit("set key", lambda project: set_key(project, thing.character, bone, time, values))
+        name, time, value = group.name, self.timeline.layout.time(x), self.scale(group).value(y)
+        self._warn(thing, name, time, value)
+        self.editor.edit("set key", lambda p: added(p, thing, self._lane(thing), name, time, value))
 
     def remove(self) -> None:
         """Remove the chosen key."""
-        thing, number = self.thing, self.chosen
-        if thing is None or number is None or thing.handle is None:
+        thing, number, name = self.thing, self.chosen, self.shown_name()
+        if thing is None or number is None:
             return
-        bone, self.chosen = thing.handle, None
-        if isinstance(self.editor.chosen(), Puppet):
-            self.editor.edit("remove key pose", lambda p: remove_key_pose(p, thing.character, number))
-        else:
-            self.editor.edit("remove key", lambda p: remove_key(p, thing.character, bone, number))
+        self.chosen = None
+        word = "remove key" if name in (*KEYED, *NUMBERS) else "remove key pose"
+        self.editor.edit(word, lambda p: removed(p, thing, self._lane(thing), name, number))
 
     def type(self, key: str) -> bool:
         """Whether a key of the keyboard meant the chosen key: Delete removes it."""
@@ -252,32 +252,43 @@ class CurveInput:
 
     def ease(self, ease: str) -> None:
         """Let the chosen key go over into the next in another way."""
-        thing, number = self.thing, self.chosen
-        if thing is not None and number is not None and thing.handle is not None:
-            bone = thing.handle
-            self.editor.edit(f"{ease} key", lambda p: ease_key(p, thing.character, bone, number, ease))
+        thing, number, name = self.thing, self.chosen, self.shown_name()
+        if thing is not None and number is not None:
+            self.editor.edit(f"{ease} key", lambda p: eased(p, thing, self._lane(thing), name, number, ease))
+
+    def _lane(self, thing: Thing) -> tuple[int, ...]:
+        """The numbers of the layers that share a bar of the timeline with the thing's layer."""
+        number = layer_number(self.editor.project, thing) or 0
+        bars = self.timeline.layout.bars()
+        mine = (one.layers for one in bars if one.character.id == thing.character and number in one.layers)
+        rest = tuple(one for one in next(mine, ()) if one != number)
+        return (number, *rest)
+
+    def _warn(self, thing: Thing, name: str, time: float, value: float) -> None:
+        """Say that a value cannot be played, and that the nearest is taken."""
+        if said := beyond(self.editor.project, thing, name, time, value):
+            self.editor.toasts.say(said)
+
+    def _wanted(self, x: float, y: float) -> tuple[float, float]:
+        """The time and the value that the held key is dragged to by a pointer at a pixel."""
+        assert self._held is not None
+        dot, from_x, from_y, scale = self._held
+        layout = self.timeline.layout
+        time = dot.time + layout.time(x) - layout.time(from_x)
+        value = dot.value + scale.value(y) - scale.value(from_y)
+        # A drag that goes one way leaves the other as it is.
+        return (
+            dot.time if abs(x - from_x) < REACH / 2 else time,
+            dot.value if abs(y - from_y) < REACH / 2 else value,
+        )
 
     def _moved(self, x: float, y: float) -> Edit:
         """The edit that brings the held key to a pixel."""
         assert self._held is not None
-        dot, from_x, from_y, scale = self._held
-        thing, layout = self.thing, self.timeline.layout
-        assert thing is not None and thing.handle is not None
-        time = dot.time + layout.time(x) - layout.time(from_x)
-        value = dot.value + scale.value(y) - scale.value(from_y)
-        # A drag that goes one way leaves the other as it is.
-        time = dot.time if abs(x - from_x) < REACH / 2 else time
-        value = dot.value if abs(y - from_y) < REACH / 2 else value
-        bone = thing.handle
-
-        def change(project: Project) -> Project:
-            if isinstance(project.character(thing.character), Puppet):
-                return _pose_moved(project, thing, dot, time, value)
-            degrees = [one.value for one in _dots(project, thing) if one.number == dot.number]
-            degrees[dot.axis] = value
-            return move_key(project, thing.character, bone, dot.number, time, degrees)
-
-        return change
+        thing, name, dot, (time, value) = self.thing, self.shown_name(), self._held[0], self._wanted(x, y)
+        assert thing is not None
+        lane = self._lane(thing)
+        return lambda project: moved(project, thing, lane, name, dot, time, value)
 
     def _take(self) -> None:
         """Take the curves that were sampled."""
@@ -288,20 +299,3 @@ class CurveInput:
         if error is not None and not isinstance(error, EnlivenError):
             self.editor.toasts.tell(error)  # what cannot be played is told by the panel that plays it
         self._known = (wanted, {} if error is not None else future.result())
-
-
-def _dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
-    group = key_group(project, thing, np.zeros(1))
-    return () if group is None else group.dots
-
-
-def _pose_moved(project: Project, thing: Thing, dot: Dot, time: float, value: float) -> Project:
-    """A project in which a key pose puts the control point elsewhere, or is of another moment."""
-    puppet, layer = project.puppet(thing.character), layer_of_thing(project, thing)
-    assert layer is not None and thing.handle is not None
-    places = puppet.poses[dot.number].places.copy()
-    places[thing.handle, dot.axis] = value
-    changes: dict[str, object] = {"places": places}
-    if time != dot.time:
-        changes["time"] = layer.played(time, project.length_of(layer))[0]
-    return change_key_pose(project, puppet.id, dot.number, **changes)

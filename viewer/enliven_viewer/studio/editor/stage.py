@@ -32,7 +32,7 @@ class StudioStage:
     def __init__(self, editor: Shown, solved: Mapping[str, Callable[[RigBase], StandingCharacter]]) -> None:
         self._editor, self._solved = editor, solved
         self._meshes = DrawnMeshes()
-        self._players: dict[str, tuple[RigBase, Callable[[float], tuple[Pose, Float]]]] = {}
+        self._players: dict[str, tuple[tuple[object, ...], Callable[[float], tuple[Pose, Float]]]] = {}
         self._known: tuple[Project, float, dict[str, StandingCharacter]] | None = None
 
     @property
@@ -59,7 +59,10 @@ class StudioStage:
         return found[character_id]
 
     def _stands(self, project: Project, character: RigBase, time: float) -> StandingCharacter:
-        known = self._players.get(character.id)
-        if known is None or known[0] is not character:
-            known = self._players[character.id] = (character, rig_of(character).player(project, character))
+        known, played = self._players.get(character.id), character.needed().items()
+        # A key that is edited is another take under the same name, and leaves the character as it is.
+        takes = (getattr(project, held)[name] for held, names in played for name in sorted(names))
+        needs = (character, *takes)
+        if known is None or [*map(id, known[0])] != [*map(id, needs)]:
+            known = self._players[character.id] = (needs, rig_of(character).player(project, character))
         return StandingCharacter(character, self._meshes.of(character), *known[1](time))

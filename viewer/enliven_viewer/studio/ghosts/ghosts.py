@@ -7,7 +7,7 @@ from concurrent.futures import wait as wait_for
 
 import numpy as np
 
-from enliven.document import Puppet, RigBase
+from enliven.document import Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.ghosts.ends import traced
@@ -68,7 +68,7 @@ class Ghosts:
             handle, chain = (editor.selection.handle, editor.selection.chain) if mine else (None, ())
             rest = next(iter(sampled.points.values()))
             points = traced(sampled.wanted.character, rest, handle, chain)
-            keys = key_moments(sampled.wanted.project, sampled.wanted.character)
+            keys = self._keys(sampled.wanted.project, sampled.wanted.character)
             rows.append(trail_rows(sampled, points, keys, editor.time, editor.lens))
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
@@ -86,9 +86,16 @@ class Ghosts:
         step, length = how.frame_step, editor.length
         first = int(np.ceil(max(editor.time - how.trail, 0.0) / step))
         last = int(min(editor.time + how.trail, length) / step)
-        keys = key_moments(project, character)
+        keys = self._keys(project, character)
         moments = ghost_moments(keys, editor.time, length, how.ghosts, how.ghost_step)
         return Wanted(project, character, first, last, step, moments)
+
+    def _keys(self, project: Project, character: RigBase) -> tuple[float, ...]:
+        """The moments of the keys of what is chosen of a character."""
+        chosen = self.editor.selection
+        if chosen.character != character.id:
+            return key_moments(project, character)
+        return key_moments(project, character, chosen.handle, chosen.layer)
 
     def _begin(self, wanted: list[Wanted]) -> None:
         """Begin with the first that is not known, where nothing is being worked out."""

@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven.document import EASES
-from enliven_viewer.studio.curves import CurveGroup, CurveInput, Dot, Scale
+from enliven_viewer.studio.curves import KEYED, NUMBERS, CurveGroup, CurveInput, Dot, Scale
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.places import Area
@@ -15,7 +15,8 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, AXES, DARK, INK, LINE, QUIET, Colour
 
 _NAMES = {
-    "keys": "Keys",
+    "keys": "Key turns",
+    "moves": "Key places",
     "turn": "Turn",
     "place": "Place",
     "weight": "Weight",
@@ -24,7 +25,7 @@ _NAMES = {
 """What the groups are called."""
 _EASES = {"smooth": "Smooth", "linear": "Straight", "step": "At once"}
 """What the ways from a key to the next are called."""
-_NOTHING = "Choose a node of a shape, a control point, a possessed mesh or a clip: its curves are shown here."
+_NOTHING = "Choose a shape, or a node, a control point or a clip of it: its curves are shown here."
 _MENU = "key menu"
 _DIAMOND = 5.5
 """Pixels from the middle of a key to its corners."""
@@ -109,10 +110,11 @@ def _plot(
         _diamond(draw, at, _colour(group, dot.axis), chosen=dot.number == curves.chosen)
     x = origin.x + layout.x(workspace.editor.time)
     draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
-    if group.name == "keys" and not group.dots:
-        said = (
-            "Double-click: a key. Or: Keys while posing (Shift+K), and drag a joint with the Pose tool (R)."
-        )
+    if group.name in NUMBERS and not group.dots:
+        said = "Double-click: a key, from which on it changes over time."
+        draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
+    if group.name in KEYED and not group.dots:
+        said = "Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it."
         draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
     draw.pop_clip_rect()
 

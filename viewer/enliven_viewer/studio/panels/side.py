@@ -63,7 +63,8 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
     said = [f"{bones} bone{'s' * (bones != 1)}"] if jointed else []
     said.append(f"{vertices:,} vertices" if vertices else "no surface")
     if editor.selection.handle is not None:
-        said.append(f"node {character.handles[editor.selection.handle]}")
+        number = editor.selection.handle
+        said.append(f"node {character.handles[number] if number < len(character.handles) else number}")
     quiet(", ".join(said))
     draw_numbers(workspace)
     _buttons(workspace, (*_DEEDS, *_JOINTED) if jointed else _DEEDS)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
 from enliven.document import Character, Puppet, RigBase, SkinWeights
 from enliven.examples import State, in_world, pose_of_state
+from enliven.modeling.edits import as_standing
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.editing import Editing, Posing
 from enliven_viewer.studio.puppets.playing import played_state
@@ -131,13 +133,16 @@ class PuppetStage:
             self._polls += 1
 
     def _stands(self, puppet: Puppet) -> StandingPuppet:
-        editor, posing = self.editor, self.posing
+        editor, posing, newest = self.editor, self.posing, puppet
         places = posing.places if posing.puppet is puppet else None
         if places is not None and len(places) == len(puppet.points):
             way = posing.start_state or played_state(editor, puppet)[1]
             state = State(places, way.yaw, way.root)
         else:
             puppet, state = played_state(editor, puppet)
+        if newest.root_layers or puppet.root_layers:
+            puppet = puppet.with_changes(root_layers=newest.root_layers)
+            puppet = cast(Puppet, as_standing(editor.project, puppet, editor.time))
         warm = editor.playing or editor.scrubbing or posing.dragging
         return self._standing(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
 

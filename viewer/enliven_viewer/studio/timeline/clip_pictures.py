@@ -55,8 +55,10 @@ def _figures(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Fl
     """What finds the points (P, N, 3) and lines (L, 2) of a take's figures, in any thread."""
     if isinstance(take, Clip):
         return lambda: (_joints(take, _frames(len(take.turns))), _bones(take))
-    parts = (part for one in project.of(GraphShape).values() for part in [(one, p) for p in one.playing])
-    edges = next((_edges(one, part.nodes) for one, part in parts if part.take == take.id), None)
+    shapes = project.of(GraphShape).values()
+    parts = [(one, part.nodes, part.take) for one in shapes for part in one.parts]
+    parts += [(one, layer.own, layer.take) for one in shapes for layer in one.over]
+    edges = next((_edges(one, nodes) for one, nodes, name in parts if name == take.id), None)
     frames = _frames(len(take.positions))
     return lambda: (take.positions[frames], np.zeros((0, 2), np.int32) if edges is None else edges)
 

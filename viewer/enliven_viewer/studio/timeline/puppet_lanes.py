@@ -37,8 +37,8 @@ class PuppetDetails:
     def rows(self, character: RigBase, number: int) -> Sequence[tuple[str, float]]:
         """The kinds and heights in pixels of the rows under a layer's bar."""
         puppet = self.chosen
-        if puppet is None or character is not puppet:
-            return ()
+        if puppet is None or character is not puppet or number >= len(puppet.layers):
+            return ()  # what moves its root has no rows
         layer = puppet.layers[number]
         rows = [("poses", POSES)]
         if layer.travel and any(point.foot for point in puppet.points):

@@ -8,8 +8,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project
-from enliven.modeling.edits import merge_characters, move_characters, rig_of
-from enliven.rotation import from_rotation_vector
+from enliven.modeling.edits import key_characters, merge_characters, move_characters, rig_of, root_motion
+from enliven.rotation import IDENTITY, from_rotation_vector
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX
 from enliven_viewer.studio.editor import Editor
@@ -42,7 +42,10 @@ class CharacterDrag:
         self._at = (
             posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
         )
-        self._about = self._at if self.rooted else rig_of(posed.character).centre(posed.character)
+        character, project = posed.character, editor.project
+        centre = rig_of(character).centre(character)
+        stands = root_motion(project, project.character(hit.character), editor.time)(centre[None])[0]
+        self._about = self._at if self.rooted else stands
         editor.selection = editor.selection.led_by(hit.character)
         editor.select(handle=max(hit.handle, 0) if self.rooted else None, chain=())
         self.characters = editor.selection.characters
@@ -65,7 +68,7 @@ class CharacterDrag:
         way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
         if self.editor.snapping.acts(pointer.ctrl):
             way = self.editor.snapping.way(self._stands, way)
-        return move_characters(project, self.characters, way)
+        return self._carried(project, way)
 
     def turned(self, project: Project, pointer: Pointer) -> Project:
         """The project with it turned by as much as the pointer went around its root, in the picture's plane.
@@ -73,7 +76,16 @@ class CharacterDrag:
         With Shift, or without a root that is shown, about the upright by as much as the pointer went across.
         """
         turn = from_rotation_vector(self._turn(pointer))
-        return move_characters(project, self.characters, np.zeros(3), turn, self._about)
+        return self._carried(project, np.zeros(3), turn, self._about)
+
+    def _carried(
+        self, project: Project, way: Float, turn: Float = IDENTITY, about: Float | None = None
+    ) -> Project:
+        """The project with them moved at all times, or by keys at the playhead while posing sets keys."""
+        centre = np.zeros(3) if about is None else about
+        if self.editor.keying:
+            return key_characters(project, self.characters, self.editor.time, way, turn, centre)
+        return move_characters(project, self.characters, way, turn, centre)
 
     def merged(self, project: Project, host: Hit, notes: list[str]) -> Project:
         """The project with it put onto another; a handle of that, or a place on a bone, carries it."""

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from enliven.arrays import Float
 from enliven.document import Project, Shape
-from enliven.modeling.edits import drag_handle, key_joint
+from enliven.modeling.edits import drag_handle, key_handle, keys_of
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.drag import CharacterDrag
+from enliven_viewer.studio.viewport import Disc, Overlay
+from enliven_viewer.theme import ACCENT, GOOD, QUIET
+
+_DOT = 3.5
+"""Pixels, radius of the dot of a node."""
+_KEYED = 5.0
+"""Pixels, radius of the dot of a node that has keys."""
 
 
 class PoseTool(Tool):
@@ -16,6 +26,7 @@ class PoseTool(Tool):
     def __init__(self, editor) -> None:  # type: ignore[no-untyped-def]
         super().__init__(editor)
         self._held: tuple[CharacterDrag, int] | None = None
+        self._node: tuple[str, int, Float] | None = None
 
     @property
     def hint(self) -> str:
@@ -24,36 +35,74 @@ class PoseTool(Tool):
         if self.editor.puppets.puppet is not None:
             return "Drag a puppet sideways to turn it where it stands. K poses it."
         if self.editor.keying:
-            return "Drag a joint: its bone gets a key at the playhead, over its motion. Shift+K ends that."
+            return "Drag a joint, a dot or the whole: it gets a key at the playhead. Shift+K ends that."
         return "Drag a joint to turn its bone, the root to turn the whole; with Shift about the upright."
 
     def press(self, pointer: Pointer) -> bool:
+        node = self._node_at(pointer)
+        if node is not None:
+            self.editor.playing, self._node = False, node
+            self.editor.choose(node[0], node[1])
+            return True
         hit = self.character_at(pointer)
         self._held = None if hit is None else (CharacterDrag(self.editor, hit, pointer), max(hit.handle, 0))
         return hit is not None
 
     def drag(self, pointer: Pointer) -> None:
-        if self._held is not None:
+        if self._held is not None or self._node is not None:
             self.editor.sketch(lambda project: self._posed(project, pointer))
 
     def release(self, pointer: Pointer) -> None:
-        if self._held is not None and self.editor.draft is not None:
+        if self._node is not None and self.editor.draft is not None:
+            self.editor.edit(f"key {self._node[0]}", lambda p: self._posed(p, pointer))
+        elif self._held is not None and self.editor.draft is not None:
             whole, handle = self._held
             word = "key" if self.editor.keying else "pose"
             name = f"{word} {whole.character}" if handle else f"turn {whole.told}"
             self.editor.edit(name, lambda p: self._posed(p, pointer))
-        self._held = None
+        self._held = self._node = None
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = None
+        self._held = self._node = None
+
+    def overlay(self) -> Overlay:
+        """The dots of possessed meshes, while posing sets keys; larger where a node has some."""
+        plain, editor = super().overlay(), self.editor
+        dots = list[Disc]()
+        for one in editor.reachable if editor.keying else ():
+            chosen = editor.selection.handle if editor.selection.character == one.id else None
+            for node, (x, y) in enumerate(editor.lens.project(np.asarray(one.nodes, np.float64))[0]):
+                keyed = bool(keys_of(editor.project, one.id, node))
+                colour = GOOD if node == chosen else ACCENT if keyed else QUIET
+                if np.isfinite([x, y]).all():
+                    dots.append(Disc((float(x), float(y)), _KEYED if keyed else _DOT, colour))
+        return Overlay((*plain.marks, *dots), plain.chain, plain.hovered)
+
+    def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
+        """The dot of a possessed mesh under the pointer: the character, the node, and where it is."""
+        editor, found = self.editor, list[tuple[float, str, int, Float]]()
+        for one in editor.reachable if editor.keying else ():
+            nodes = np.asarray(one.nodes, np.float64)
+            if len(nodes):
+                away = np.linalg.norm(editor.lens.project(nodes)[0] - np.array(pointer.at), axis=1)
+                away = np.where(np.isfinite(away), away, np.inf)
+                node = int(away.argmin())
+                found.append((float(away[node]), one.id, node, nodes[node]))
+        best = min(found, key=lambda one: one[0], default=None)
+        return best[1:] if best is not None and best[0] <= editor.settings.reach else None
 
     def _posed(self, project: Project, pointer: Pointer) -> Project:
+        if self._node is not None:
+            name, node, at = self._node
+            return key_handle(
+                project, name, node, self.editor.lens.on_plane(pointer.at, at), self.editor.time
+            )
         assert self._held is not None
         (whole, handle), editor = self._held, self.editor
         if not handle:
             return whole.turned(project, pointer)
         place = editor.lens.on_plane(pointer.at, whole.handles[handle])
         keyed = editor.keying and isinstance(project.character(whole.character), Shape)
-        change = key_joint if keyed else drag_handle
+        change = key_handle if keyed else drag_handle
         return change(project, whole.character, handle, place, editor.time)

@@ -13,7 +13,7 @@ class Selection:
 
     Attributes:
         character: its id, or None.
-        handle: the number of a joint or control point of it, or None.
+        handle: the number of a joint, control point or node of it, or None.
         chain: joints of it from one end to the other; empty without a chain.
         layer: the number of a layer of it, or None.
         others: ids of the characters that are chosen with it, in the order in which they were.
@@ -59,7 +59,7 @@ class Selection:
         others = tuple(one for one in self.others if one in project.characters)
         if character is None:
             return Selection.of(*others)
-        handles, layers = len(character.handles), len(character.playing)
+        handles, layers = max(len(character.handles), character.keyable), len(character.playing)
         return Selection(
             character.id,
             self.handle if (self.handle or 0) < handles else None,

@@ -60,6 +60,12 @@ class StandingCharacter:
         found = () if self.own_tool else enumerate(self.character.parents)
         return tuple((int(parent), handle) for handle, parent in found if parent >= 0)
 
+    @property
+    def nodes(self) -> Float | Float32:
+        """(N, 3) metres in the world of the nodes that can have keys; none where its handles have them."""
+        count = 0 if len(self.handles) else self.character.keyable
+        return self.pose.positions[:count]
+
     def on_bone(self, handle: int, along: float) -> Float:
         """(3,) metres, a place on the bone that ends at a handle: 0 at its begin, 1 at the handle."""
         start = self.handles[max(int(self.character.parents[handle]), 0)]

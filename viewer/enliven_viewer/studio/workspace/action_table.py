@@ -231,10 +231,10 @@ def _keys(c: Commands) -> Iterator[Action]:
         ("shift+k",),
         c.keys.toggle,
         on=lambda: c.editor.keying,
-        about="A joint that is dragged with the Pose tool gets a key at the playhead, over its motion.",
+        about="What is posed (R) or moved (G) gets a key at the playhead: a joint, a dot, or the whole.",
         apart=True,
     )
-    about = "As its bone is turned there now; drag the key in the curves."
+    about = "As the bone, the node or the whole is there now; drag the key in the curves."
     yield Action(
         "motion.key", "Motion", "A key at the playhead", ("ctrl+j",), c.keys.set, c.keys.lacks, about=about
     )

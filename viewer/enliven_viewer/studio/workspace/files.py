@@ -15,7 +15,7 @@ from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
 from enliven.modeling.puppet import make_puppet
-from enliven.samples import cactus_project, load_sample
+from enliven.samples import dancing_cactus, load_sample
 from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.studio.editor import Editor
 
@@ -64,7 +64,7 @@ def add_file(editor: Editor, path: Path) -> None:
 def add_sample(editor: Editor, name: str) -> None:
     """Add a sample that ships with enliven: a mesh as a puppet, or a puppet that plays at once."""
     if name == "cactus":
-        _add_played(editor, "cactus", cactus_project(), name, ())
+        _add_played(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True
     elif name in ("chair", "lamp"):
         _add_puppet(editor, Path(name), load_sample(name), ())
@@ -131,7 +131,7 @@ def _add_model(editor: Editor, path: Path) -> None:
     if editor.edit(f"open {path.name}", add):
         editor.choose(made[-1])
         _tell(editor, path, rig.notes, f"{len(rig.clips)} takes came with it." if rig.clips else "")
-        editor.frame_all()
+        editor.frame_chosen_way()
 
 
 def _add_mesh(editor: Editor, path: Path) -> None:
@@ -161,7 +161,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
     if editor.edit(f"open {path.name}", add):
         editor.choose(made[-1])
         _tell(editor, path, notes, "It is a puppet: put control points on it with K.")
-        editor.frame_all()
+        editor.frame_chosen_way()
 
 
 def _add_session(editor: Editor, path: Path) -> None:
@@ -185,7 +185,7 @@ def _add_played(editor: Editor, said: str, source: Project, character: str, note
     if editor.edit(f"open {said}", add):
         editor.choose(made[-1])
         _tell(editor, Path(said), notes, "")
-        editor.frame_all()
+        editor.frame_chosen_way()
 
 
 def _add_take(editor: Editor, path: Path) -> None:
@@ -219,7 +219,7 @@ def _add_performance(editor: Editor, path: Path) -> None:
         fresh = [name for name in editor.project.characters if name not in before]
         if fresh and editor.puppets.puppet is None:
             editor.choose_all(*fresh)
-        editor.frame_all()
+        editor.frame_chosen_way()
 
 
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:

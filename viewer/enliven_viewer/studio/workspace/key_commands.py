@@ -1,48 +1,52 @@
-"""The commands of keys on bones."""
+"""The commands of keys over motion: of a bone, of a node, or of the whole."""
 
 from __future__ import annotations
 
-from enliven.document import KEY_STEP, Shape
+from enliven.document import KEY_STEP
 from enliven.modeling.edits import keys_of, remove_key, set_key
 from enliven_viewer.studio.editor import Editor
 
 
 class KeyCommands:
-    """Commands on the keys of the chosen bone at the playhead."""
+    """Commands on the keys of what is chosen at the playhead: a bone, a node, or else the whole."""
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
     def toggle(self) -> None:
-        """Let posing set keys, or change the pose of all moments again."""
+        """Let posing and moving set keys, or change all moments again."""
         self.editor.keying = not self.editor.keying
 
     def set(self) -> None:
-        """Set a key with what the bone is turned by there."""
-        shape, bone, time = self.editor.chosen(Shape), self.editor.selection.handle, self.editor.time
-        if shape is not None and bone is not None:
-            self.editor.edit("set key", lambda project: set_key(project, shape.id, bone, time))
+        """Set a key with what the thing is turned and moved by there."""
+        (name, handle), time = self._thing(), self.editor.time
+        if name:
+            self.editor.edit("set key", lambda project: set_key(project, name, handle, time))
 
     def remove(self) -> None:
         """Remove the key at the playhead."""
-        shape, bone, number = self.editor.chosen(Shape), self.editor.selection.handle, self._here()
-        if shape is not None and bone is not None and number is not None:
-            self.editor.edit("remove key", lambda project: remove_key(project, shape.id, bone, number))
+        (name, handle), number = self._thing(), self._here()
+        if number is not None:
+            self.editor.edit("remove key", lambda project: remove_key(project, name, handle, number))
 
     def lacks(self) -> str:
         """What a key lacks."""
-        chosen = self.editor.chosen(Shape) is not None and self.editor.selection.handle is not None
-        return "" if chosen else "No bone is chosen. Click a node of a shape with bones first."
+        return "" if self._thing()[0] else "Nothing is chosen. Click a shape, or a node of it, first."
 
     def lacks_key(self) -> str:
         """Why there is no key to remove."""
         found = self.lacks()
         return found or ("" if self._here() is not None else "No key is at the playhead.")
 
+    def _thing(self) -> tuple[str, int | None]:
+        """The chosen character, and the bone or node; a puppet's control points have key poses instead."""
+        chosen, handle = self.editor.chosen(), self.editor.selection.handle
+        if chosen is None:
+            return "", None
+        return chosen.id, handle if handle is not None and handle < chosen.keyable else None
+
     def _here(self) -> int | None:
-        shape, bone = self.editor.chosen(Shape), self.editor.selection.handle
-        if shape is None or bone is None:
-            return None
+        name, handle = self._thing()
         near = 0.501 * KEY_STEP  # a key lies on the nearest frame
-        keys = keys_of(self.editor.project, shape.id, bone)
+        keys = keys_of(self.editor.project, name, handle) if name else ()
         return next((k for k, (time, _) in enumerate(keys) if abs(time - self.editor.time) <= near), None)

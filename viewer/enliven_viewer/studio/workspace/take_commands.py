@@ -68,6 +68,18 @@ class TakeCommands:
             self.editor.toasts.say(f"{gone} is deleted", "Ctrl+Z brings it back.")
             self._follow(meant, self.heard)
 
+    def delete_row(self, name: str) -> None:
+        """Delete the take of a row of the list: an alternative of a lane, or one that nothing plays."""
+        project = self.editor.project
+        played = [layer for one in project.characters.values() for layer in one.playing]
+        mine = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
+        recorded = {(layer.alternatives, layer.recorded) for layer in mine}
+        meant, gone = recorded.pop() if len(recorded) == 1 else ("", "")
+        if len(takes_beside(project, meant)) < 2:
+            self.delete(name)
+        elif self.editor.edit(f"delete {gone}", lambda project: drop_take(project, meant, gone)):
+            self.editor.toasts.say(f"{gone} is deleted", "Ctrl+Z brings it back.")
+
     def unused(self) -> list[str]:
         """The takes that nothing plays."""
         project = self.editor.project

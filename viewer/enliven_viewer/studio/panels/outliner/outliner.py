@@ -29,7 +29,7 @@ _HIGH = 20.0
 """Pixels of a row: a line of text with a little air."""
 _OPENED, _CLOSED = "\uf0d7", "\uf0da"
 _LOCKED, _UNLOCKED = "\uf023", "\uf09c"
-_BONE, _POINT, _FILM, _PERSON = "\uf069", "\uf111", "\uf008", "\uf007"
+_BONE, _POINT, _FILM, _PERSON, _TRASH = "\uf069", "\uf111", "\uf008", "\uf007", "\uf014"
 _DRAGGED = "character"
 """What a row that is dragged carries."""
 
@@ -98,7 +98,7 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     imgui.push_id(row.key)
     left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     at = imgui.get_cursor_screen_pos()
-    switches = _SWITCH * {CHARACTER: 2, GROUP: int(row.id == "live")}.get(row.kind, 0)
+    switches = _SWITCH * {CHARACTER: 2, TAKE: 1, GROUP: int(row.id == "live")}.get(row.kind, 0)
     start = left + _INDENT * row.depth
     imgui.set_next_item_allow_overlap()
     label = f"##{row.key}"
@@ -119,6 +119,11 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         _words(outliner, row, at, width - switches)
     if row.kind == CHARACTER:
         _switches(workspace, outliner, row, left + width)
+    elif row.kind == TAKE:
+        imgui.same_line(left + width - _SWITCH)
+        if _switch(workspace, f"delete {row.id}", _TRASH, False):
+            workspace.commands.takes.delete_row(row.id)
+        told("Delete it: one of several takes of a lane, or one that nothing plays")
     elif switches:
         imgui.same_line(left + width - _SWITCH)
         if _switch(workspace, "live", CLOSED_EYE if outliner.live_hidden else EYE, outliner.live_hidden):

@@ -1,0 +1,90 @@
+"""A pose stream: the recorded motion of a deformation graph's nodes, or one made from keys."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float, freeze
+from enliven.document.keys import KEY_STEP, MotionKey, key_values, placed_keys
+from enliven.errors import InputError
+from enliven.rotation import from_rotation_vector, nearest_rotation, to_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class PoseStream:
+    """The recorded motion of a deformation graph's nodes. Like a take, it never changes.
+
+    Attributes:
+        id: its name in the project.
+        linear: (F, N, 3, 3) float64, nearly rotations.
+        positions: (F, N, 3) float64 metres, where the nodes were, in the world.
+        step: seconds from one frame to the next.
+        keys: what the frames were made from, in the order of time; of a performance none.
+        follow: (N, 4) of a stream of keys, how far each node goes with them, 1 for the node that they are
+            of, and the slope of that, (3,) for a metre; see :func:`keyed_stream`.
+
+    Raises:
+        InputError: where the arrays do not fit together or are not finite.
+    """
+
+    id: str
+    linear: Float
+    positions: Float
+    step: float
+    keys: tuple[MotionKey, ...] = ()
+    follow: Float = field(default_factory=lambda: np.zeros((0, 4)))
+
+    def __post_init__(self) -> None:
+        freeze(self, "linear", "positions", "follow")
+        frames, nodes = self.positions.shape[:2] if self.positions.ndim == 3 else (0, 0)
+        problem = ""
+        if frames == 0 or nodes == 0:
+            problem = "it has no frames or no nodes"
+        elif self.positions.shape != (frames, nodes, 3) or self.linear.shape != (frames, nodes, 3, 3):
+            problem = f"linear {self.linear.shape}, positions {self.positions.shape}"
+        elif not (np.isfinite(self.linear).all() and np.isfinite(self.positions).all()):
+            problem = "something in it is not finite"
+        elif not 0.0 < self.step <= 10.0:
+            problem = f"a frame lasts {self.step} s"
+        elif self.follow.shape != ((nodes if self.keys else 0), 4) or not np.isfinite(self.follow).all():
+            problem = f"{self.follow.shape} of {nodes} nodes follow {len(self.keys)} keys"
+        if problem:
+            raise InputError(problem, where=f"stream {self.id!r}", mend="Record it again.")
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (len(self.positions) - 1) * self.step
+
+    @property
+    def keyed(self) -> int:
+        """The node that its keys are of; -1 without keys."""
+        return int(self.follow[:, 0].argmax()) if self.keys else -1
+
+
+def keyed_stream(stream_id: str, rest: Float, follow: Float, keys: Sequence[MotionKey]) -> PoseStream:
+    """A stream of nodes that go with keys of one of them, within the mesh at rest.
+
+    With the turn R and the place d of the keys at a moment, s how far a node at r goes along, and k the node
+    of the keys, it goes to r + s ((R - I) (r - k) + d). Its linear map is the rotation nearest to the
+    gradient of that, so that the mesh bends and is not sheared.
+
+    Args:
+        rest: (N, 3) metres, the nodes at rest.
+        follow: (N, 4) s and its slope, as of :class:`PoseStream`.
+
+    Raises:
+        InputError: without a key, or for two on one frame.
+    """
+    made = placed_keys(keys, f"stream {stream_id!r}")
+    values = key_values(made, np.arange(round(made[-1].second / KEY_STEP) + 1) * KEY_STEP)
+    turned = to_matrix(from_rotation_vector(np.radians(values[:, :3]))) - np.eye(3)
+    shares, slopes = follow[:, 0], follow[:, 1:]
+    arms = rest - rest[int(shares.argmax())]
+    whole = np.einsum("tij,nj->tni", turned, arms) + values[:, None, 3:]
+    gradient = np.eye(3) + shares[:, None, None] * turned[:, None] + whole[..., None] * slopes[:, None, :]
+    positions = rest + shares[:, None] * whole
+    return PoseStream(stream_id, nearest_rotation(gradient), positions, KEY_STEP, made, follow)

@@ -1,0 +1,201 @@
+"""Keys: moments at which an artist says how far something is turned and moved, and curves through them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.errors import InputError
+
+KEY_STEP = 1.0 / 30.0
+"""Seconds of a frame of a take that is made from keys, on which keys lie: a frame of film."""
+_LATEST = 3600.0
+"""Seconds of the last key at most: an hour has 100,000 frames."""
+EASES: tuple[str, ...] = ("smooth", "linear", "step")
+"""How a key goes over into the next: without a jump in speed and no farther than either, straight, or at
+once."""
+_HALVINGS = 60
+"""Halvings by which a second is found: a thousand seconds come down to rounding."""
+
+
+@dataclass(frozen=True)
+class MotionKey:
+    """What a bone, a node or a whole character is turned and moved by at a moment.
+
+    Attributes:
+        second: of the take.
+        degrees: a rotation vector, in the axes of the rest pose.
+        ease: how it goes over into the next key.
+        metres: how far it is moved, in the same axes; a bone is only turned.
+    """
+
+    second: float
+    degrees: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ease: str = "smooth"
+    metres: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("degrees", "metres"):
+            object.__setattr__(self, name, tuple(float(one) for one in getattr(self, name)))
+        problem = ""
+        if not 0.0 <= self.second <= _LATEST or not all(map(math.isfinite, (*self.degrees, *self.metres))):
+            problem = f"{self.degrees} degrees, {self.metres} m at {self.second} s cannot be played"
+        elif self.ease not in EASES or len(self.degrees) != 3 or len(self.metres) != 3:
+            problem = f"{self.degrees} degrees, {self.metres} m, {self.ease!r} are no key"
+        if problem:
+            mend = f"Give seconds from 0 on, three angles, three metres, and one of {', '.join(EASES)}."
+            raise InputError(problem, where="key", mend=mend)
+
+
+def placed_keys(keys: Sequence[MotionKey], where: str) -> tuple[MotionKey, ...]:
+    """The keys in the order of time, each on a frame of its own.
+
+    Raises:
+        InputError: without a key, or for two on one frame.
+    """
+    placed = sorted(((round(key.second / KEY_STEP), key) for key in keys), key=lambda one: one[0])
+    if not placed or len({frame for frame, _ in placed}) < len(placed):
+        what = "two keys are on one frame" if placed else "there is no key"
+        raise InputError(what, where=where, mend="Give each key a frame of its own.")
+    return tuple(replace(key, second=frame * KEY_STEP) for frame, key in placed)
+
+
+def key_values(keys: Sequence[MotionKey], seconds: AnyArray) -> Float:
+    """(T, 6) degrees and metres at seconds (T,), as :func:`through_keys` has them."""
+    values = np.array([(*key.degrees, *key.metres) for key in keys], np.float64)
+    return through_keys([key.second for key in keys], values, [key.ease for key in keys], seconds)
+
+
+def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], seconds: AnyArray) -> Float:
+    """(T, C) values at seconds (T,), of channels through values (K, C) at seconds ``at`` (K,).
+
+    Before the first key they are as there, and after the last. Smooth pieces are cubic, with the slopes of
+    Fritsch and Carlson (1980), which go beyond neither key.
+    """
+    times = np.asarray(at, np.float64)
+    seconds = np.clip(np.asarray(seconds, np.float64), times[0], times[-1])
+    if len(times) == 1:
+        return np.repeat(values, len(seconds), axis=0)
+    # A frame that lies on a key by rounding is on it.
+    left = np.clip(np.searchsorted(times, seconds + 1e-9, side="right") - 1, 0, len(times) - 2)
+    wide = np.diff(times)[:, None]
+    slopes = _slopes(wide, np.diff(values, axis=0) / wide)
+    u = np.clip((seconds - times[left]) / wide[left, 0], 0.0, 1.0)[:, None]
+    ease = np.array(eases)[left][:, None]
+    one, other, span = values[left], values[left + 1], wide[left]
+    cubic = (
+        (2 * u**3 - 3 * u**2 + 1) * one
+        + (u**3 - 2 * u**2 + u) * span * slopes[left]
+        + (3 * u**2 - 2 * u**3) * other
+        + (u**3 - u**2) * span * slopes[left + 1]
+    )
+    step = np.where(u < 1.0, one, other)
+    return np.select([ease == "smooth", ease == "linear"], [cubic, one + u * (other - one)], step)
+
+
+def _slopes(wide: Float, steep: Float) -> Float:
+    """(K, 3) slopes at K keys for pieces (K - 1, 1) seconds wide that are (K - 1, C) steep; 0 at the ends,
+    and where a channel turns back."""
+    before, after = steep[:-1], steep[1:]
+    first, second = 2 * wide[1:] + wide[:-1], wide[1:] + 2 * wide[:-1]
+    on = before * after > 0.0
+    mean = (first + second) / (first / np.where(on, before, 1.0) + second / np.where(on, after, 1.0))
+    ends = np.zeros((1, steep.shape[1]))
+    return np.concatenate([ends, np.where(on, mean, 0.0), ends])
+
+
+@dataclass(frozen=True)
+class CurveKey:
+    """The value of a number of a layer at a moment.
+
+    Attributes:
+        second: of the project, after the beginning of the layer's lane.
+        value: a share from 0 to 1 of a weight, or how many times as fast.
+        ease: how it goes over into the next key.
+    """
+
+    second: float
+    value: float
+    ease: str = "smooth"
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.second) and math.isfinite(self.value) and self.ease in EASES):
+            what = f"{self.value} at {self.second} s, {self.ease!r}, is no key"
+            raise InputError(what, where="key", mend=f"Give two numbers, and one of {', '.join(EASES)}.")
+
+
+class Curve:
+    """A curve through keys, and the area under it; before the first key it is as there, and after the last.
+
+    Args:
+        keys: at least one, in the order of time.
+    """
+
+    def __init__(self, keys: Sequence[CurveKey]) -> None:
+        self._at = np.array([key.second for key in keys])
+        self._values = np.array([key.value for key in keys])
+        self._eases = [key.ease for key in keys]
+        wide = np.diff(self._at)
+        steep = np.diff(self._values) / wide
+        self._slopes = _slopes(wide[:, None], steep[:, None])[:, 0] if len(wide) else np.zeros(1)
+        ends = [self._within(piece, np.ones(1))[0] for piece in range(len(wide))]
+        self._sums = np.concatenate([[0.0], np.cumsum(ends)])
+
+    def __call__(self, seconds: AnyArray | Sequence[float]) -> Float:
+        """(T,) values at seconds (T,)."""
+        at = np.asarray(seconds, np.float64)
+        return through_keys(self._at.tolist(), self._values[:, None], self._eases, at)[:, 0]
+
+    def area(self, seconds: AnyArray | Sequence[float]) -> Float:
+        """(T,) the integrals from 0 to seconds (T,)."""
+        seconds = np.asarray(seconds, np.float64)
+        both = self._from_first(np.append(seconds, 0.0))
+        return np.asarray(both[:-1] - both[-1])
+
+    def reached(self, area: float) -> float:
+        """The second to which the integral from 0 is ``area``, of a curve that is above 0 everywhere."""
+        reach = abs(area) / float(self._values.min()) + 1e-9
+        low, high = -reach, reach
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2.0
+            low, high = (middle, high) if self.area(np.array([middle]))[0] < area else (low, middle)
+        return (low + high) / 2.0
+
+    def _from_first(self, seconds: Float) -> Float:
+        """(T,) the integrals from the first key to seconds (T,)."""
+        before = self._values[0] * np.minimum(seconds - self._at[0], 0.0)
+        after = self._values[-1] * np.maximum(seconds - self._at[-1], 0.0)
+        out = before + after
+        inside = np.clip(seconds, self._at[0], self._at[-1])
+        piece = np.clip(np.searchsorted(self._at, inside, side="right") - 1, 0, max(len(self._at) - 2, 0))
+        if len(self._at) > 1:
+            share = (inside - self._at[piece]) / np.diff(self._at)[piece]
+            each = [self._within(int(k), np.array([u]))[0] for k, u in zip(piece, share, strict=True)]
+            out = out + self._sums[piece] + np.array(each)
+        return np.asarray(out)
+
+    def _within(self, piece: int, u: Float) -> Float:
+        """The integrals of a piece from its key to the share u (T,) of it: those of Hermite's cubics."""
+        wide = self._at[piece + 1] - self._at[piece]
+        one, other = self._values[piece], self._values[piece + 1]
+        if self._eases[piece] == "step":
+            return np.asarray(wide * one * u)
+        if self._eases[piece] == "linear":
+            return np.asarray(wide * (one * u + (other - one) * u**2 / 2))
+        slopes = self._slopes[piece : piece + 2] * wide
+        values = (u**4 / 2 - u**3 + u) * one + (u**3 - u**4 / 2) * other
+        return np.asarray(
+            wide
+            * (values + (u**4 / 4 - 2 * u**3 / 3 + u**2 / 2) * slopes[0] + (u**4 / 4 - u**3 / 3) * slopes[1])
+        )
+
+
+@lru_cache(maxsize=256)
+def curve_of(keys: tuple[CurveKey, ...]) -> Curve:
+    """The curve through keys, kept while it is used."""
+    return Curve(keys)

@@ -1,0 +1,145 @@
+"""Keys set by hand: a joint, a node or a whole character is dragged at a time, and a key brings it there.
+
+project = key_handle(project, "squid", "hand", place, 1.5)            # its bone points there
+project = key_handle(project, "chair", 17, place, 0.8)                # the mesh bends there
+project = key_characters(project, ["bean"], 2.0, offset)              # the whole is moved from there
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document import GraphLayer, GraphShape, Project, Shape
+from enliven.errors import InputError
+from enliven.modeling.edits.keys import key_at, key_layer, set_key
+from enliven.modeling.edits.root_layers import about as motion_about
+from enliven.modeling.edits.root_layers import root_motion, root_values
+from enliven.modeling.possessed import within_layer
+from enliven.modeling.rigged import Axes, bone_number
+from enliven.motion.layers import pose_of
+from enliven.rotation import (
+    IDENTITY,
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    normalized,
+    swing,
+    to_rotation_vector,
+)
+
+_ORIGIN = (0.0, 0.0, 0.0)
+"""Metres: nowhere else."""
+
+
+def key_handle(
+    project: Project, character_id: str, handle: int | str, place: AnyArray, time: float
+) -> Project:
+    """A project in which a key brings a handle or a node to ``place`` (3,) metres in the world at a time.
+
+    The bone of a joint points there; a node of a possessed mesh is there, and the mesh bends around it.
+
+    Raises:
+        InputError: for the root, which no bone carries, a place that is not finite, or a rig without either.
+    """
+    character, wanted = project.character(character_id), np.asarray(place, np.float64)
+    if wanted.shape != (3,) or not np.isfinite(wanted).all():
+        raise InputError(f"{place} is no place", where=character.where, mend="Give three metres.")
+    wanted = root_motion(project, character, time).inverse(wanted[None])[0]
+    if isinstance(character, Shape):
+        return _key_joint(project, character, bone_number(character, handle), wanted, time)
+    if isinstance(character, GraphShape) and not isinstance(handle, str):
+        return _key_node(project, character, handle, wanted, time)
+    mend = "Move or turn the whole. A puppet is posed by its key poses."
+    raise InputError("its handles take no keys", where=character.where, mend=mend)
+
+
+def key_characters(
+    project: Project,
+    names: Iterable[str],
+    time: float,
+    offset: AnyArray | Sequence[float] = _ORIGIN,
+    turn: AnyArray = IDENTITY,
+    about: AnyArray | Sequence[float] = _ORIGIN,
+) -> Project:
+    """A project in which keys move characters at a time: x becomes turn (x - about) + about + offset.
+
+    Args:
+        offset, turn, about: as of :func:`~enliven.modeling.edits.characters.move_character`.
+
+    Raises:
+        InputError: where there is no such character, its keys are not heard then, or a number is not finite.
+    """
+    way, centre, turned = (np.asarray(one, np.float64) for one in (offset, about, turn))
+    shapes = (way.shape, centre.shape, turned.shape) == ((3,), (3,), (4,))
+    if not (shapes and np.isfinite([*way, *centre, *turned]).all()):
+        raise InputError(f"it cannot be moved by {offset}, {turn}", where="keys", mend="Give numbers.")
+    more = motion_about(normalized(turned), way, centre)
+    for name in names:
+        moved = more.after(root_motion(project, project.character(name), time))
+        if key_layer(project, name, None) is None:
+            project = set_key(project, name, None, time)
+        character, number = project.character(name), key_layer(project, name, None)
+        assert number is not None
+        root = number - (len(character.playing) - len(character.root_layers))
+        radians, metres = root_values(project, character, root, moved, time)
+        known = np.array(key_at(project, name, None, time).degrees)
+        project = set_key(project, name, None, time, _nearest(radians, known).tolist(), None, metres.tolist())
+    return project
+
+
+def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float) -> Project:
+    """A project in which a key lets the bone of a joint point at a place, the root's layers apart."""
+    if j == 0:
+        mend = "Drag another joint, or move the whole."
+        raise InputError("the root is moved, not turned", where=shape.where, mend=mend)
+    seen_at = pose_of(project, shape.id, time)
+    turns, joints = seen_at.turns, seen_at.joints
+    start = joints[int(shape.skeleton.parents[j])]
+    way, bone = place - start, joints[j] - start
+    if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
+        return project
+    turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
+    # D = above K, so turned in the world by w it is above K', K' = K D^-1 w D.
+    own = multiply(multiply(conjugate(turns[j]), turn), turns[j])
+    known, seen = np.array(key_at(project, shape.id, j, time).degrees), Axes(IDENTITY, False)
+    number = key_layer(project, shape.id, j)
+    if number is not None:
+        seen = Axes(shape.layers[number].basis, shape.layers[number].mirrored)
+    added = multiply(seen.rotations(from_rotation_vector(np.radians(known))), own)
+    # The reflection is its own inverse, and so L^-1 = S basis^-1.
+    mine = multiply(multiply(conjugate(seen.turn), added), seen.turn)
+    mine = Axes(IDENTITY, seen.mirrored).rotations(mine)
+    degrees = _nearest(to_rotation_vector(normalized(mine)), known)
+    return set_key(project, shape.id, j, time, degrees.tolist())
+
+
+def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time: float) -> Project:
+    """A project in which a key brings a node of a possessed mesh to a place, the root's layers apart."""
+    if key_layer(project, shape.id, node) is None:
+        project = set_key(project, shape.id, node, time)
+    number = key_layer(project, shape.id, node)
+    shape = project.graph(shape.id)
+    assert number is not None
+    layer = shape.playing[number]
+    assert isinstance(layer, GraphLayer)
+    linear, seen, weight = within_layer(project, shape, number - len(shape.parts), node, time)
+    if weight <= 0.0:
+        mend = "Unmute it, or give it weight, or go to a time at which it plays."
+        raise InputError("its keys are not heard here", where=f"layer {layer.id!r}", mend=mend)
+    more = np.linalg.solve(linear, place - seen) / (weight * layer.size)
+    back, flip = Axes(conjugate(layer.axes), False), Axes(IDENTITY, layer.mirrored)
+    known = np.array(key_at(project, shape.id, node, time).metres)
+    return set_key(project, shape.id, node, time, metres=(known + flip.vectors(back.vectors(more))).tolist())
+
+
+def _nearest(radians: Float, known: Float) -> Float:
+    """(3,) degrees of a rotation vector (3,) in radians: of all its rounds the nearest to ``known``."""
+    vector = np.degrees(radians)
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-9:
+        return vector
+    rounds = [vector * (1.0 + k * 360.0 / angle) for k in (-2, -1, 0, 1, 2)]
+    return min(rounds, key=lambda one: float(np.linalg.norm(one - known)))

@@ -1,0 +1,128 @@
+"""The weight and the speed of layers as curves over time: keys of numbers, for the layers of all rigs.
+
+    project = set_layer_key(project, "squid", [0], "weights", 1.0, 0.0)   # not heard at 1 s of the project
+    project = set_layer_key(project, "squid", [0], "speeds", 2.0, 0.5)    # half as fast from there on
+
+A curve of one key is a number. Keys lie on the project's time and go along with the beginning of their lane;
+where time would stand or go back they are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, Literal
+
+from enliven.document import CurveKey, Project
+from enliven.errors import InputError
+from enliven.modeling.edits.characters import change_layers
+
+Number = Literal["weights", "speeds"]
+"""Which number of a layer keys are of."""
+_SAME = 1.0 / 60.0
+"""Seconds within which a key takes the place of another: half a frame of film."""
+
+
+def layer_keys(project: Project, character_id: str, layer: int, number: Number) -> tuple[CurveKey, ...]:
+    """The keys of a number of a layer, in the order of time.
+
+    Raises:
+        InputError: where there is no such character or layer.
+    """
+    character = project.character(character_id)
+    if not 0 <= layer < len(character.playing):
+        mend = f"It has {len(character.playing)}."
+        raise InputError(f"there is no layer {layer}", where=character.where, mend=mend)
+    keys: tuple[CurveKey, ...] = getattr(character.playing[layer], number)
+    return keys
+
+
+def set_layer_key(
+    project: Project,
+    character_id: str,
+    layers: Iterable[int],
+    number: Number,
+    time: float,
+    value: float,
+    ease: str = "smooth",
+) -> Project:
+    """A project with a key of a number of layers at a time, in the place of one that is there.
+
+    Args:
+        layers: their numbers; all of them have the keys of the first then.
+        time: seconds of the project.
+        value: a weight from 0 to 1, or how many times as fast.
+
+    Raises:
+        InputError: where there is no such layer, or the value cannot be played.
+    """
+    wanted = tuple(layers)
+    keys = layer_keys(project, character_id, wanted[0], number)
+    at = time - project.character(character_id).playing[wanted[0]].offset
+    left = [key for key in keys if abs(key.second - at) > _SAME]
+    return _with_keys(project, character_id, wanted, number, [*left, CurveKey(at, value, ease)])
+
+
+def move_layer_key(
+    project: Project,
+    character_id: str,
+    layers: Iterable[int],
+    number: Number,
+    key: int,
+    time: float | None = None,
+    value: float | None = None,
+    ease: str | None = None,
+) -> Project:
+    """A project with a key of a number of layers at another time, or with another value or ease.
+
+    Raises:
+        InputError: where there is no such key, another is there, or the value cannot be played.
+    """
+    wanted = tuple(layers)
+    found, keys = _key(project, character_id, wanted[0], number, key)
+    offset = project.character(character_id).playing[wanted[0]].offset
+    moved = CurveKey(
+        found.second if time is None else time - offset,
+        found.value if value is None else value,
+        found.ease if ease is None else ease,
+    )
+    return _with_keys(project, character_id, wanted, number, [*keys[:key], moved, *keys[key + 1 :]])
+
+
+def remove_layer_key(
+    project: Project, character_id: str, layers: Iterable[int], number: Number, key: int
+) -> Project:
+    """A project without a key of a number of layers; without any the number is as it is.
+
+    Raises:
+        InputError: where there is no such key.
+    """
+    wanted = tuple(layers)
+    _, keys = _key(project, character_id, wanted[0], number, key)
+    return _with_keys(project, character_id, wanted, number, [*keys[:key], *keys[key + 1 :]])
+
+
+def _key(
+    project: Project, character_id: str, layer: int, number: Number, key: int
+) -> tuple[CurveKey, tuple[CurveKey, ...]]:
+    keys = layer_keys(project, character_id, layer, number)
+    if not 0 <= key < len(keys):
+        mend = f"It has {len(keys)}."
+        raise InputError(
+            f"there is no key {key} of its {number}", where=f"character {character_id!r}", mend=mend
+        )
+    return keys[key], keys
+
+
+def _with_keys(
+    project: Project, character_id: str, layers: tuple[int, ...], number: Number, keys: list[CurveKey]
+) -> Project:
+    """A project in which layers have these keys, each on the time of the first one's lane."""
+    playing = project.character(character_id).playing
+    ordered = sorted(keys, key=lambda key: key.second)
+    for layer in layers:
+        late = playing[layers[0]].offset - playing[layer].offset
+        own = tuple(replace(key, second=key.second + late) for key in ordered)
+        changes: dict[str, Any] = {number: own}
+        project = change_layers(project, character_id, [layer], **changes)
+    return project

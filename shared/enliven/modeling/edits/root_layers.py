@@ -1,0 +1,137 @@
+"""What a whole character is turned and moved by in the world, over all that it plays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document import Clip, Project, RigBase, RootLayer
+from enliven.errors import InputError
+from enliven.modeling.rigged import Axes
+from enliven.rotation import (
+    IDENTITY,
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    normalized,
+    rotate,
+    slerp,
+    to_rotation_vector,
+)
+
+_HEARD = 1e-3
+"""Weight below which a layer is not posed by hand: its keys would have to be a thousand times as far."""
+
+
+class RigidMotion(NamedTuple):
+    """x becomes turn x + move: a rotation (..., 4) and metres (..., 3), of one moment or of many."""
+
+    turn: Float
+    move: Float
+
+    def __call__(self, points: AnyArray) -> Float:
+        """(..., N, 3) metres, where points (..., N, 3) go; one row of points for each moment."""
+        points = np.asarray(points, np.float64)
+        return rotate(self.turn[..., None, :], points) + self.move[..., None, :]
+
+    def after(self, first: RigidMotion) -> RigidMotion:
+        """This motion of what the first one moved."""
+        return RigidMotion(
+            normalized(multiply(self.turn, first.turn)), rotate(self.turn, first.move) + self.move
+        )
+
+    @property
+    def inverse(self) -> RigidMotion:
+        """What takes it back."""
+        back = conjugate(self.turn)
+        return RigidMotion(back, -rotate(back, self.move))
+
+
+STAYS = RigidMotion(IDENTITY, np.zeros(3))
+"""Nothing is turned or moved."""
+
+
+def about(turn: Float, offset: Float, centre: Float) -> RigidMotion:
+    """The motion by which x becomes turn (x - centre) + centre + offset."""
+    return RigidMotion(turn, centre + offset - rotate(turn, centre))
+
+
+def root_motion(project: Project, character: RigBase, time: float) -> RigidMotion:
+    """What the layers of a character's root do with it at a time of the project.
+
+    Raises:
+        InputError: for a time that is not finite.
+    """
+    if not np.isfinite(time):
+        raise InputError(f"the time is {time}", where=character.where, mend="Give seconds.")
+    made = STAYS
+    for layer in character.root_layers:
+        made = _of_layer(project, layer, time)[0].after(made)
+    return made
+
+
+def root_motions(project: Project, character: RigBase, times: AnyArray | Sequence[float]) -> RigidMotion:
+    """The same at times (T,): turns (T, 4) and moves (T, 3)."""
+    each = [root_motion(project, character, float(time)) for time in times]
+    return RigidMotion(np.array([one.turn for one in each]), np.array([one.move for one in each]))
+
+
+def root_values(
+    project: Project, character: RigBase, number: int, motion: RigidMotion, time: float
+) -> tuple[Float, Float]:
+    """(3,) radians and (3,) metres of the clip of a root layer, with which all of them do a motion at a time.
+
+    Args:
+        number: of the layer among those of the root.
+
+    Raises:
+        InputError: where the layer is not heard then.
+    """
+    outer, inner = STAYS, STAYS
+    for k, one in enumerate(character.root_layers):
+        if k != number:
+            done = _of_layer(project, one, time)[0]
+            outer, inner = (done.after(outer), inner) if k > number else (outer, done.after(inner))
+    layer = character.root_layers[number]
+    weight = _of_layer(project, layer, time)[1]
+    if weight < _HEARD:
+        mend = "Unmute it, or give it weight, or go to a time at which it plays."
+        raise InputError("its keys are not heard here", where=f"layer {layer.id!r}", mend=mend)
+    own = outer.inverse.after(motion).after(inner.inverse)
+    moved = own.move - layer.about + rotate(own.turn, layer.about)
+    back, flip = Axes(conjugate(layer.basis), False), Axes(IDENTITY, layer.mirrored)
+    turned = to_rotation_vector(flip.rotations(back.rotations(own.turn)))
+    return turned / weight, flip.vectors(back.vectors(moved)) / (weight * layer.size)
+
+
+def _of_layer(project: Project, layer: RootLayer, time: float) -> tuple[RigidMotion, float]:
+    """What one layer does at a time, and how far it is heard."""
+    clip = project.take_of(layer)
+    assert isinstance(clip, Clip)
+    at = layer.moment(time, clip.duration)
+    weight = 0.0 if layer.muted else layer.weight * at.weight
+    if weight == 0.0:
+        return STAYS, 0.0
+    turn, place = _recorded(clip, at.second)
+    if at.share > 0.0:
+        turn, place = _mixed((turn, place), _recorded(clip, at.other), at.share)
+    axes = Axes(layer.basis, layer.mirrored)
+    turn = axes.rotations(from_rotation_vector(weight * to_rotation_vector(turn)))
+    return about(turn, weight * layer.size * axes.vectors(place), layer.about), weight
+
+
+def _recorded(clip: Clip, second: float) -> tuple[Float, Float]:
+    """The turn (4,) and the place (3,) of a clip's root at a second of it."""
+    last = len(clip.turns) - 1
+    frame = min(second / clip.step, float(last))
+    before = min(int(frame), max(last - 1, 0))
+    rows = [(clip.turns[k, 0], clip.root[k]) for k in (before, min(before + 1, last))]
+    return _mixed(rows[0], rows[1], frame - before)
+
+
+def _mixed(one: tuple[Float, Float], other: tuple[Float, Float], share: float) -> tuple[Float, Float]:
+    turn = slerp(one[0], other[0], np.asarray(share))
+    return turn, one[1] + share * (other[1] - one[1])

@@ -1,0 +1,170 @@
+"""Every rig with layers of its root: what the rig does in its own way is turned and moved as a whole.
+
+A rig knows nothing of these layers; here they are put over what it does, once for all rigs. What cuts or
+merges sees the character set down: where it is seen at that time, without the layers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document import Character, GraphShape, MotionKey, PoseStream, Project
+from enliven.modeling.edits.root_layers import RigidMotion, root_motion, root_motions
+from enliven.modeling.mesh import CutSurface
+from enliven.modeling.rig import Merge, Player, Posed, RigEdits
+from enliven.modeling.rigged import Axes
+from enliven.rotation import multiply, normalized, rotate, to_matrix
+
+
+class RootedRig(RigEdits):
+    """The edits of a rig, for characters that layers of their root move.
+
+    Args:
+        own: the edits of the rig.
+    """
+
+    def __init__(self, own: RigEdits) -> None:
+        self.own, self.frames = own, own.frames
+
+    def centre(self, character: Any) -> Float:
+        """As without the layers."""
+        return self.own.centre(character)
+
+    def rest(self, character: Any) -> Float:
+        """As without the layers."""
+        return self.own.rest(character)
+
+    def drawn(self, character: Any) -> Character:
+        """As without the layers."""
+        return self.own.drawn(character)
+
+    def seen(self, project: Project, character: Any, time: float) -> Float:
+        """The vertices, moved."""
+        return root_motion(project, character, time)(self.own.seen(project, character, time))
+
+    def player(self, project: Project, character: Any) -> Player:
+        """The poses and handles, moved."""
+        own = self.own.player(project, character)
+
+        def at(time: float) -> Posed:
+            (pose, handles), motion = own(time), root_motion(project, character, time)
+            linear, positions = _moved(motion, pose.linear, pose.positions)
+            made = replace(pose, linear=linear.astype(np.float32), positions=positions.astype(np.float32))
+            return Posed(made, motion(handles))
+
+        return at
+
+    def surface(self, project: Project, character: Any) -> Callable[[float], Float]:
+        """The surface, moved."""
+        own = self.own.surface(project, character)
+        return lambda time: root_motion(project, character, time)(own(time))
+
+    def lacking(self, project: Project, character: Any) -> tuple[str, ...]:
+        """As without the layers."""
+        return self.own.lacking(project, character)
+
+    def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
+        """The rig's own of them."""
+        count = len(character.playing) - len(character.root_layers)
+        self.own.check_layers(project, character, {one for one in numbers if one < count})
+
+    def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float) -> Project:
+        """Dragged to where that place would be without the layers."""
+        back = root_motion(project, character, time).inverse
+        return self.own.dragged(project, character, handle, back(place[None])[0], time)
+
+    def key_layer(self, project: Project, character: Any, handle: int) -> int | None:
+        """As without the layers, which come after all others."""
+        return self.own.key_layer(project, character, handle)
+
+    def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey) -> Project:
+        """As without the layers."""
+        return self.own.with_key_layer(project, character, handle, key)
+
+    def moved(self, character: Any, offset: Float, turn: Float, about: Float) -> Any:
+        """The layers turn about the place that went along, in axes that turned along."""
+        made = self.own.moved(character, offset, turn, about)
+        layers = tuple(
+            replace(
+                layer,
+                about=rotate(turn, layer.about - about) + about + offset,
+                basis=normalized(multiply(turn, layer.basis)),
+            )
+            for layer in character.root_layers
+        )
+        return made.with_changes(root_layers=layers)
+
+    def scaled(self, character: Any, factor: float) -> Any:
+        """The way that it goes grows along."""
+        centre = self.centre(character)
+        layers = tuple(
+            replace(layer, about=centre + factor * (layer.about - centre), size=factor * layer.size)
+            for layer in character.root_layers
+        )
+        return self.own.scaled(character, factor).with_changes(root_layers=layers)
+
+    def mirrored(self, project: Project, character: Any, axes: Axes) -> Any:
+        """The way that it goes is reflected along."""
+        centre = self.centre(character)
+        layers = tuple(
+            axes.layer(replace(layer, about=centre + axes.vectors(layer.about - centre)))
+            for layer in character.root_layers
+        )
+        return self.own.mirrored(project, character, axes).with_changes(root_layers=layers)
+
+    def as_graph(
+        self, project: Project, character: Any, times: Float, stream_id: str
+    ) -> tuple[GraphShape, PoseStream, str]:
+        """The nodes, moved; no layer is left."""
+        graph, stream, note = self.own.as_graph(project, character, times, stream_id)
+        seconds = times[0] + stream.step * np.arange(len(stream.positions))
+        motions = root_motions(project, character, seconds)
+        linear, positions = _moved(motions, stream.linear, stream.positions)
+        stream = replace(stream, linear=linear, positions=positions)
+        return graph.with_changes(root_layers=()), stream, note
+
+    def cut(
+        self, project: Project, name: str, stroke: CutSurface, time: float, *, notes: list[str]
+    ) -> tuple[Project, tuple[str, ...]]:
+        """Cut where it is seen then; the layers go on moving all parts."""
+        character = project.character(name)
+        project, parts = self.own.cut(
+            set_down(self.own, project, name, time), name, stroke, time, notes=notes
+        )
+        for part in parts:
+            project = taken_up(self.own, project, part, character, time)
+        return project, parts
+
+    def merged(self, project: Project, merge: Merge) -> Project:
+        """As without the layers: both were set down."""
+        return self.own.merged(project, merge)
+
+
+def set_down(own: RigEdits, project: Project, name: str, time: float) -> Project:
+    """A project in which a character without the layers of its root is where it is seen at a time."""
+    character = project.character(name)
+    if not character.root_layers:
+        return project
+    turn, move = root_motion(project, character, time)
+    bare = character.with_changes(root_layers=())
+    return project.with_characters(own.moved(bare, move, turn, np.zeros(3)))
+
+
+def taken_up(own: RigEdits, project: Project, name: str, before: Any, time: float) -> Project:
+    """A project in which the root layers of ``before`` move a character that was set down at a time."""
+    character = project.character(name)
+    if not before.root_layers:
+        return project
+    turn, move = root_motion(project, before, time).inverse
+    made = own.moved(character, move, turn, np.zeros(3))
+    return project.with_characters(made.with_changes(root_layers=before.root_layers))
+
+
+def _moved(motion: RigidMotion, linear: AnyArray, positions: AnyArray) -> tuple[Float, Float]:
+    """Maps (..., N, 3, 3) and places (..., N, 3), moved."""
+    return to_matrix(motion.turn)[..., None, :, :] @ linear, motion(positions)

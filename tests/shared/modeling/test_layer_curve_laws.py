@@ -1,0 +1,185 @@
+"""Weights and speeds as curves over time: a curve of one key is the number, and time never goes back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from rig_worlds import WORLDS, kind
+from test_character_laws import near
+
+from enliven.document import EASES, FASTEST, SLOWEST, CurveKey, GraphPart, Layer, curve_of, same
+from enliven.errors import InputError
+from enliven.exporters import performance_of
+from enliven.formats.project import project_of
+from enliven.formats.project.file import project_bytes
+from enliven.modeling.edits import (
+    change_layers,
+    clips_of,
+    layer_keys,
+    move_layer_key,
+    remove_layer_key,
+    set_layer_key,
+    shift_character,
+    split_clip,
+    stretch_clip,
+    trim_clip,
+    vertices_of,
+)
+from enliven.motion.layers.timing import Clocks
+
+laws = settings(deadline=None, max_examples=8)
+RIGS = ("bones", "graph", "points", "cage", "keyed bones", "keyed graph")
+worlds = pytest.mark.parametrize("rig", RIGS)
+times = st.floats(-0.5, 3.0)
+speeds = st.lists(
+    st.tuples(st.integers(0, 40), st.floats(0.1, 4.0), st.sampled_from(EASES)),
+    min_size=1,
+    max_size=4,
+    unique_by=lambda one: one[0],
+).map(lambda keys: tuple(CurveKey(f / 20, v, e) for f, v, e in sorted(keys)))
+shares = st.lists(
+    st.tuples(st.integers(0, 40), st.floats(0.0, 1.0), st.sampled_from(EASES)),
+    min_size=1,
+    max_size=4,
+    unique_by=lambda one: one[0],
+).map(lambda keys: tuple(CurveKey(f / 20, v, e) for f, v, e in sorted(keys)))
+
+
+def all_of(project, name):
+    return range(len(project.character(name).playing))
+
+
+@worlds
+@laws
+@given(st.floats(0, 1), times, times)
+def test_a_weight_of_one_key_is_the_number(rig, weight, at, time):
+    project, name = WORLDS[rig]
+    for number, layer in enumerate(project.character(name).playing):
+        curved = set_layer_key(project, name, [number], "weights", at, weight)
+        if hasattr(layer, "weight"):
+            plain = change_layers(project, name, [number], weight=weight * layer.weight)
+            near(vertices_of(curved, name, time), vertices_of(plain, name, time))
+        silent = set_layer_key(project, name, [number], "weights", at, 0.0)
+        muted = change_layers(project, name, [number], muted=True)
+        if not (isinstance(layer, Layer) and project.shape(name).travel == layer.id):
+            near(vertices_of(silent, name, time), vertices_of(muted, name, time))
+        assert same(remove_layer_key(curved, name, [number], "weights", 0), project)
+
+
+@worlds
+@laws
+@given(st.floats(0.1, 4.0), times, times)
+def test_a_speed_of_one_key_is_the_number(rig, speed, at, time):
+    project, name = WORLDS[rig]
+    project = change_layers(project, name, all_of(project, name), loop=False)
+    for number, layer in enumerate(project.character(name).playing):
+        curved = set_layer_key(project, name, [number], "speeds", at, speed)
+        plain = change_layers(project, name, [number], speed=speed * layer.speed)
+        near(vertices_of(curved, name, time), vertices_of(plain, name, time))
+        made, other = (one.character(name).playing[number] for one in (curved, plain))
+        length = project.length_of(layer)
+        assert made.end(length) == pytest.approx(other.end(length))
+        found, wanted = made.clips(length)[0], other.clips(length)[0]
+        assert (found.begin, found.end, found.speed) == pytest.approx(
+            (wanted.begin, wanted.end, wanted.speed)
+        )
+
+
+@settings(deadline=None, max_examples=60)
+@given(speeds, st.lists(st.floats(-2, 4), min_size=2, max_size=5), st.floats(-1, 1))
+def test_time_rises_as_the_sum_of_its_speeds_and_is_found_again(keys, moments, offset):
+    layer = GraphPart("take", np.arange(1), offset=offset, speeds=keys)
+    moments = sorted(moments)
+    even = [layer.even(time) for time in moments]
+    assert (np.diff(even) >= SLOWEST * np.diff(moments) - 1e-9).all()
+    for time, at in zip(moments, even, strict=True):
+        assert layer.uneven(at) == pytest.approx(time, abs=1e-6)
+        fine = np.linspace(0, time - offset, 4001)
+        rows = curve_of(keys)((fine[1:] + fine[:-1]) / 2)  # the slow twin: a sum of thin slices
+        # A step within a slice is off by that slice at most.
+        assert at - offset == pytest.approx(rows.mean() * (time - offset), abs=4 * 6 * 4.0 / 4000)
+    assert layer.even(offset) == pytest.approx(offset)
+
+
+@settings(deadline=None, max_examples=25)
+@given(speeds, shares, st.floats(-2, 4), st.booleans(), st.booleans())
+def test_compiled_they_are_the_same(fast, weights, time, loop, back):
+    project, name = WORLDS["bones"]
+    layer = project.shape(name).layers[0]
+    layer = replace(layer, speeds=fast, weights=weights, loop=loop, speed=-1.0 if back else 0.7)
+    clip = project.takes[layer.take]
+    clocks, moment = Clocks.of([layer], [clip]), layer.moment(time, clip.duration)
+    assume(min(abs(moment.second), abs(moment.second - clip.duration)) > 1e-6 or not loop)
+    found = clocks.played(np.array([time]))
+    assert found.frame[0, 0] * clip.step == pytest.approx(moment.second, abs=1e-9)
+    assert found.rounds[0, 0] == moment.rounds
+    heard = found.weight[0, 0] * clocks.curves(np.array([time]))[0, 0]
+    assert heard == pytest.approx(moment.weight, abs=1e-12)
+
+
+@worlds
+@laws
+@given(speeds, shares, times, st.floats(0.15, 0.85))
+def test_clips_are_split_trimmed_and_shifted_under_curves(rig, fast, weights, time, share):
+    project, name = WORLDS[rig]
+    count = len(project.character(name).playing)
+    for number in range(count):
+        changes = {"loop": False, "speeds": fast, "weights": weights}
+        curved = change_layers(project, name, [number], **changes)
+        (clip,) = clips_of(curved, name, number)
+        at = clip.begin + share * (clip.end - clip.begin)
+        split = split_clip(curved, name, [number], at)
+        near(vertices_of(split, name, time), vertices_of(curved, name, time), 1e-5)
+        assert clips_of(split, name, number)[0].end == pytest.approx(at, abs=1e-6)
+        trimmed = trim_clip(curved, name, [number], 0, begin=at)
+        later = max(time, at + 1e-3)
+        near(vertices_of(trimmed, name, later), vertices_of(curved, name, later), 1e-5)
+        slower = stretch_clip(curved, name, [number], 0, end=clip.end + 0.5)
+        assert clips_of(slower, name, number)[0].end == pytest.approx(clip.end + 0.5, abs=1e-5)
+        assert same(project_of(project_bytes(curved)), curved)
+        late = shift_character(curved, name, 0.5)
+        near(vertices_of(late, name, time + 0.5), vertices_of(curved, name, time))
+
+
+@worlds
+def test_what_is_exported_is_what_is_seen(rig):
+    project, name = WORLDS[rig]
+    numbers = all_of(project, name)
+    for number in numbers:
+        project = set_layer_key(project, name, [number], "speeds", 0.2, 2.0, "linear")
+        project = set_layer_key(project, name, [number], "speeds", 0.8, 0.5)
+        project = set_layer_key(project, name, [number], "weights", 0.0, 1.0)
+        project = set_layer_key(project, name, [number], "weights", 0.9, 0.3)
+    performance = performance_of(project, name, 0.0, 0.6, 10.0)
+    pose = list(performance.poses())[-1]
+    skin, mesh = performance.skin, performance.mesh
+    arms = mesh.vertices[:, None] - performance.pivots[skin.indices]
+    moved = np.einsum("vkij,vkj->vki", pose.linear[skin.indices].astype(float), arms)
+    found = ((moved + pose.positions[skin.indices]) * skin.weights[..., None]).sum(1)
+    # A puppet is baked to an error of its own.
+    near(found, vertices_of(project, name, 0.6), 0.05 if kind(rig) == "points" else 1e-5)
+
+
+def test_keys_are_moved_eased_and_refused():
+    project, name = WORLDS["bones"]
+    project = set_layer_key(project, name, [0, 1], "weights", 0.5, 0.2)
+    project = set_layer_key(project, name, [0, 1], "weights", 1.5, 0.8)
+    moved = move_layer_key(project, name, [0, 1], "weights", 0, 1.0, 0.4, "linear")
+    offsets = [layer.offset for layer in moved.shape(name).layers[:2]]
+    for number, offset in enumerate(offsets):
+        first = layer_keys(moved, name, number, "weights")[0]
+        assert (first.second + offset, first.value, first.ease) == (pytest.approx(1.0), 0.4, "linear")
+    for wrong, words in (
+        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 0.0), "times"),
+        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, -1.0), "times"),
+        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 2 * FASTEST), "times"),
+        (lambda: set_layer_key(project, name, [0], "weights", 0.5, 1.5), "the weight 1.5"),
+        (lambda: set_layer_key(project, name, [0], "weights", np.nan, 0.5), "no key"),
+        (lambda: set_layer_key(project, name, [99], "weights", 0.5, 0.5), "no layer 99"),
+        (lambda: move_layer_key(project, name, [0], "weights", 0, 1.5), "at one time"),
+        (lambda: remove_layer_key(project, name, [0], "speeds", 0), "no key 0 of its speeds"),
+    ):
+        with pytest.raises(InputError, match=words):
+            wrong()

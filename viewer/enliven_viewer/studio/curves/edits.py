@@ -1,0 +1,109 @@
+"""The edits of keys of every group of curves: added, moved, eased and removed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from enliven.document import FASTEST, SLOWEST, Project
+from enliven.errors import InputError
+from enliven.modeling.edits import (
+    ease_key,
+    key_at,
+    keys_of,
+    move_key,
+    move_layer_key,
+    remove_key,
+    remove_layer_key,
+    set_key,
+    set_layer_key,
+)
+from enliven.modeling.puppet import change_key_pose, remove_key_pose
+from enliven_viewer.studio.curves.channels import NUMBERS, Dot, Thing, layer_of_thing, scale_of
+
+KEYED = {"keys": "degrees", "moves": "metres"}
+"""The groups of keys over motion, and what of a key each shows."""
+_ENDS = {"weight": (0.0, 1.0), "speed": (SLOWEST, FASTEST)}
+"""The least and the greatest value of a key of a layer's numbers."""
+Lane = tuple[int, ...]
+
+
+def added(project: Project, thing: Thing, lane: Lane, group: str, time: float, value: float) -> Project:
+    """A project with a key of a group at a time, with a value on the nearest channel.
+
+    Args:
+        lane: the numbers of the layers of the thing's lane.
+    """
+    if group in NUMBERS:
+        own = within(project, thing, group, time, value)
+        return set_layer_key(project, thing.character, lane, NUMBERS[group], time, own)
+    word = KEYED[group]
+    values = list(getattr(key_at(project, thing.character, thing.handle, time), word))
+    values[int(np.abs(np.array(values) - value).argmin())] = value
+    how: dict[str, Any] = {word: values}
+    return set_key(project, thing.character, thing.handle, time, **how)
+
+
+def moved(
+    project: Project, thing: Thing, lane: Lane, group: str, dot: Dot, time: float, value: float
+) -> Project:
+    """A project with a key at another time, with another value."""
+    if group in NUMBERS:
+        own = within(project, thing, group, time, value)
+        number = NUMBERS[group]
+        return move_layer_key(project, thing.character, lane, number, dot.number, time, own)
+    if group not in KEYED:
+        return _pose_moved(project, thing, dot, time, value)
+    word = KEYED[group]
+    values = list(getattr(keys_of(project, thing.character, thing.handle)[dot.number][1], word))
+    values[dot.axis] = value
+    how: dict[str, Any] = {word: values}
+    return move_key(project, thing.character, thing.handle, dot.number, time, **how)
+
+
+def eased(project: Project, thing: Thing, lane: Lane, group: str, number: int, ease: str) -> Project:
+    """A project in which a key goes over into the next in another way."""
+    if group in NUMBERS:
+        return move_layer_key(project, thing.character, lane, NUMBERS[group], number, ease=ease)
+    return ease_key(project, thing.character, thing.handle, number, ease)
+
+
+def removed(project: Project, thing: Thing, lane: Lane, group: str, number: int) -> Project:
+    """A project without a key, or without a key pose of a puppet."""
+    if group in NUMBERS:
+        return remove_layer_key(project, thing.character, lane, NUMBERS[group], number)
+    if group in KEYED:
+        return remove_key(project, thing.character, thing.handle, number)
+    return remove_key_pose(project, thing.character, number)
+
+
+def within(project: Project, thing: Thing, group: str, time: float, value: float) -> float:
+    """The value of a layer's key that is drawn at ``value``, within what can be played."""
+    low, high = _ENDS[group]
+    return min(max(value / scale_of(project, thing, group, time), low), high)
+
+
+def beyond(project: Project, thing: Thing, group: str, time: float, value: float) -> str:
+    """A sentence where a value cannot be played and a nearer one was taken; else empty."""
+    if group not in NUMBERS or not np.isfinite(value):
+        return ""
+    wanted = value / scale_of(project, thing, group, time)
+    if abs(within(project, thing, group, time, value) - wanted) < 1e-9:
+        return ""
+    if group == "weight":
+        return "A weight is from 0 to 1"
+    return f"A clip plays {SLOWEST:g} to {FASTEST:g} times as fast: time does not stand or go back"
+
+
+def _pose_moved(project: Project, thing: Thing, dot: Dot, time: float, value: float) -> Project:
+    """A project in which a key pose puts the control point elsewhere, or is of another moment."""
+    puppet, layer = project.puppet(thing.character), layer_of_thing(project, thing)
+    if layer is None or thing.handle is None:
+        raise InputError("no control point is chosen", where=puppet.where, mend="Click one first.")
+    places = puppet.poses[dot.number].places.copy()
+    places[thing.handle, dot.axis] = value
+    changes: dict[str, object] = {"places": places}
+    if time != dot.time:
+        changes["time"] = layer.played(time, project.length_of(layer))[0]
+    return change_key_pose(project, puppet.id, dot.number, **changes)
