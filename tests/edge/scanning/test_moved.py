@@ -1,6 +1,6 @@
 """A chair is scanned as it stands, laid on its back by hands, and scanned on: one surface, undersides too."""
 
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,6 +69,9 @@ class Window:
         self.perform.advance(0.01)
         self.scan.advance()
 
+    def close(self):
+        self.perform.disconnect()
+
 
 @pytest.fixture(scope="module")
 def scanned(tmp_path_factory):
@@ -82,10 +85,10 @@ def scanned(tmp_path_factory):
     indices = range(0, take.frames, EVERY)
     frames = [take.frame(index) for index in indices]
     frames[0] = replace(frames[0], world_from_camera=take.pose(0))
-    with pytest.MonkeyPatch.context() as patch, closing(ScanningEdge()) as edge:
+    with pytest.MonkeyPatch.context() as patch, closing(ScanningEdge()) as edge, ExitStack() as ends:
         patch.setattr(MovedScanner, "add", watched)
         edge.viewer()
-        window = Window(edge, tmp_path_factory.mktemp("window"))
+        window = ends.enter_context(closing(Window(edge, tmp_path_factory.mktemp("window"))))
         edge.followers.append(window)
         scan = window.scan
         edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
@@ -99,7 +102,6 @@ def scanned(tmp_path_factory):
         stood = grown.vertices @ place[:3, :3].T + place[:3, 3]
         scan.done()
         edge.until(lambda: "chair" in window.editor.project.characters, "the character")
-        window.perform.disconnect()
     truth = [inverse(take.thing_pose(index)) @ take.pose(index) for index in indices]
     made = window.editor.project.characters["chair"].mesh
     return Scanned(steps, truth, [index / 30.0 for index in indices], told, scanner, stood, made)
