@@ -1,24 +1,17 @@
 """Scanning over the wire: an edge scans what its camera sees, a viewer that comes late sees all of it."""
 
 import sys
-import time
-import uuid
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from patience import PATIENCE
+from scanning_edge import ScanningEdge
 
 from enliven.errors import InputError
-from enliven.frames import Frame
 from enliven.samples import load_sample
-from enliven.wire import SCAN, SCAN_PIECE, Refused, Scan, ScanMessage
-from enliven_edge.network.outlet import Outlet
-from enliven_edge.service import Edge
-from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage, cast_mesh
-from enliven_edge.tracking import Tracker
+from enliven.wire import SCAN, SCAN_PIECE, Refused, Scan
+from enliven_edge.stage import cast_mesh
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 from enliven_synthesis.sensor.scene import Box
 from enliven_viewer.link import EdgeClient
@@ -36,67 +29,9 @@ def frames():
     return [take.frame(index) for index in range(0, take.frames, 5)]
 
 
-class Reel:
-    """A sensor that shows what it is given."""
-
-    name, fps, recorded = "reel", 30.0, True
-
-    def read(self, timeout: float | None = None) -> Frame | None:
-        raise TimeoutError
-
-
-class Running:
-    """An edge that scans, and viewers of it."""
-
-    def __init__(self, actors=()) -> None:
-        wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
-        self.outlet = Outlet(wire, "reel")
-        self.stage = Stage(actors)
-        self.edge = Edge(Reel(), Tracker(), self.stage, self.outlet)
-        self.viewers: list[EdgeClient] = []
-        self.answers: list[object] = []
-
-    def viewer(self) -> EdgeClient:
-        self.viewers.append(EdgeClient([self.outlet.publisher.endpoint]))
-        self.until(lambda: self.viewers[-1].status, "a viewer")
-        return self.viewers[-1]
-
-    def until(self, done, what: str) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not done():
-            assert time.monotonic() < deadline, f"{what}: it never came to be"
-            self.edge._wait()
-            self.edge._listen()
-            for viewer in self.viewers:
-                viewer.poll()
-            time.sleep(0.002)
-
-    def ask(self, order: Scan) -> object:
-        count = len(self.answers)
-        self.viewers[0].ask(order, self.answers.append)
-        self.until(lambda: len(self.answers) > count, order.do)
-        return self.answers[-1]
-
-    def said(self, viewer: int = 0) -> ScanMessage:
-        return self.viewers[viewer].latest(SCAN).get("", ScanMessage())
-
-    def show(self, frames) -> None:
-        self.shown = getattr(self, "shown", 0) + 1
-        later = [replace(one, time_ns=one.time_ns + self.shown * 10**11) for one in frames]
-        for frame in later:
-            self.edge.step(frame)
-        self.until(lambda: self.said().time_ns == later[-1].time_ns, "the last image")
-
-    def close(self) -> None:
-        self.edge.scans.close()
-        for viewer in self.viewers:
-            viewer.close()
-        self.outlet.close()
-
-
 @pytest.fixture
 def running():
-    one = Running()
+    one = ScanningEdge()
     yield one
     one.close()
 
@@ -170,7 +105,7 @@ def test_a_scan_that_cannot_be_made_says_why_and_goes_on_and_a_cancelled_one_is_
 
 def test_what_was_scanned_stands_beside_what_is_there(frames) -> None:
     chair = cast_mesh(load_sample("chair"), "chair", 32, fit=False)
-    running = Running([chair])
+    running = ScanningEdge([chair])
     try:
         viewer = running.viewer()
         running.ask(Scan("start", voxel=0.016))

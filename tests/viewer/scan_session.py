@@ -22,8 +22,10 @@ from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-PATIENCE = 200.0
+PATIENCE = 90.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
+PAUSE = 0.05
+"""Seconds between two pictures while something is waited for: each takes the processor from the edge."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
@@ -40,6 +42,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
                 said["missing"] = [what, str(scan.said)[:400], [toast.text for toast in editor.toasts.shown]]
                 raise TimeoutError(what)
             ctx.yield_()
+            time.sleep(PAUSE)
 
     def click(name: str) -> None:
         until(lambda: not scan.lacks_stage(), "an edge that is heard")
@@ -54,9 +57,10 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         end = time.monotonic() + PATIENCE
         while not done() and time.monotonic() < end:
             click(name)
-            for _ in range(60):
+            for _ in range(20):
                 if not done():
                     ctx.yield_()
+                    time.sleep(PAUSE)
         until(done, name)
 
     def shot(name: str) -> None:
@@ -64,10 +68,36 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         wanted.append(name)
         until(lambda: not wanted, "a picture")
 
+    def drag_the_box() -> None:
+        """Drag the dot at the top of the box down by the mouse, twice."""
+        press("scan keep box", lambda: scan.boxed)
+        seen: list[np.ndarray] = []
+
+        def still() -> bool:
+            seen.append(editor.lens.view.camera_from_world.copy())
+            return len(seen) > 4 and bool((seen[-1] == seen[-4]).all())
+
+        until(still, "the end of the view's way")
+        before, eye = scan.box.corners.copy(), seen[-1]
+        shot("box")
+        area = window.places.viewport
+        for _ in range(2):  # The dot of the top, and once more that of the box as it is then.
+            ((x, y),) = editor.lens.pixels_of(scan.box._handle(1, 1)[None])
+            ctx.mouse_move_to_pos(ImVec2(area.x + x, area.y + y))
+            ctx.mouse_down(0)
+            ctx.yield_()
+            ctx.mouse_move_to_pos(ImVec2(area.x + x, area.y + y + 16.0))
+            ctx.yield_()
+            ctx.mouse_up(0)
+            ctx.yield_()
+        said["dragged"] = [before.tolist(), scan.box.corners.tolist()]
+        said["view kept"] = bool((eye == editor.lens.view.camera_from_world).all())
+        shot("dragged")
+
     said["lacks"] = workspace.actions["scan.start"].why_not()
     workspace.actions.do("scan.open")
     shot("before")
-    words = ("--recording", recording, "--loop", "--speed", "0.5")
+    words = ("--recording", recording, "--loop", "--speed", "0.7")
     perform.connect_nearby(*words)
     until(lambda: perform.connected and perform.standing, "the stage")
     shot("ready")
@@ -76,7 +106,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     until(lambda: scan.said.fused > 3 and scan.surface, "a surface")
     shot("begun")
     first = len(scan.surface[0].faces)
-    until(lambda: scan.said.fused > 20 and scan.said.view, "more of it")
+    until(lambda: scan.said.fused > 16 and scan.said.view, "more of it")
     said["grown"] = [first, len(scan.surface[0].faces)]
     said["words"] = advice_of(scan.said).text
     shot("growing")
@@ -85,8 +115,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     before = scan.said.fused
     press("scan undo", lambda: scan.said.fused < before)
     said["undone"] = [before, scan.said.fused]
+    drag_the_box()
     press("scan pause", lambda: scan.said.phase == "scanning")
-    until(lambda: scan.said.fused > 40, "the rest")
+    until(lambda: scan.said.fused > 26, "the rest")
     shot("round")
     press("scan done", lambda: scan.said.phase in ("finishing", "done"))
     shot("making")
@@ -117,7 +148,7 @@ def main() -> None:
     folder = Path(sys.argv[1])
     large = len(sys.argv) > 3
     render = RenderSettings() if large else RenderSettings(shadow_size=64, contact_size=32, samples=1)
-    settings = StudioSettings(render=render, width=1280 if large else 900, height=760 if large else 640)
+    settings = StudioSettings(render=render, width=1280 if large else 760, height=760 if large else 640)
     workspace = Workspace.new(Editor(settings), folder)
     window = StudioWindow(workspace)
 

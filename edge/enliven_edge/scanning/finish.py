@@ -44,6 +44,10 @@ _AS_SEEN = "; no floor was found, so the box lay as the first camera did"
 """What is said of a box where no floor tells what is upright."""
 
 
+_AS_FIRST = "all as it was before the thing was moved"
+"""What is said of a room in which a thing was moved: it is another one afterwards."""
+
+
 @dataclass(frozen=True)
 class Keep:
     """What is kept of a scan.
@@ -102,7 +106,11 @@ def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
         except InputError as error:
             mend = f"{error.mend} Or add --whole to keep all that was scanned."
             raise InputError(error.what, where=error.where, mend=mend) from None
-    mesh = scanner.surface(keep.before)
+    several = isinstance(scanner, MovedScanner) and len(scanner.rests) > 1
+    if isinstance(scanner, MovedScanner) and keep.what == "box":
+        mesh = scanner.joined() if several else scanner.surface()
+    else:
+        mesh = scanner.surface(keep.before)
     if not len(mesh.faces):
         mend = "Scan for longer, and nearer."
         raise InputError("no surface was seen often enough", where="scan", mend=mend)
@@ -120,7 +128,8 @@ def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
         out = cut_by_box(mesh, CutBox(keep.low, keep.high, own), cut)
         lies = "" if ground or keep.upright_from_world is not None else _AS_SEEN
         return out.mesh, _parts(out, mesh, "in the box") + lies
-    return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), ""
+    said = _AS_FIRST if several else ""
+    return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), said
 
 
 def _parts(out: CutOut, whole: Mesh, where: str) -> str:

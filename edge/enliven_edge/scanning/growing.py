@@ -27,6 +27,10 @@ class GrowingSurface:
         self._number = number
         self._sent: dict[Place, tuple[int, float]] = {}
 
+    def anew(self) -> None:
+        """Sends every piece once more, as where another surface takes the place of the one before."""
+        self._sent = dict.fromkeys(self._sent, (0, 0.0))
+
     def changes(self, volume: DistanceVolume, most: int) -> list[ScanPieceMessage]:
         """Returns the pieces that changed most since they were returned, of so many bytes in all about."""
         sums = piece_sums(volume)

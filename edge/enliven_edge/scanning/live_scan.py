@@ -7,7 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,13 +16,16 @@ from enliven.arrays import Float
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
-from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
+from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings
+from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState
 from enliven.wire import Scan, ScanMessage, ScanPieceMessage
 from enliven_edge.scanning.checkpoints import Checkpoints
 from enliven_edge.scanning.diary import ScanDiary
 from enliven_edge.scanning.finish import Keep, finished
 from enliven_edge.scanning.growing import GrowingSurface
+from enliven_edge.scanning.shown import ThingTold, shown_of
 from enliven_edge.scanning.standing import ScanPlace
+from enliven_edge.scanning.things import said_of_places
 
 log = logging.getLogger(__name__)
 
@@ -48,10 +51,11 @@ Cast = Callable[[Mesh, str], Any]
 
 @dataclass
 class ScanRun:
-    """What "undo" takes back: the surface, and what is told of it."""
+    """What "undo" takes back: the surface, and what is told of it and of a thing that is moved."""
 
-    scanner: Scanner
+    scanner: Scanner | MovedScanner
     diary: ScanDiary
+    thing: ThingTold = field(default_factory=ThingTold)
 
 
 def scan_settings(order: Scan) -> ScanSettings:
@@ -79,7 +83,8 @@ class LiveScan(threading.Thread):
         super().__init__(name="scan", daemon=True)
         self.number, self.order, self.actor = number, order, None
         self._cast = cast
-        self._run = ScanRun(Scanner(scan_settings(order)), ScanDiary())
+        settings = scan_settings(order)
+        self._run = ScanRun(MovedScanner(settings) if order.moved else Scanner(settings), ScanDiary())
         self._checkpoints: Checkpoints[ScanRun] = Checkpoints()
         self._growing, self._place = GrowingSurface(number), ScanPlace()
         self._frame: DepthFrame | None = None
@@ -90,6 +95,7 @@ class LiveScan(threading.Thread):
         self._tracking, self._now_ns, self._note = "", 0, ("", "")
         self._camera: Float | None = None
         self._told = self._shown = 0.0
+        self._alone = False
 
     def offer(self, frame: DepthFrame, *, waits: bool = False) -> bool:
         """Gives the newest image; one that was not looked at yet is passed over, or waited for a moment.
@@ -164,12 +170,25 @@ class LiveScan(threading.Thread):
     def _fuse(self, frame: DepthFrame) -> None:
         """Adds an image."""
         run = self._run
-        step = run.scanner.add(frame)
-        run.diary.add(step, frame.time_ns)
+        added = run.scanner.add(frame)
+        if isinstance(added, MovedStep):
+            step = self._moved(added, frame.time_ns)
+        else:
+            step, self._camera = added, added.world_from_camera
+            run.diary.add(step, frame.time_ns)
         self._tracking, self._now_ns = step.state.value, frame.time_ns
-        self._camera = step.world_from_camera
         if step.state is ScanState.SCANNING:
             self._checkpoints.offer(run, frame.time_ns, run.scanner.megabytes)
+
+    def _moved(self, added: MovedStep, time_ns: int) -> ScanStep:
+        """Notes what became of a thing that is moved; returns what became of the image."""
+        thing, places = self._run.thing, self._run.thing.places
+        thing.take(added, time_ns)
+        if thing.places != places:
+            self._shown = 0.0  # The camera is in another room now: where that stands is told with it.
+        self._camera = added.scan.world_from_camera if added.state is ObjectState.RESTING else None
+        self._run.diary.add(added.told, time_ns)
+        return added.told
 
     def _obey(self, order: Scan) -> None:
         """Does what a viewer asked for."""
@@ -177,7 +196,8 @@ class LiveScan(threading.Thread):
         if order.do == "undo":
             before = self._checkpoints.back(self._now_ns)
             self._run = before or self._run
-            self._camera = self._run.scanner.poses[-1][1] if self._run.scanner.poses else None
+            room = shown_of(self._run.scanner).room
+            self._camera = room.poses[-1][1] if room is not None and room.poses else None
         elif order.do == "done":
             self._finish(order)
 
@@ -187,7 +207,8 @@ class LiveScan(threading.Thread):
         run.diary.refuse("scan")
         made = finished(run.scanner, self._meant(order), _TRIANGLES, name)
         self.actor = self._cast(made.mesh, name)
-        self._note = next(iter(run.diary.advice()), made.said)[:160], ""
+        places = [] if order.whole else said_of_places(run.scanner)
+        self._note = _note([*places, *run.diary.advice()], made.said)
         self.phase = "done"
 
     def _meant(self, order: Scan) -> Keep:
@@ -209,8 +230,12 @@ class LiveScan(threading.Thread):
         now, scanner = time.monotonic(), self._run.scanner
         if now - self._shown >= _SHOWN_EVERY and self.phase in ("scanning", "paused", "failed"):
             since, self._shown = min(now - self._shown, 1.0), now
-            self._messages.extend(self._growing.changes(scanner.volumes[0], round(_BYTES * since)))
-            self._place.look(scanner)
+            shown = shown_of(scanner)
+            if shown.alone is not self._alone:
+                self._alone = shown.alone
+                self._growing.anew()
+            self._messages.extend(self._growing.changes(shown.volume, round(_BYTES * since)))
+            self._place.look(shown)
         if now - self._told >= _TOLD_EVERY or self.phase == "done":
             self._told = now
             self._messages.append(self._message())
@@ -229,8 +254,17 @@ class LiveScan(threading.Thread):
             missing=place.missing,
             stage_from_scan=place.rows(),
             stage_from_camera=[] if self._camera is None else place.rows(self._camera),
-            view=place.view,
+            view=[] if self._camera is None else place.view,
             character=(self.order.name or "") if self.phase == "done" else "",
             note=self._note[0],
             mend=self._note[1],
+            thing=self._run.thing.word,
+            seconds=self._run.thing.seconds,
+            places=self._run.thing.places,
         )
+
+
+def _note(said: list[str], otherwise: str) -> tuple[str, str]:
+    """Returns the first of some things to say as a note and what to do about it."""
+    note, _, mend = (said[0] if said else otherwise).partition(". ")
+    return note[:160], mend[:160]

@@ -8,8 +8,9 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.scanning import Ground, Scanner, find_ground, focus_of, surface_of, upright_frame
+from enliven.scanning import Ground, find_ground, focus_of, surface_of, upright_frame
 from enliven_edge.scanning.missing import next_view
+from enliven_edge.scanning.shown import ShownScan
 
 _LOOKED_EVERY = 1.0
 """Seconds between two looks at the whole of it, each 0.15 s."""
@@ -25,6 +26,7 @@ class ScanPlace:
     """The floor, the middle and what is missing of a scan, looked for now and then.
 
     Attributes:
+        stage_from_scan: (4, 4) from the room as it is now, in which the camera is, to the stage.
         missing: share of the surface near the middle that was not seen.
         view: six metres on the stage, from where most of it is seen and what to look at; or empty.
     """
@@ -33,20 +35,28 @@ class ScanPlace:
         self.stage_from_scan = np.eye(4)
         self.stage_from_scan[1, 3] = _CARRIED
         self.missing, self.view = 1.0, list[float]()
-        self._looked, self._found = 0.0, False
+        self._looked, self._found, self._places = 0.0, False, 1
+        self._room_from_shown = np.eye(4)
 
-    def look(self, scanner: Scanner) -> None:
+    def look(self, shown: ShownScan) -> None:
         """Looks for the floor, the middle and the next best view, where the last look is old."""
-        now = time.monotonic()
-        if now - self._looked < _LOOKED_EVERY or not scanner.poses:
+        now, scanner = time.monotonic(), shown.room
+        another = shown.places != self._places
+        if scanner is None or not scanner.poses or (now - self._looked < _LOOKED_EVERY and not another):
             return
         self._looked = now
+        if another:
+            self._places, self._found = shown.places, False
         mesh, poses = surface_of(scanner.volumes[1]), [pose for _, pose in scanner.poses]
         focus = focus_of(poses)
         try:
             ground = find_ground(mesh, settings=scanner.settings.cut_out)
         except InputError:
             ground = Ground(np.array([0.0, 1.0, 0.0]), -_CARRIED, 0.0)
+        if shown.alone:
+            mesh = shown.mesh()
+            focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus
+        self._room_from_shown = np.linalg.inv(shown.shown_from_room)
         self._follow(ground, focus, len(poses))
         away = float(np.median([np.linalg.norm(pose[:3, 3] - focus) for pose in poses]))
         found = next_view(mesh, ground, focus, away)
@@ -55,8 +65,8 @@ class ScanPlace:
             self.view = [*self._on_stage(found.eye), *self._on_stage(focus)]
 
     def rows(self, pose: Float | None = None) -> list[float]:
-        """Returns the twelve numbers of a pose (4, 4) of the scan's world, or of that, on the stage."""
-        whole = self.stage_from_scan if pose is None else self.stage_from_scan @ pose
+        """Returns the twelve numbers of a pose (4, 4) in the room, or of the shown surface, on the stage."""
+        whole = self.stage_from_scan @ (self._room_from_shown if pose is None else pose)
         return [float(x) for x in whole[:3].ravel()]
 
     def _on_stage(self, point: Float) -> list[float]:

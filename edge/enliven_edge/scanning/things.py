@@ -16,15 +16,23 @@ _COARSE = 1
 def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
     """Returns sentences about a scan's things: which of several was taken, and where it was found."""
     first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
-    said = _of_several(first)
+    said = [*_of_several(first), *said_of_places(scanner)]
+    if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1:
+        said[-1] += " Without --moved that is quicker."
+    return said
+
+
+def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
+    """Returns sentences about where a thing was found that was moved, and where it was not."""
     if not isinstance(scanner, MovedScanner):
-        return said
+        return []
+    said: list[str] = []
     if scanner.unplaced:
         lost = sum(rest.count for rest in scanner.unplaced)
         where = f"{lost} images show where it may lie, but it was not found there; they are not in the mesh."
         said.append(f"{where} Show more of the sides that were seen before, and hold still once it stands.")
     if len(scanner.rests) == 1:
-        said.append("It did not move: the mesh shows it as it stood. Without --moved that is quicker.")
+        said.append("It did not move: the mesh shows it as it stood.")
     else:
         said.append(f"It was found in {len(scanner.rests)} places, and all of them are in the mesh.")
     return said

@@ -19,7 +19,7 @@ from enliven.scanning.ground import cut_out, find_ground, focus_of
 from enliven.scanning.keyframes import Keyframes
 from enliven.scanning.loops import ClosedWay, FrameHistory, closed_way
 from enliven.scanning.marching_cubes import surface_of
-from enliven.scanning.settings import ScanSettings
+from enliven.scanning.settings import ScanSettings, VolumeSettings
 from enliven.scanning.volume import DistanceVolume
 
 _COARSER = 4.0
@@ -71,6 +71,13 @@ class ScanStep:
     room: bool = True
 
 
+def empty_volumes(settings: VolumeSettings) -> list[DistanceVolume]:
+    """Returns volumes without a surface, from the finest to the coarsest, as a camera is tracked in."""
+    sizes = [settings.voxel * _COARSER**level for level in range(_LEVELS)]
+    reaches = [settings.reach] + [settings.far] * (_LEVELS - 1)
+    return [DistanceVolume(settings, size, reach) for size, reach in zip(sizes, reaches, strict=True)]
+
+
 class Scanner:
     """Fuses the frames of one moving camera.
 
@@ -86,11 +93,7 @@ class Scanner:
 
     def __init__(self, settings: ScanSettings | None = None) -> None:
         self.settings = settings or ScanSettings()
-        fusion = self.settings.volume
-        sizes = [fusion.voxel * _COARSER**level for level in range(_LEVELS)]
-        reaches = [fusion.reach] + [fusion.far] * (_LEVELS - 1)
-        self._sizes = list(zip(sizes, reaches, strict=True))
-        self.volumes = self._empty_volumes()
+        self.volumes = empty_volumes(self.settings.volume)
         self.tracker = CameraTracker(self.volumes, self.settings.tracking)
         self.keyframes = Keyframes()
         self.poses: list[tuple[int, Float]] = []
@@ -166,13 +169,9 @@ class Scanner:
         self._pose = self._before = found.poses[-1]
         return replace(found, taken=True)
 
-    def _empty_volumes(self) -> list[DistanceVolume]:
-        """Returns volumes without a surface, from the finest to the coarsest."""
-        return [DistanceVolume(self.settings.volume, *size) for size in self._sizes]
-
     def _fused_again(self, poses: list[Float]) -> tuple[list[DistanceVolume], Keyframes]:
         """Returns the volumes and keyframes of all images that are still there, at other poses."""
-        volumes, keyframes = self._empty_volumes(), Keyframes()
+        volumes, keyframes = empty_volumes(self.settings.volume), Keyframes()
         for count, (number, frame) in enumerate(self.history.frames()):
             view = self.prepared(frame)
             for volume in volumes:
@@ -186,7 +185,7 @@ class Scanner:
         """Returns the surface that was scanned, metres, world: by the images from number ``since`` on."""
         if not since:
             return surface_of(self.volumes[0])
-        volume = DistanceVolume(self.settings.volume, *self._sizes[0])
+        volume = DistanceVolume(self.settings.volume)
         for number, frame in self.history.frames():
             if number >= since:
                 volume.integrate(self.prepared(frame), self.poses[number][1])

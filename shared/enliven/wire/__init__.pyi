@@ -69,6 +69,7 @@ from .scans import (
     MAX_PIECE_VERTICES as MAX_PIECE_VERTICES,
     ScanMessage as ScanMessage,
     ScanPieceMessage as ScanPieceMessage,
+    ThingWord as ThingWord,
 )
 from .sockets import (
     CONTROL_PORT as CONTROL_PORT,

@@ -157,6 +157,7 @@ class Scan(Order, frozen=True):
         voxel: for "start", metres of a voxel's side.
         within: for "start", metres; what is farther is left out, and the thing may be turned.
         whole: for "done", keep all that was scanned, and not what stands on the floor.
+        moved: for "start", the thing is turned and put down meanwhile; all its sides end in one mesh.
         box: for "done", keep what is in a box: six metres on the stage, its lowest corner and its highest.
         stage_from_scan: with a box, where the scan stood on the stage when the box was drawn.
     """
@@ -168,8 +169,11 @@ class Scan(Order, frozen=True):
     whole: bool = False
     box: Annotated[list[Number], Meta(max_length=6)] = field(default_factory=list)
     stage_from_scan: Annotated[list[Number], Meta(max_length=12)] = field(default_factory=list)
+    moved: bool = False
 
     def __post_init__(self) -> None:
+        if self.moved and self.within is not None:
+            raise ValueError("a thing that is moved needs the floor about it: leave out within, or moved")
         if (len(self.box), len(self.stage_from_scan)) not in ((0, 0), (6, 12)):
             raise ValueError("a box has 6 numbers, and 12 of where the scan stood; or none of both")
 

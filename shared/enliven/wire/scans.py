@@ -16,6 +16,9 @@ Side = Annotated[int, Meta(ge=-(2**20), le=2**20)]
 Matrix = Annotated[list[Number], Meta(min_length=12, max_length=12)]
 """The upper three rows of a transform, row by row."""
 
+ThingWord = Literal["", "stands", "carried", "settling", "sought", "found"]
+"""Where a thing is that is moved while it is scanned, see :class:`ScanMessage`."""
+
 
 class ScanMessage(Struct, array_like=True, frozen=True):
     """How the scan goes (topic "scan").
@@ -39,6 +42,11 @@ class ScanMessage(Struct, array_like=True, frozen=True):
         character: the id of what it became, or empty.
         note: one sentence for people, or empty.
         mend: what to do about it.
+        thing: of a thing that is moved while it is scanned: it "stands", or lies; is "carried", or lost, and
+            nothing is added; "settling": something stands still, and it is looked for in that; "sought": in
+            vain so far; was "found" just now. Else empty.
+        seconds: for which it is looked for, or was until it was found.
+        places: in which it was found so far; the surface is the thing alone from the first move on.
     """
 
     number: Count = 0
@@ -56,6 +64,9 @@ class ScanMessage(Struct, array_like=True, frozen=True):
     character: Annotated[str, Meta(max_length=64)] = ""
     note: Sentence = ""
     mend: Sentence = ""
+    thing: ThingWord = ""
+    seconds: Number = 0.0
+    places: Count = 1
 
     def __post_init__(self) -> None:
         if len(self.stage_from_camera) not in (0, 12) or len(self.view) not in (0, 6):

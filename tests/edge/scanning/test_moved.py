@@ -1,15 +1,18 @@
 """A chair is scanned as it stands, laid on its back by hands, and scanned on: one surface, undersides too."""
 
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 import typer
+from scanning_edge import LATER, ScanningEdge
 from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
 from enliven import rotation
 from enliven.errors import InputError
+from enliven.meshes import Mesh
 from enliven.samples import load_sample
 from enliven.scanning import ScanSettings, ScanState, VolumeSettings
 from enliven.scanning.decimation import distances
@@ -18,6 +21,10 @@ from enliven.scanning.rigid import apart, inverse
 from enliven_edge.commands.scan import scan
 from enliven_edge.scanning import said_of_things
 from enliven_synthesis.sensor import HandheldPath, HandledScan, HandledWay, laid_on_its_back, load_profile
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.scan import ScanSession, advice_of
+from enliven_viewer.studio.scan.session import VOXELS
 
 CHAIR = load_sample("chair")
 BACK = laid_on_its_back(CHAIR, (0.0, 0.15))
@@ -32,24 +39,72 @@ EVERY = 3
 
 @dataclass
 class Scanned:
-    scanner: MovedScanner
+    """A whole take, scanned by an edge and followed over the wire by a window.
+
+    steps: what the scanner said of each image; truth: the true object_from_camera of it; times: seconds;
+    scanner: after it; told: messages as the window has them after each image, and its words; grown: the
+    surface at the end, on the stage; made: the character's mesh in the window's project.
+    """
+
     steps: list
     truth: list
     times: list
+    told: list
+    scanner: MovedScanner
+    grown: np.ndarray
+    made: Mesh
+
+
+class Window:
+    """What a window does with the edge: its link, and its scan."""
+
+    def __init__(self, edge, folder):
+        self.editor = Editor()
+        self.editor.size = (800.0, 500.0)
+        self.perform = PerformSession(self.editor, folder)
+        self.perform.connect(str(edge.outlet.publisher.endpoint))
+        self.scan = ScanSession(self.editor, self.perform)
+
+    def poll(self):
+        self.perform.advance(0.01)
+        self.scan.advance()
+
+    def close(self):
+        self.perform.disconnect()
 
 
 @pytest.fixture(scope="module")
-def scanned():
-    """The scanner after the whole take, what it said of each image, and the true object_from_camera."""
+def scanned(tmp_path_factory):
     take = HandledScan(CHAIR, WAY, load_profile("kinect1"), PATH, width=320)
-    scanner, steps, truth, times = MovedScanner(SETTINGS), [], [], []
-    for index in range(0, take.frames, EVERY):
-        frame = take.frame(index)
-        frame = replace(frame, world_from_camera=None if steps else take.pose(index))
-        steps.append(scanner.add(frame))
-        truth.append(inverse(take.thing_pose(index)) @ take.pose(index))
-        times.append(index / 30.0)
-    return Scanned(scanner, steps, truth, times)
+    steps, told, add = [], [], MovedScanner.add
+
+    def watched(scanner, frame, up=None):
+        steps.append(add(scanner, frame, up))
+        return steps[-1]
+
+    indices = range(0, take.frames, EVERY)
+    frames = [take.frame(index) for index in indices]
+    frames[0] = replace(frames[0], world_from_camera=take.pose(0))
+    with pytest.MonkeyPatch.context() as patch, closing(ScanningEdge()) as edge, ExitStack() as ends:
+        patch.setattr(MovedScanner, "add", watched)
+        edge.viewer()
+        window = ends.enter_context(closing(Window(edge, tmp_path_factory.mktemp("window"))))
+        edge.followers.append(window)
+        scan = window.scan
+        edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
+        scan.way, scan.name = "laid", "chair"
+        patch.setitem(VOXELS, "thing", SETTINGS.volume.voxel)
+        scan.start()
+        edge.until(lambda: scan.said.phase == "scanning", "the beginning")
+        edge.show(frames, lambda: told.append((scan.said, advice_of(scan.said).text)))
+        scanner = edge.edge.scans._scan._run.scanner
+        grown, place = scan.surface
+        stood = grown.vertices @ place[:3, :3].T + place[:3, 3]
+        scan.done()
+        edge.until(lambda: "chair" in window.editor.project.characters, "the character")
+    truth = [inverse(take.thing_pose(index)) @ take.pose(index) for index in indices]
+    made = window.editor.project.characters["chair"].mesh
+    return Scanned(steps, truth, [index / 30.0 for index in indices], told, scanner, stood, made)
 
 
 def test_it_is_lost_while_it_is_carried_and_found_where_it_lies(scanned):
@@ -73,6 +128,34 @@ def test_where_it_says_that_the_object_is_it_is(scanned):
     # While it begins to tilt the camera follows it for an image or two.
     assert np.quantile(metres, 0.95) < 0.03 and np.median(metres) < 0.015
     assert np.quantile(radians, 0.95) < 0.025
+
+
+def seconds_of(message):
+    """Seconds of the take."""
+    return (message.time_ns - LATER) * 1e-9
+
+
+def test_the_window_says_what_goes_on(scanned):
+    words = [text for _, text in scanned.told]
+    assert any(text.startswith("Taken up, or lost: lay it down") for text in words)
+    assert any(text.startswith("It is looked for, ") for text in words)
+    assert any(text.startswith("Found again in ") and text.endswith(" s: go round it") for text in words)
+    said = [message for message, _ in scanned.told]
+    carried = [one for one in said if one.thing == "carried"]
+    assert carried and all(MOVE[0] < seconds_of(one) < MOVE[1] + 2.0 for one in carried)
+    assert not any(one.stage_from_camera for one in carried)
+    found = next(one for one in said if one.thing == "found")
+    assert 0.5 < found.seconds < 4.0 and found.places == 2 and said[0].places == 1
+    assert {one.thing for one in said if seconds_of(one) < MOVE[0]} <= {"", "stands"}
+    assert said[-1].thing == "stands"
+
+
+def test_the_surface_that_grows_lies_as_it_lies(scanned):
+    lies = CHAIR.vertices @ BACK[:3, :3].T
+    low, high = np.quantile(scanned.grown, [0.002, 0.998], axis=0)
+    assert abs(high[1] - low[1] - np.ptp(lies[:, 1])) < 0.06, "on its back, and the floor that it had is gone"
+    assert -0.02 < low[1] < 0.08, "on the stage's floor"
+    assert np.linalg.norm((low + high)[[0, 2]]) < 0.2, "in the middle"
 
 
 def test_what_became_of_it_is_said(scanned):
@@ -115,7 +198,7 @@ def laid_onto_the_truth(mesh):
 
 
 def test_both_halves_are_one_surface_with_its_undersides(scanned):
-    whole = laid_onto_the_truth(placed(scanned.scanner.thing()))
+    whole = laid_onto_the_truth(placed(scanned.made))
     alone = laid_onto_the_truth(placed(scanned.scanner.rests[0].scanner.thing()))
     truth = sampled(CHAIR, 40_000)
     under = truth.points[(truth.normals[:, 1] < -0.7) & (truth.points[:, 1] > 0.05)]

@@ -1,4 +1,5 @@
 from .moved_scanner import MovedScanner as MovedScanner, MovedStep as MovedStep, ObjectState as ObjectState
+from .object_model import ObjectModel as ObjectModel
 from .registration import Registration as Registration, Scanned as Scanned, registered as registered
 from .rest import ObjectRest as ObjectRest
 from .surface_points import SurfacePoints as SurfacePoints, sampled as sampled

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from enliven.arrays import Bool, Float
+from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven.scanning.depth_view import DepthView, only
 from enliven.scanning.ground import largest
 from enliven.scanning.marching_cubes import surface_of
-from enliven.scanning.objects.region import region_about, shown_in
 from enliven.scanning.objects.registration import laid
 from enliven.scanning.objects.rest import ObjectRest
 from enliven.scanning.objects.surface_points import nearest_grid, sampled
 from enliven.scanning.settings import ScanSettings
 from enliven.scanning.volume import DistanceVolume
 
-_ABOUT = 0.02
-"""Metres about an object's surface in which an image's points are its own: what the tracking may be off."""
 _POINTS = 40_000
 """Points of the surface that a rest is laid onto: some millimetres apart on a chair."""
 _PART_POINTS = 8000
@@ -45,25 +41,11 @@ def joined_object(rests: Sequence[ObjectRest], settings: ScanSettings) -> Mesh:
         if not rest.parts or rest.object_from_room is None:
             continue
         pose = _bettered(rest, rest.object_from_room, surface_of(whole)) if number else rest.object_from_room
-        for count, (view, object_from_camera) in enumerate(_views(rest, pose)):
-            whole.integrate(view, object_from_camera)
+        for count, (view, room_from_camera) in enumerate(rest.views(rest.numbers)):
+            whole.integrate(view, pose @ room_from_camera)
             if count % _CLEANED == _CLEANED - 1:
                 whole.clean()
     return largest(surface_of(whole))
-
-
-def _views(rest: ObjectRest, object_from_room: Float) -> Iterator[tuple[DepthView, Float]]:
-    """Yields each image of a rest, of which only the object's own pixels make a surface; and its pose."""
-    if rest.ground is None:
-        return
-    clearance = rest.settings.cut_out.clearance
-    region = region_about(rest.parts[0], rest.ground, clearance, _ABOUT)
-    for number, frame in rest.scanner.history.frames():
-        if rest.images is not None and number >= rest.images:
-            return
-        view, pose = rest.scanner.prepared(frame), rest.scanner.poses[number][1]
-        own: Bool = shown_in(region, view, pose)
-        yield only(view, own), object_from_room @ pose
 
 
 def _bettered(rest: ObjectRest, pose: Float, whole: Mesh) -> Float:

@@ -14,6 +14,7 @@ from enliven.scanning.ground import cut_out, find_ground, focus_of, whole_part
 from enliven.scanning.loops import FrameHistory
 from enliven.scanning.objects.free_space import SeenDepth
 from enliven.scanning.objects.joining import joined_object
+from enliven.scanning.objects.object_model import ObjectModel
 from enliven.scanning.objects.registration import Scanned, registered
 from enliven.scanning.objects.rest import ObjectRest
 from enliven.scanning.objects.surface_points import SurfacePoints
@@ -49,12 +50,14 @@ class MovedStep:
         object_from_room: (4, 4) how the object lies in that room, or None while that is not known; the
             object's frame is the first room.
         rests: the number of rests at which it was found.
+        sought: how often it was looked for, in vain, in what stands still now.
     """
 
     scan: ScanStep
     state: ObjectState
     object_from_room: Float | None
     rests: int
+    sought: int = 0
 
     @property
     def told(self) -> ScanStep:
@@ -81,6 +84,7 @@ class MovedScanner:
     Attributes:
         rests: at which it is known how the object lies, in their order.
         unplaced: scans of something that stood still, in which the object was not found.
+        model: the object's surface as it grows; None until it is first moved.
     """
 
     def __init__(self, settings: ScanSettings | None = None) -> None:
@@ -91,14 +95,16 @@ class MovedScanner:
         self.rests: list[ObjectRest] = [first]
         self.unplaced: list[ObjectRest] = []
         self._trial: ObjectRest | None = None
-        self._search, self._doubts = 0.0, 0
-        self._model: tuple[int, Scanned] | None = None
+        self._search, self._doubts, self._sought = 0.0, 0, 0
+        self._known: tuple[int, Scanned] | None = None
+        self.model: ObjectModel | None = None
 
     @property
     def megabytes(self) -> float:
         """Memory of all rests."""
         trial = [] if self._trial is None else [self._trial]
-        return sum(rest.scanner.megabytes for rest in [*self.rests, *self.unplaced, *trial])
+        model = 0.0 if self.model is None else self.model.megabytes
+        return model + sum(rest.scanner.megabytes for rest in [*self.rests, *self.unplaced, *trial])
 
     def add(self, frame: DepthFrame, up: Float | None = None) -> MovedStep:
         """Find the camera and the object of a frame, and fuse the image where both are sure.
@@ -113,15 +119,20 @@ class MovedScanner:
                 if not rest.moved(step):
                     self._trial = None
                     rest.look_again()
+                    self._grow(rest, step)
                     return self._step(step, ObjectState.RESTING, rest)
-                rest.end()
-                self._now = None
+                self._end(rest)
         return self._try(frame, up)
 
     def close_loops(self) -> None:
         """Close the camera's way at each rest, as :meth:`Scanner.close_loops` does."""
         for rest in self.rests:
             rest.scanner.close_loops()
+
+    @property
+    def now(self) -> ObjectRest | None:
+        """The rest at which the object lies now; None while it is not known where it lies."""
+        return self._now
 
     @property
     def history(self) -> FrameHistory:
@@ -168,7 +179,7 @@ class MovedScanner:
         trial, s = self._trial, self.settings.moved
         if trial is None:
             trial = self._trial = ObjectRest(self.settings)
-            self._search, self._doubts = float(s.looks), 0
+            self._search, self._doubts, self._sought = float(s.looks), 0, 0
         step = trial.scanner.add(frame, up)
         fits = step.alignment is None or step.alignment.agreeing >= s.agreeing
         self._doubts = 0 if fits and step.state is not ScanState.LOST else self._doubts + 1
@@ -182,17 +193,39 @@ class MovedScanner:
             self._search *= _AGAIN
             if self._place(trial):
                 if self._now is not None:
-                    self._now.end()
+                    self._end(self._now)
                 self._now, self._trial = trial, None
+                if self.model is not None:
+                    self.model.take(trial)
                 return self._step(step, ObjectState.RESTING, trial)
+            self._sought += 1
         return self._step(step, ObjectState.SETTLING, None)
+
+    def _end(self, rest: ObjectRest) -> None:
+        """Ends a rest; from the first one on the object grows alone."""
+        rest.end()
+        self._now = None
+        if self.model is None:
+            rest.look(0)
+            self.model = ObjectModel(self.settings)
+            self.model.take(rest)
+
+    def _grow(self, rest: ObjectRest, step: ScanStep) -> None:
+        """Fuses an image into what is known of the object alone."""
+        view = rest.scanner.view
+        if self.model is not None and view is not None and step.state is ScanState.SCANNING:
+            self.model.add(view, rest, step.world_from_camera)
 
     def _place_all(self) -> None:
         """Looks for the object once more where it was not found: more of it is known than then."""
         if self._trial is not None and self._trial.count >= self.settings.moved.known_after:
             self.unplaced.append(self._trial)
         self._trial = None
-        self.unplaced = [rest for rest in self.unplaced if not self._place(rest)]
+        for rest in self.unplaced[:]:
+            if self._place(rest):
+                self.unplaced.remove(rest)
+                if self.model is not None:
+                    self.model.take(rest)
 
     def _place(self, rest: ObjectRest) -> bool:
         """Looks for the object in a rest; returns whether it was found."""
@@ -214,7 +247,7 @@ class MovedScanner:
 
     def _scanned(self) -> Scanned | None:
         """Returns what is known of the object, of all rests at which it was found; None where nothing is."""
-        if self._model is None or self._model[0] != len(self.rests):
+        if self._known is None or self._known[0] != len(self.rests):
             points, normals, views = list[Float](), list[Float](), list[SeenDepth]()
             for rest in self.rests:
                 rest.look(0)
@@ -229,9 +262,11 @@ class MovedScanner:
             if not points:
                 return None
             surface = SurfacePoints(np.concatenate(points), np.concatenate(normals))
-            self._model = len(self.rests), Scanned(surface, views)
-        return self._model[1]
+            self._known = len(self.rests), Scanned(surface, views)
+        return self._known[1]
 
     def _step(self, step: ScanStep, state: ObjectState, rest: ObjectRest | None) -> MovedStep:
         """Returns what became of a frame."""
-        return MovedStep(step, state, None if rest is None else rest.object_from_room, len(self.rests))
+        pose = None if rest is None else rest.object_from_room
+        sought = self._sought if state is ObjectState.SETTLING else 0
+        return MovedStep(step, state, pose, len(self.rests), sought)

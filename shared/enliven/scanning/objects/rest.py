@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.scanning.depth_view import only
+from enliven.scanning.depth_view import DepthView, only
 from enliven.scanning.ground import Ground, find_ground, focus_of, parts_about
 from enliven.scanning.marching_cubes import surface_of
 from enliven.scanning.objects.floor import floor_plane
@@ -20,6 +22,8 @@ from enliven.scanning.settings import ScanSettings
 
 _ABOUT = 0.04
 """Metres about an object's surface in which an image's points are compared with it: voxels are 16 mm wide."""
+_OWN = 0.02
+"""Metres about an object's surface in which an image's points are its own: what the tracking may be off."""
 _TWICE = 2
 """Images one after the other in which object and floor must be apart: one may be wrong."""
 _HANDS_ON = 15
@@ -124,6 +128,21 @@ class ObjectRest:
     def end(self) -> None:
         """Ends the rest; hands were on the object in its last images."""
         self.images = max(self.count - _HANDS_ON, 1)
+
+    @property
+    def numbers(self) -> list[int]:
+        """The numbers of the images that are still there and show it at rest."""
+        last = self.count if self.images is None else self.images
+        return [number for number in self.scanner.history.numbers if number < last]
+
+    def views(self, numbers: list[int]) -> Iterator[tuple[DepthView, Float]]:
+        """Yields images, of which only the object's points make a surface; and (4, 4) room_from_camera."""
+        if self.ground is None or not self.parts:
+            return
+        region = region_about(self.parts[0], self.ground, self.settings.cut_out.clearance, _OWN)
+        for number, frame in self.scanner.history.frames(numbers):
+            view, pose = self.scanner.prepared(frame), self.scanner.poses[number][1]
+            yield only(view, shown_in(region, view, pose)), pose
 
     def scanned(self, number: int = 0) -> Scanned:
         """Returns points of a part, and how far some of the images saw, in the room's world."""

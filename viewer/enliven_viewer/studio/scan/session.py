@@ -22,8 +22,11 @@ from enliven_viewer.studio.viewport import Point
 
 Size = Literal["thing", "small", "room"]
 Kept = Literal["thing", "box", "all"]
+Way = Literal["round", "laid", "turned"]
 VOXELS: dict[Size, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
 """Metres of a voxel's side by what is scanned: a cup, a chair, a room."""
+_WITHIN = 1.5
+"""Metres from a camera that stands still within which a thing is turned."""
 _ABOVE = 0.012
 """Metres by which it is drawn higher: its floor is seen, and not the stage's."""
 _WORDS = 0.5
@@ -43,7 +46,9 @@ class ScanSession:
     Attributes:
         shown: whether the panel is open.
         said: how the scan goes, as the edge tells it.
-        size: what is to be scanned; turned: whether the thing is turned before a camera that stands still.
+        size: what is to be scanned.
+        way: "round": the camera is carried round it; "laid": and it is laid on its back or side meanwhile;
+            "turned": it is turned before a camera that stands still.
         keeps: what stands on the floor, what is in the box, or all that was scanned.
         box: the box that the artist drags.
         name: the character that it becomes; empty: the edge finds a name.
@@ -51,7 +56,8 @@ class ScanSession:
 
     def __init__(self, editor: Editor, perform: PerformSession) -> None:
         self.editor, self.perform = editor, perform
-        self.shown, self.turned = False, False
+        self.shown = False
+        self.way: Way = "round"
         self.keeps: Kept = "thing"
         self.box = DraggedBox()
         self.size: Size = "thing"
@@ -119,8 +125,9 @@ class ScanSession:
         if lacking := self.lacks_stage():
             self.editor.toasts.say(*lacking.split(". "))
             return
-        within = 1.5 if self.turned else None
-        self._ask(Scan("start", self.name.strip() or None, VOXELS[self.size], within))
+        within = _WITHIN if self.way == "turned" else None
+        name = self.name.strip() or None
+        self._ask(Scan("start", name, VOXELS[self.size], within, moved=self.way == "laid"))
 
     def pause(self) -> None:
         """Pause it, or go on."""
@@ -246,3 +253,5 @@ class ScanSession:
         self.editor.toasts.say(
             f"{name} stands on the stage", "Step in: press Possess, or P. Ctrl+Z takes the scan back."
         )
+        if self.said.note:
+            self.editor.toasts.say(self.said.note, self.said.mend)

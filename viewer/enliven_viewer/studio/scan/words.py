@@ -51,16 +51,29 @@ def advice_of(said: ScanMessage) -> Advice:
         return Advice(said.note or "It cannot be made", "bad")
     if said.phase != "scanning":
         return Advice("")
+    if said.thing in ("carried", "settling", "sought"):
+        return Advice(_moved(said), "wait")
     if said.tracking in _TRACKED:
         text, mood = _TRACKED[said.tracking]
         return Advice(text, "bad" if mood == "bad" else "wait")
     if said.full:
         return Advice("It is full: nothing new is added. Press Done", "wait")
-    if not said.tracking:
+    if not said.tracking or not said.stage_from_camera:
         return Advice("Point the camera at the thing", "wait")
+    if said.thing == "found":
+        return Advice(f"Found again in {max(said.seconds, 0.1):.1f} s: go round it", "good", arrow=True)
     if not said.view:
         return Advice("All round: press Done", "good")
     return Advice(_way(said), "good", arrow=True)
+
+
+def _moved(said: ScanMessage) -> str:
+    """Returns what to do with a thing of which it is not known where it lies."""
+    if said.thing == "carried":
+        return "Taken up, or lost: lay it down, and go round it"
+    if said.thing == "settling":
+        return f"It is looked for, {said.seconds:.0f} s: walk round it slowly"
+    return "Not found yet: walk on, show what was seen before"
 
 
 def _way(said: ScanMessage) -> str:

@@ -8,7 +8,7 @@ from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.scan import Kept, ScanSession, Size, advice_of, scan_marks
+from enliven_viewer.studio.scan import Kept, ScanSession, Size, Way, advice_of, scan_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, WAIT, Colour
 
@@ -21,6 +21,17 @@ _SIZES: dict[Size, str] = {
     "small": "Something small: a cup, a shoe",
     "thing": "A chair, a lamp, a person",
     "room": "A room, or a large thing",
+}
+_WAYS: dict[Way, tuple[str, str]] = {
+    "round": ("The camera goes round it", "Once, a metre and a half away; it stands where it is"),
+    "laid": (
+        "It is laid down otherwise, too",
+        "Go round it once, lay it on its back or side, take your hands off, and go round again",
+    ),
+    "turned": (
+        "The camera stands still, it is turned",
+        "On a turntable, in the hands, or a person who turns once; the wall well behind, 1.5 m away",
+    ),
 }
 _KEPT: dict[Kept, str] = {
     "thing": "What stands on the floor",
@@ -60,9 +71,12 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
         if imgui.radio_button(words, scan.size == size):
             scan.size = size
         workspace.remember(f"scan {size}")
-    scan.turned = imgui.checkbox("The camera stands still, it is turned", scan.turned)[1]
-    workspace.remember("scan turned")
-    told("On a turntable, in the hands, or a person who turns once; the wall well behind, 1.5 m away")
+    heading("How?")
+    for way, (words, more) in _WAYS.items():
+        if imgui.radio_button(words, scan.way == way):
+            scan.way = way
+        workspace.remember(f"scan {way}")
+        told(more)
     heading("Its name")
     imgui.set_next_item_width(-1)
     scan.name = imgui.input_text_with_hint("##scan name", "scan", scan.name)[1]
@@ -85,7 +99,8 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     said = scan.said
     heading("Scan")
     imgui.push_text_wrap_pos(0.0)
-    imgui.text_unformatted(f"{said.way:.1f} m round it, {said.fused} pictures")
+    places = f", in {said.places} places" if said.places > 1 else ""
+    imgui.text_unformatted(f"{said.way:.1f} m round it, {said.fused} pictures{places}")
     imgui.pop_text_wrap_pos()
     share = 1.0 - min(max(said.missing, 0.0), 1.0)
     with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):

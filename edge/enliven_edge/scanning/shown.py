@@ -1,0 +1,94 @@
+"""What viewers see of a scan: which surface grows, in which room, and where a thing is that is moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.meshes import Mesh
+from enliven.scanning import DistanceVolume, Scanner, surface_of
+from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState
+from enliven.wire import ThingWord
+
+_NEWS = 4.0
+"""Seconds of the sensor's clock for which it is said that a thing was found again."""
+
+_STILL = 0.4
+"""Seconds of it for which something must stand still before it is said that it does."""
+
+
+@dataclass(frozen=True)
+class ShownScan:
+    """The part of a scan that is shown.
+
+    Attributes:
+        volume: of the surface that grows.
+        coarse: with voxels four times as large.
+        room: the scan of the room as it is now, None while it is not known how the thing lies in it.
+        shown_from_room: (4, 4) from that room to the frame of the surface.
+        alone: whether the surface is the thing's alone, without a floor.
+        places: the number of places in which the thing was found.
+    """
+
+    volume: DistanceVolume
+    coarse: DistanceVolume
+    room: Scanner | None
+    shown_from_room: Float
+    alone: bool
+    places: int
+
+    def mesh(self) -> Mesh:
+        """Returns the coarse surface in the room's frame."""
+        mesh, turn = surface_of(self.coarse), self.shown_from_room[:3, :3]
+        return Mesh((mesh.vertices - self.shown_from_room[:3, 3]) @ turn, mesh.faces)
+
+
+def shown_of(scanner: Scanner | MovedScanner) -> ShownScan:
+    """Returns what is shown of a scan: the room with the thing, from its first move on the thing alone."""
+    if isinstance(scanner, Scanner):
+        return ShownScan(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), False, 1)
+    now, model = scanner.now, scanner.model
+    volumes = scanner.rests[0].scanner.volumes if model is None else model.volumes
+    pose = None if now is None else now.object_from_room
+    room = None if now is None or pose is None else now.scanner
+    identity: Float = np.eye(4)
+    places = len(scanner.rests)
+    shown = identity if pose is None else pose
+    return ShownScan(volumes[0], volumes[1], room, shown, model is not None, places)
+
+
+class ThingTold:
+    """Where a thing is that is moved while it is scanned, in a word of :class:`enliven.wire.ScanMessage`.
+
+    Attributes:
+        word: "" where it is not told apart from the room; else "stands", "carried", "settling", "sought" or
+            "found".
+        seconds: of the sensor's clock for which it was, or is, looked for.
+        places: in which it was found.
+    """
+
+    def __init__(self) -> None:
+        self.word: ThingWord = ""
+        self.seconds, self.places = 0.0, 1
+        self._still_ns: int | None = None
+        self._found_ns: int | None = None
+
+    def take(self, step: MovedStep, time_ns: int) -> None:
+        """Takes in what became of an image."""
+        if step.rests > self.places:
+            self.places, self._found_ns = step.rests, time_ns
+        if step.state is ObjectState.SETTLING:
+            self._still_ns = time_ns if self._still_ns is None else self._still_ns
+            self.seconds = (time_ns - self._still_ns) * 1e-9
+            # What is carried slowly seems to stand still for an image or two.
+            looked_for: ThingWord = "sought" if step.sought else "settling"
+            self.word = looked_for if self.seconds >= _STILL else "carried"
+            return
+        self._still_ns = None
+        if step.state is ObjectState.LOST:
+            self.word = "carried"
+            return
+        new = self._found_ns is not None and 0 <= time_ns - self._found_ns < _NEWS * 1e9
+        self.word = "found" if new else "stands"

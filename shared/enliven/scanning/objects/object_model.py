@@ -1,0 +1,65 @@
+"""The surface of an object alone, in its own frame, which grows while the object lies here and there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.scanning.depth_view import DepthView, only
+from enliven.scanning.objects.rest import ObjectRest
+from enliven.scanning.scanner import empty_volumes
+from enliven.scanning.settings import ScanSettings
+
+_IMAGES = 60
+"""Images of a rest that make its surface at most: 6 degrees apart on a way round, 0.5 s in all."""
+_MARGIN = 0.03
+"""Metres that an image's points may lie outside of what is known of the object, and be its own."""
+
+
+class ObjectModel:
+    """What is known of an object, without the rooms in which it was seen.
+
+    Attributes:
+        volumes: from the finest to the coarsest, in the object's frame.
+    """
+
+    def __init__(self, settings: ScanSettings) -> None:
+        self.settings = settings
+        self.volumes = empty_volumes(settings.volume)
+        self._box = np.array([[np.inf] * 3, [-np.inf] * 3])
+
+    @property
+    def megabytes(self) -> float:
+        """Memory of the volumes."""
+        return sum(volume.megabytes for volume in self.volumes)
+
+    def take(self, rest: ObjectRest) -> None:
+        """Fuse images of a rest at which it is known how the object lies."""
+        pose = rest.object_from_room
+        if pose is None or not rest.parts:
+            return
+        points = rest.parts[0].vertices @ pose[:3, :3].T + pose[:3, 3]
+        low, high = points.min(0), points.max(0)
+        self._box = np.array([np.minimum(self._box[0], low), np.maximum(self._box[1], high)])
+        numbers = rest.numbers
+        for view, room_from_camera in rest.views(numbers[:: -(-len(numbers) // _IMAGES)]):
+            self._fuse(view, pose @ room_from_camera)
+
+    def add(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> None:
+        """Fuse a new image of a rest: of the points in the object's box those above the floor."""
+        if rest.object_from_room is not None and rest.ground is not None:
+            own = self._own(view, rest, room_from_camera)
+            self._fuse(only(view, own), rest.object_from_room @ room_from_camera)
+
+    def _own(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> Bool:
+        """Returns (h, w) which points of a view are the object's."""
+        assert rest.ground is not None and rest.object_from_room is not None
+        room = view.points @ room_from_camera[:3, :3].T + room_from_camera[:3, 3]
+        own = room @ rest.object_from_room[:3, :3].T + rest.object_from_room[:3, 3]
+        inside = ((own > self._box[0] - _MARGIN) & (own < self._box[1] + _MARGIN)).all(-1)
+        above = rest.ground.heights(room) > self.settings.cut_out.clearance
+        return np.asarray((view.worth > 0) & inside & above)
+
+    def _fuse(self, view: DepthView, object_from_camera: Float) -> None:
+        for volume in self.volumes:
+            volume.integrate(view, object_from_camera)
