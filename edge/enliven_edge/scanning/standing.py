@@ -36,7 +36,7 @@ class ScanPlace:
         self.stage_from_scan[1, 3] = _CARRIED
         self.missing, self.view = 1.0, list[float]()
         self._looked, self._found, self._places = 0.0, False, 1
-        self._room_from_shown = np.eye(4)
+        self._room_from_shown: Float = np.eye(4)
 
     def look(self, shown: ShownScan) -> None:
         """Looks for the floor, the middle and the next best view, where the last look is old."""
@@ -56,7 +56,7 @@ class ScanPlace:
         if shown.alone:
             mesh = shown.mesh()
             focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus
-        self._room_from_shown = np.linalg.inv(shown.shown_from_room)
+        self._room_from_shown = np.asarray(np.linalg.inv(shown.shown_from_room), np.float64)
         self._follow(ground, focus, len(poses))
         away = float(np.median([np.linalg.norm(pose[:3, 3] - focus) for pose in poses]))
         found = next_view(mesh, ground, focus, away)
