@@ -18,11 +18,13 @@ from imgui_bundle import hello_imgui, imgui
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
+from coarse_pixels import coarse_pixels
 from made_acting_stage import NEEDS, acting_stage, ready_for
 
 from enliven_viewer.studio.actions import KEYS, Action
 from enliven_viewer.studio.picture.viewport import Viewport
 from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 said: dict[str, object] = {"done": False, "menu": [], "keys": [], "refused": {}, "complaints": []}
 wanted: list[str] = []
@@ -40,6 +42,20 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace = window.workspace
     workspace.editor.show_meshes = False  # there are thousands of pictures
     always = drawn_seldom()
+    with coarse_pixels():
+        tried(ctx, workspace)
+    workspace.editor.show_meshes = True
+    always()
+    greyed(ctx, window)
+    palette(ctx, window)
+    keys(ctx, window)
+    history(ctx, window)
+    said["done"] = True
+    workspace.store.forget()
+
+
+def tried(ctx: imgui.test_engine.TestContext, workspace: Workspace) -> None:
+    """Do every action from its menu, then by its key."""
     for name, way in (("menu", by_menu), ("keys", by_key)):
         for action in without_stage(workspace):
             if name == "keys" and not action.keys:
@@ -60,14 +76,6 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
                 ctx.yield_()
             workspace.ended = False
             workspace.editor.beside.finish()
-    workspace.editor.show_meshes = True
-    always()
-    greyed(ctx, window)
-    palette(ctx, window)
-    keys(ctx, window)
-    history(ctx, window)
-    said["done"] = True
-    workspace.store.forget()
 
 
 def drawn_seldom() -> Callable[[], None]:
