@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from imgui_bundle import ImVec2, imgui
@@ -14,12 +14,14 @@ SHARE = 0.125
 
 
 @contextmanager
-def coarse_pixels() -> Iterator[None]:
-    """Lets every window draw a 64th of its pixels in its corner, until the end."""
+def coarse_pixels(fine: Callable[[], bool] = lambda: False) -> Iterator[None]:
+    """Lets every window draw a 64th of its pixels in its corner, until the end, but while ``fine()``."""
     lay_out = Desktop.lay_out
 
     def coarse(self: Desktop) -> None:
         lay_out(self)
+        if fine():
+            return
         io, view = imgui.get_io(), imgui.get_main_viewport()
         dense = io.display_framebuffer_scale
         io.display_framebuffer_scale = view.framebuffer_scale = ImVec2(dense.x * SHARE, dense.y * SHARE)

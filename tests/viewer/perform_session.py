@@ -15,6 +15,7 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
+from coarse_pixels import coarse_pixels
 from strokes import limb
 
 from enliven.modeling.edits import cut_character, scale_character
@@ -32,6 +33,8 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 EDGE = Path(__file__).parents[1] / "system" / "staged_edge.py"
 PATIENCE = 150.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
+PAUSE = 0.02
+"""Seconds between two looks at what is waited for, so that the edge has the processor."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
@@ -69,6 +72,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
                 said["missing"] = [what, perform.sender.states, toasts, now]
                 raise TimeoutError(what)
             ctx.yield_()
+            time.sleep(PAUSE)
 
     def click(name: str) -> None:
         ctx.yield_(2)
@@ -212,7 +216,8 @@ def main() -> None:
             window.close()
 
     try:
-        window.run(seconds=390, after=after, register_tests=register)
+        with coarse_pixels(lambda: large):
+            window.run(seconds=390, after=after, register_tests=register)
     finally:
         edge.kill()
     print(json.dumps(said, default=str))

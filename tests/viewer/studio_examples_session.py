@@ -9,6 +9,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
+from coarse_pixels import coarse_pixels
 from made_studio_puppets import project_with
 from studio_driver import (
     Action,
@@ -124,7 +125,8 @@ def main() -> None:
         if window.pictures == 40:
             said["spread"] = float(window.pixels().std())
 
-    window.run(before=before, after=after)
+    with coarse_pixels(lambda: window.pictures == 40):
+        window.run(before=before, after=after)
     print(json.dumps(said))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
+from coarse_pixels import coarse_pixels
 from strokes import limb
 from studio_driver import (
     STEP,
@@ -129,7 +130,8 @@ def main() -> None:
 
                 Image.fromarray(pixels).save(Path(sys.argv[2]) / f"{name}.png")
 
-    window.run(before=before, after=after, seconds=380)
+    with coarse_pixels(lambda: bool(wanted)):
+        window.run(before=before, after=after, seconds=380)
     said["toured"] = workspace.preferences.toured
     print(json.dumps(said))
 
