@@ -22,7 +22,7 @@ from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-PATIENCE = 90.0
+PATIENCE = 150.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
 PAUSE = 0.05
 """Seconds between two pictures while something is waited for: each takes the processor from the edge."""
