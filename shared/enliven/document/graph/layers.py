@@ -124,6 +124,8 @@ class GraphLayer(Solved):
         weight: from 0 to 1, how much of it is played.
         muted: true leaves it out.
         possession: of :class:`Solved`.
+        feet: how feet stand by it, of a layer that holds them: see :mod:`enliven.modeling.edits.graph_feet`;
+            empty for any other.
     """
 
     take: str
@@ -136,6 +138,7 @@ class GraphLayer(Solved):
     weight: float = 1.0
     muted: bool = False
     possession: Possession | None = None
+    feet: str = ""
 
     def __post_init__(self) -> None:
         freeze(self, "nodes", "own", kind=np.int64)

@@ -33,7 +33,7 @@ from .clips import (
     stretch_clip as stretch_clip,
     trim_clip as trim_clip,
 )
-from .feet import lock_feet as lock_feet
+from .feet import feet_while as feet_while, lock_feet as lock_feet
 from .groups import (
     copy_characters as copy_characters,
     middle_of as middle_of,

@@ -1,27 +1,49 @@
-"""How feet stand while clips play: found, always held, never held, or kept above the floor."""
+"""How feet stand while clips play: found, always held, never held, or kept above the floor; for every rig."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from enliven.document import Project
+from enliven.document import GraphShape, Layer, Project, Puppet, RigBase
 from enliven.errors import InputError
 from enliven.mapping import with_feet_pinned
 from enliven.modeling.edits.characters import change_layers
+from enliven.modeling.edits.graph_feet import stand, way_to_stand
 
 
-def lock_feet(project: Project, shape_id: str, numbers: Iterable[int], feet: str) -> Project:
-    """A project in which feet stand in one way while layers of a shape play.
+def feet_while(character: RigBase, number: int) -> str | None:
+    """How feet stand while a layer of a character plays; None where that is not this layer's to say."""
+    if isinstance(character, GraphShape):
+        return way_to_stand(character, number) if number < len(character.parts) else None
+    layer = character.playing[number]
+    return layer.feet if isinstance(layer, Layer) else None
 
-    Where no foot is pinned yet, the ends of all legs are.
+
+def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet: str) -> Project:
+    """A project in which feet stand in one way while layers of a character play.
+
+    Of a shape with bones, the ends of all legs are pinned where no foot is yet. Of a possessed mesh, a layer
+    over its motion holds its feet as it moves now; asked for again, they are found again.
 
     Args:
         numbers: of the layers.
         feet: "auto", "always", "never" or "ground"; see :mod:`enliven.motion.layers.footing`.
 
     Raises:
-        InputError: where there is no such shape, layer or way, or no leg is found.
+        InputError: where there is no such character, layer or way, no foot is found, or it is a puppet, which
+            stands by its own contacts.
     """
+    character = project.character(character_id)
+    if isinstance(character, GraphShape):
+        return stand(project, character_id, numbers, feet)
+    if isinstance(character, Puppet):
+        mend = "Drag where contact becomes flight, in the row on the floor, or mark points as feet."
+        raise InputError("a puppet stands by its contacts", where=character.where, mend=mend)
+    return _pinned(project, character_id, numbers, feet)
+
+
+def _pinned(project: Project, shape_id: str, numbers: Iterable[int], feet: str) -> Project:
+    """The same for a shape with bones."""
     project = change_layers(project, shape_id, numbers, feet=feet)
     shape = project.shape(shape_id)
     if feet == "auto" or shape.pins:

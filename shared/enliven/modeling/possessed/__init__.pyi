@@ -1,4 +1,5 @@
 from .even_steps import between as between, even_times as even_times, stream_of as stream_of
+from .following import followers as followers
 from .pose import (
     graph_pose as graph_pose,
     graph_vertices as graph_vertices,

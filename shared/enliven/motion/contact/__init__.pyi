@@ -1,4 +1,10 @@
-from .contacts import Contacts as Contacts, hold as hold, runs_of as runs_of, touching as touching
+from .contacts import (
+    Contacts as Contacts,
+    contacts_of as contacts_of,
+    hold as hold,
+    runs_of as runs_of,
+    touching as touching,
+)
 from .pin import (
     HeldPin as HeldPin,
     bend_of as bend_of,

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.ndimage import convolve1d, maximum_filter1d
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.document import Clip, Layer
+from enliven.document import Clip, Playing, PoseStream
 from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, contacts_of, hold, runs_of
 from enliven.motion.contact.pin import HeldPin, pin_limb
 
@@ -49,7 +49,7 @@ class Window:
         return np.asarray(self.start + np.mod(times - self.start, self.end - self.start))
 
 
-def window_of(layers: Sequence[Layer], takes: Mapping[str, Clip]) -> Window:
+def window_of(layers: Sequence[Playing], takes: Mapping[str, Clip | PoseStream]) -> Window:
     """The window of layers that are played together; of none, no time at all."""
     if not layers:
         return Window(0.0, 0.0, False)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from imgui_bundle import imgui
+from imgui_bundle import ImVec2, imgui
 
 from enliven.document import FEET, Layer, Playing, Project, RigBase, Shape
-from enliven.modeling.edits import change_layers, lock_feet, remove_layer, takes_beside
+from enliven.modeling.edits import change_layers, feet_while, lock_feet, remove_layer, takes_beside
 from enliven.motion.layers import set_travel
 from enliven_viewer.studio.panels.fields import Change, slider, switch, told
 from enliven_viewer.studio.panels.style import heading, quiet
@@ -33,7 +33,7 @@ _TOLD = {
 }
 """What the switches mean that the layers of some rig have."""
 _FEET = {
-    "auto": "Auto: pinned feet, where they stand",
+    "auto": "Auto: held where they stand",
     "always": "Always: no foot slides",
     "never": "Never: as performed",
     "ground": "Grounding: none below the floor",
@@ -46,6 +46,9 @@ _SECOND = 126.0
 def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     """Draw the numbers and switches that a layer has."""
     editor, name, layer = workspace.editor, character.id, character.playing[number]
+    if workspace.shown_layer != (name, number):
+        imgui.set_scroll_here_y(0.0)  # a clip was chosen: what can be done with it comes into sight
+        workspace.shown_layer = name, number
     heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))
     imgui.same_line(imgui.get_content_region_avail().x - 52)
@@ -69,7 +72,8 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
         switch(workspace, label, getattr(layer, field), change, _TOLD[field])
     if isinstance(layer, Layer):
         _chain(workspace, editor.project.shape(name), layer, number)
-        _feet(workspace, name, layer, number)
+    if (feet := feet_while(character, number)) is not None:
+        _feet(workspace, character, number, feet)
 
 
 def _takes(workspace: Workspace, layer: Playing) -> None:
@@ -115,15 +119,24 @@ def _chain(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> Non
     switch(workspace, "root travels", shape.travel == layer.id, travel, tip)
 
 
-def _feet(workspace: Workspace, name: str, layer: Layer, number: int) -> None:
+def _feet(workspace: Workspace, character: RigBase, number: int, feet: str) -> None:
     """How feet stand while the clips of the lane play; one edit for all of its layers."""
+    name, jointed = character.id, isinstance(character, Shape)
     quiet("feet")
     imgui.set_next_item_width(-1)
-    changed, wanted = imgui.combo("##feet", FEET.index(layer.feet), [_FEET[one] for one in FEET])
+    changed, wanted = imgui.combo("##feet", FEET.index(feet), [_FEET[one] for one in FEET])
     workspace.remember("feet")
-    told("Feet that are not pinned yet (P) are found where you ask for more than Auto")
-    if changed and FEET[wanted] != layer.feet:
+    if jointed:
+        told("Feet that are not pinned yet (P) are found where you ask for more than Auto")
+    else:
+        told("What stands on the floor at rest; or the feet that you named (E)")
+    again = False
+    if not jointed and feet != "never":
+        again = imgui.button("Find the feet again", ImVec2(-1, 0))
+        workspace.remember("feet again")
+        told("They are held as it moved when you chose this; after other edits of its clips, find them again")
+    if again or (changed and FEET[wanted] != feet):
         bars = workspace.timeline.layout.bars()
         mine = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)
-        numbers, feet = next(mine, (number,)), FEET[wanted]
-        workspace.editor.edit(f"feet: {feet}", lambda project: lock_feet(project, name, numbers, feet))
+        numbers, way = next(mine, (number,)), FEET[wanted]
+        workspace.editor.edit(f"feet: {way}", lambda project: lock_feet(project, name, numbers, way))

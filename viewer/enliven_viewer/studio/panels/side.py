@@ -50,6 +50,8 @@ def draw_side(workspace: Workspace, area: Area) -> None:
         chosen, layer = editor.chosen(), editor.selection.layer
         if chosen is not None and layer is not None and not several:
             draw_layer(workspace, chosen, layer)
+        else:
+            workspace.shown_layer = None
 
 
 def _chosen(workspace: Workspace, character: RigBase) -> None:

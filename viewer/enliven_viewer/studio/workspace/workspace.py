@@ -63,6 +63,7 @@ class Workspace:
         browser: what a dialogue about files shows.
         finding: what the palette finds; wanted_key: the key that the preferences change.
         history_shown: whether the list of steps is open; history_seen: its length and step when it was drawn.
+        shown_layer: the character and the layer that the panel at the right showed last.
         starting: whether the start page is shown while nothing is there; tour: the tour while it is taken.
         caption: what a session says of what it does; empty without a session.
         pressed: the key that a session presses just now.
@@ -101,6 +102,7 @@ class Workspace:
         self.browser: FileBrowser | None = None
         self.finding, self.wanted_key = Finding(self.actions), WantedKey()
         self.history_shown, self.history_seen = False, (0, 0)
+        self.shown_layer: tuple[str, int] | None = None
         self.ended = self.starting = False
         self.tour: Tour | None = None
         self._after = ""

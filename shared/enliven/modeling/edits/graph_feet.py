@@ -1,0 +1,225 @@
+"""Feet of a possessed mesh that stand while it plays: a layer over its motion holds them.
+
+    project = stand(project, "chair", [0], "always")       # over the part 0, as it moves now
+    way_to_stand(shape, 0) -> "always"
+
+The feet are the lowest places of the mesh at rest, or those that an artist named. Their ways are watched
+once; contacts are as those of skeletons (:mod:`enliven.motion.contact`). With s_n^j how far node n goes along
+with foot j (:func:`~enliven.modeling.possessed.followers`), c solves S c = d, where S_ij is the mean of s^j
+over foot i by its skin weights, so that each foot goes exactly the way d_i that it lacks, and the mesh bends
+above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Int
+from enliven.document import (
+    FEET,
+    KEY_STEP,
+    ContactSettings,
+    GraphLayer,
+    GraphShape,
+    PoseStream,
+    Project,
+    SkinWeights,
+    unused,
+)
+from enliven.errors import InputError
+from enliven.modeling.edits.root_layers import root_motion
+from enliven.modeling.mesh import blended
+from enliven.modeling.possessed import followers, graph_pose
+from enliven.motion.contact import contacts_of, hold, window_of
+from enliven.rotation import conjugate, rotate
+
+_SOLE = 0.04
+"""Share of the mesh's height above its lowest vertex within which a vertex stands: a hoof, a sole."""
+_APART = 0.06
+"""Share of the mesh's size by which two feet are apart; nearer vertices are of one."""
+_LIMB = 0.5
+"""Share of the mesh's height that counts as the length of a limb: a chair's legs, a person's."""
+_MOST = 48
+"""Vertices of a foot that are watched: they all but move as one."""
+_FEW = 12
+"""Feet at most, the largest first: an insect's, and some to spare."""
+
+
+@dataclass(frozen=True, eq=False)
+class StandingFoot:
+    """A place of a mesh that stands.
+
+    Attributes:
+        vertices: (K,) of the mesh.
+        node: of the graph, the nearest.
+    """
+
+    vertices: Int
+    node: int
+
+
+def way_to_stand(shape: GraphShape, number: int) -> str:
+    """How the feet stand that one of its layers moves: "never" as they were performed."""
+    nodes = _nodes_of(shape, [number])
+    found = [one.feet for one in shape.over if one.feet and np.isin(one.own, nodes).any()]
+    return found[0] if found else "never"
+
+
+def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) -> Project:
+    """A project in which feet of a possessed mesh stand in one way, as it moves now.
+
+    Args:
+        numbers: of its layers: the feet of the parts that they move.
+        feet: "auto" holds them where they are low and slow, "always" wherever they are low, and none below
+            the floor; "ground" only lifts those below the floor, "never" leaves them as performed.
+
+    Raises:
+        InputError: where there is no such mesh or way, or it has no feet there.
+    """
+    shape = project.graph(shape_id)
+    if feet not in FEET:
+        raise InputError(f"feet cannot stand {feet!r}", where=shape.where, mend=f"Known: {', '.join(FEET)}.")
+    nodes = _nodes_of(shape, numbers)
+    old = [one for one in shape.over if one.feet and np.isin(one.own, nodes).any()]
+    bare = shape.with_changes(over=tuple(one for one in shape.over if not any(one is o for o in old)))
+    if feet == "never":
+        return project.with_characters(bare)
+    found = feet_of(bare, nodes)
+    if not found:
+        mend = "Choose the lane of a part that stands on the floor, or name its ends (E)."
+        raise InputError("no foot is found there", where=shape.where, mend=mend)
+    project = project.with_characters(bare)
+    name = (
+        old[0].take
+        if old and _users(project, old[0].take) == 0
+        else unused(f"{shape_id} feet", project.streams)
+    )
+    stream, layer = _held(project, bare, found, feet, name)
+    made = bare.with_changes(over=(layer, *bare.over))
+    return project.with_streams(stream).with_characters(made)
+
+
+def feet_of(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
+    """The feet that some nodes of a possessed mesh carry, the largest first."""
+    vertices = np.asarray(shape.mesh.vertices)
+    size, tall = float(np.ptp(vertices, axis=0).max()), float(np.ptp(vertices[:, 1]))
+    carried = np.isin(shape.skin.indices[np.arange(len(vertices)), shape.skin.weights.argmax(1)], nodes)
+    if len(shape.ends):
+        near = [np.linalg.norm(vertices - end, axis=1) < _APART * size for end in shape.ends[3:]]
+        groups = [np.flatnonzero(one & carried) for one in near]
+    else:
+        low = np.flatnonzero((vertices[:, 1] < vertices[:, 1].min() + _SOLE * tall) & carried)
+        groups = _groups(vertices[low], low, _APART * size)
+    groups = sorted((one for one in groups if len(one)), key=len, reverse=True)[:_FEW]
+    made = []
+    for group in groups:
+        few = group[:: max(len(group) // _MOST, 1)]
+        away = np.linalg.norm(shape.positions[nodes] - vertices[few].mean(0), axis=1)
+        made.append(StandingFoot(few, int(nodes[away.argmin()])))
+    return made
+
+
+def _groups(places: Float, numbers: Int, apart: float) -> list[Int]:
+    """The numbers of places (K, 3) in groups that are farther than ``apart`` from each other."""
+    if not len(places):
+        return []
+    pairs = cKDTree(places).query_pairs(apart, output_type="ndarray")
+    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(places),) * 2)
+    count, label = connected_components(links, directed=False)
+    return [numbers[label == one] for one in range(count)]
+
+
+def _nodes_of(shape: GraphShape, numbers: Iterable[int]) -> Int:
+    """The nodes of the parts that some layers of a possessed mesh are, or move."""
+    starts, chosen = shape.starts, set[int]()
+    for number in numbers:
+        if number < len(shape.parts):
+            chosen.add(number)
+        elif number < len(shape.parts) + len(shape.over):
+            own = shape.over[number - len(shape.parts)].own
+            chosen |= set((np.searchsorted(starts, own, side="right") - 1).tolist())
+        else:
+            chosen |= set(range(len(shape.parts)))
+    rows = [np.arange(starts[part], starts[part + 1]) for part in sorted(chosen)]
+    return np.concatenate([np.zeros(0, np.int64), *rows])
+
+
+def _users(project: Project, take: str) -> int:
+    """How many layers play a stream."""
+    every = (layer for one in project.graphs.values() for layer in one.playing)
+    return sum(layer.take == take and layer.source == "streams" for layer in every)
+
+
+def _held(
+    project: Project, shape: GraphShape, feet: Sequence[StandingFoot], way: str, name: str
+) -> tuple[PoseStream, GraphLayer]:
+    """The layer that holds feet while a shape plays as it does, and its stream."""
+    window = window_of([*shape.parts, *shape.over], project.streams)
+    count = max(round((window.end - window.start) / KEY_STEP), 1) + 1
+    step = (window.end - window.start) / (count - 1) or KEY_STEP
+    times = window.start + step * np.arange(count)
+    places, soles, back = np.empty((len(feet), count, 3)), np.empty((len(feet), count)), []
+    for frame, time in enumerate(times):
+        linear, positions = graph_pose(project, shape, float(time))
+        root = root_motion(project, shape, float(time))
+        for number, foot in enumerate(feet):
+            seen = root(_surface(shape, foot, linear, positions))
+            places[number, frame], soles[number, frame] = seen.mean(0), seen[:, 1].min()
+        # What a node goes within the rest for a metre in the world.
+        back.append((np.linalg.inv(linear), conjugate(root.turn)))
+    lacking = np.stack([_lacking(shape, p, s, step, way) for p, s in zip(places, soles, strict=True)])
+    own, shares = _shares(shape, feet)
+    means = np.array([[_mean(shape, foot, shares[:, j]) for j in range(len(feet))] for foot in feet])
+    driven = np.linalg.lstsq(means, lacking.reshape(len(feet), -1), rcond=None)[0].reshape(lacking.shape)
+    apart = np.einsum("nj,jfc->fnc", shares, driven)[:, own]
+    for frame, (inverse, turn) in enumerate(back):
+        apart[frame] = np.einsum("nij,nj->ni", inverse[own], rotate(turn, apart[frame]))
+    rest = shape.positions[own]
+    stream = PoseStream(name, np.tile(np.eye(3), (count, len(own), 1, 1)), rest + apart, step)
+    when = {"offset": window.start, "loop": window.looped}
+    return stream, GraphLayer(name, np.arange(len(own)), own, rest, feet=way, **when)
+
+
+def _surface(shape: GraphShape, foot: StandingFoot, linear: Float, positions: Float) -> Float:
+    """(K, 3) metres, the vertices of a foot."""
+    few = foot.vertices
+    skin = SkinWeights(shape.skin.indices[few], shape.skin.weights[few])
+    return blended(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
+
+
+def _lacking(shape: GraphShape, places: Float, soles: Float, step: float, way: str) -> Float:
+    """(F, 3) metres by which a foot at places (F, 3), with its sole at heights (F,), is to be moved."""
+    if way == "ground":
+        return np.maximum(-soles, 0.0)[:, None] * [0.0, 1.0, 0.0]
+    limb, how = _LIMB * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
+    modes = np.full(len(places), FEET.index(way))
+    found = contacts_of(places, step, limb, how, modes)
+    weights, goals = np.empty(len(places)), np.empty((len(places), 3))
+    times = step * np.arange(len(places))
+    hold(times, found.starts, found.ends, found.places, how.blend, weights, goals)
+    goals[:, 1] += how.rise * np.maximum(places[:, 1] - goals[:, 1], 0.0)
+    lacking = np.where(weights[:, None] > 0.0, weights[:, None] * (goals - places), 0.0)
+    if way == "always":
+        lacking[:, 1] += np.maximum(-(soles + lacking[:, 1]), 0.0)
+    return np.asarray(lacking)
+
+
+def _shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, Float]:
+    """The nodes that go along with any foot, and (N, J) how far every node goes with each."""
+    shares = np.zeros((len(shape.positions), len(feet)))
+    for number, foot in enumerate(feet):
+        own, follow = followers(shape, foot.node)
+        shares[own, number] = follow[:, 0]
+    return np.flatnonzero(shares.any(1)), shares
+
+
+def _mean(shape: GraphShape, foot: StandingFoot, shares: Float) -> float:
+    """How far the vertices of a foot go, in the mean, where each node goes by its share (N,)."""
+    indices, weights = shape.skin.indices[foot.vertices], shape.skin.weights[foot.vertices]
+    return float((np.asarray(weights, np.float64) * shares[indices]).sum(1).mean())
