@@ -223,19 +223,18 @@ class Editor:
         if box is None:
             self._frame(None)
             return
-        project, ways = self.project, [np.stack(box)]
+        ways = [np.stack(box)]
         chosen = [one for one in self.seen if one.id in self.selection.characters]
         for one in chosen or self.seen:
             if len(one.extent):
-                project, character = self._solved(project, self.project.character(one.id))
-                ways.append(way_of(project, character, self.time, one.extent))
+                ways.append(way_of(*self._solved(one.id), self.time, one.extent))
         self._frame(bounds_of(ways))
 
-    def _solved(self, project: Project, character: RigBase) -> tuple[Project, RigBase]:
+    def _solved(self, name: str) -> tuple[Project, RigBase]:
         """A character with the motion that is shown of it: that of a puppet is solved beside the window."""
-        if isinstance(character, Puppet):
-            return self.solving.shown(project, character.id)
-        return project, character
+        if name in self.project.puppets:
+            return self.solving.shown(self.project, name)
+        return self.project, self.project.character(name)
 
     def _frame(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
         aspect = self.size[0] / max(self.size[1], 1.0)
