@@ -12,7 +12,7 @@ from strokes import limb
 from enliven.document import graph_shape_at_rest
 from enliven.document.project import Project
 from enliven.formats.project import write_project
-from enliven.modeling.edits import scale_character
+from enliven.modeling.edits import paint_character, scale_character
 from enliven.modeling.puppet import add_key_pose
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.retarget import bind_chain
@@ -37,6 +37,7 @@ NEEDS: dict[str, dict[str, object]] = {
     "motion.unkey": TIP,
     "shape.solve": POST,
     "shape.bake": STAR,
+    "paint.clear": POST,
     "file.session": STAR,
 }
 """What is chosen for an action; a limb where nothing is said."""
@@ -96,6 +97,9 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id == "clip.blend":
         workspace.commands.clips.do("split")
         editor.scrub(0.4)
+    if action.id == "paint.clear":
+        spot = editor.project.graph("post").positions[:1]
+        editor.edit("paint", lambda project: paint_character(project, "post", spot, 0.3, "softer"))
     editor.select(**NEEDS.get(action.id, LIMB))
     if action.id == "motion.unkey":
         editor.scrub(0.5)

@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int32, UInt8, UInt16
 from enliven.errors import InputError
-from enliven.meshes import MeshMaterials
+from enliven.meshes import MeshMaterials, wrong_stiffness
 
 if TYPE_CHECKING:
     from enliven.document.surface_settings import ArapSettings
@@ -47,6 +47,7 @@ class Character:
         surface: how the surface follows them; None: as the defaults say.
         names: (J,) of the joints that the bones end at, each once; None where they have none.
         materials: the materials of the faces with their textures, or None: the colours are all there is.
+        stiffness: (V,) float32 as of :class:`enliven.meshes.Mesh`, for kind "graph"; None: 1 everywhere.
     """
 
     id: str
@@ -62,6 +63,7 @@ class Character:
     surface: ArapSettings | None = None
     names: tuple[str, ...] | None = None
     materials: MeshMaterials | None = None
+    stiffness: Float32 | None = None
 
     def __post_init__(self) -> None:
         problem = _problem_of(self)
@@ -90,6 +92,8 @@ def _problem_of(character: Character) -> str:
         return f"{len(character.materials.of)} faces have materials, expected {len(character.faces)}"
     if character.colours is not None and character.colours.shape != (vertices, 3):
         return f"the colours are {character.colours.shape}, expected ({vertices}, 3)"
+    if character.stiffness is not None and (wrong := wrong_stiffness(character.stiffness, vertices)):
+        return wrong
     if (character.kind == "points") != (character.held is not None):
         return f"its kind is {character.kind!r}, and the vertices that are held are {character.held}"
     if character.held is not None and (

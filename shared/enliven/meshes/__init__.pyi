@@ -20,12 +20,15 @@ from .kernels import (
 from .mesh import (
     Axis as Axis,
     Mesh as Mesh,
+    Paint as Paint,
     fit_height as fit_height,
     guess_up as guess_up,
+    mixed_paint as mixed_paint,
     refine as refine,
     submesh as submesh,
     upright as upright,
     weld as weld,
+    wrong_stiffness as wrong_stiffness,
 )
 from .materials import (
     MeshMaterials as MeshMaterials,

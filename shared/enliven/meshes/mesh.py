@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from enliven.arrays import Bool, Float, Int, Int32, UInt8
+from enliven.arrays import Bool, Float, Float32, Int, Int32, UInt8
 from enliven.errors import InputError
 from enliven.meshes.kernels import corner_sums, face_areas, face_vectors, first_of_position, split_long_edges
 from enliven.meshes.materials import MeshMaterials, materials_within
@@ -28,6 +28,12 @@ _LONG = 4.0
 """How many times as long as high a mesh is that may lie on its side: a crocodile is more, a horse is 1.5."""
 
 
+_BLANK = 204
+"""sRGB of the vertices of a mesh without colours that is joined with one that has some."""
+Paint = tuple[UInt8 | None, Float32 | None]
+"""(V, 3) sRGB and (V,) stiffness of vertices; None for what is not painted."""
+
+
 @dataclass(frozen=True)
 class Mesh:
     """A triangle mesh.
@@ -38,6 +44,8 @@ class Mesh:
         name: what to call it.
         colours: (V, 3) uint8 sRGB, or None; beside materials, what is drawn by those who have no textures.
         materials: the materials of the faces, or None.
+        stiffness: (V,) float32 above 0, as an artist painted it: above 1 it bends less when performers hold
+            it, below 1 it gives way; None: 1 everywhere.
 
     Raises:
         InputError: where an array has the wrong shape, or a face names a vertex that is not there.
@@ -48,6 +56,7 @@ class Mesh:
     name: str = "mesh"
     colours: UInt8 | None = None
     materials: MeshMaterials | None = None
+    stiffness: Float32 | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", np.ascontiguousarray(self.vertices, np.float64))
@@ -63,6 +72,8 @@ class Mesh:
             problem = f"the colours are {self.colours.shape}, expected ({len(self.vertices)}, 3)"
         elif self.materials is not None and len(self.materials.of) != len(self.faces):
             problem = f"{len(self.materials.of)} faces have materials, expected {len(self.faces)}"
+        elif self.stiffness is not None:
+            problem = wrong_stiffness(self.stiffness, len(self.vertices))
         if problem:
             raise InputError(problem, where=f"mesh {self.name!r}", mend="Export the mesh again.")
 
@@ -86,6 +97,19 @@ class Mesh:
         """(2, 3) the lowest and the highest corner of the axis-aligned box."""
         return np.stack([self.vertices.min(0), self.vertices.max(0)])
 
+    @property
+    def paint(self) -> Float:
+        """(V, 4) what is painted on the vertices, to be mixed: sRGB, and the logarithm of the stiffness."""
+        rows = np.zeros((len(self.vertices), 4))
+        rows[:, :3] = _BLANK if self.colours is None else self.colours
+        rows[:, 3] = 0.0 if self.stiffness is None else np.log(self.stiffness, dtype=np.float64)
+        return rows
+
+    def paint_at(self, kept: Bool | Int) -> Paint:
+        """Colours and stiffness of some vertices, by mask or by number; None for what is not painted."""
+        colours = None if self.colours is None else self.colours[kept]
+        return colours, None if self.stiffness is None else self.stiffness[kept]
+
     def face_vectors(self) -> Float:
         """(F, 3) each face's outward normal, as long as twice its area."""
         return np.asarray(face_vectors(self.vertices, self.faces))
@@ -99,11 +123,26 @@ class Mesh:
         return unit(corner_sums(self.faces, self.face_vectors(), len(self.vertices)))
 
 
+def mixed_paint(rows: Float, *meshes: Mesh) -> Paint:
+    """What :attr:`Mesh.paint` says in ``rows`` (V, 4), of what one of the meshes has."""
+    coloured = any(mesh.colours is not None for mesh in meshes)
+    stiff = any(mesh.stiffness is not None for mesh in meshes)
+    colours = np.clip(np.rint(rows[:, :3]), 0, 255).astype(np.uint8) if coloured else None
+    return colours, np.exp(rows[:, 3]).astype(np.float32) if stiff else None
+
+
+def wrong_stiffness(stiffness: Float32, count: int) -> str:
+    """What is wrong with the stiffness of so many vertices; empty where nothing is."""
+    if stiffness.shape != (count,):
+        return f"the stiffness is {stiffness.shape}, expected ({count},)"
+    return "" if (np.isfinite(stiffness) & (stiffness > 0)).all() else "a stiffness is not above 0"
+
+
 def weld(mesh: Mesh) -> tuple[Mesh, Int]:
     """The mesh with every position once, and (V,) the welded vertex of each vertex.
 
     Files split a vertex wherever normals, colours or texture coordinates differ on its two sides;
-    connectivity must be computed without these cuts. Colours are dropped; faces keep their order.
+    connectivity must be computed without these cuts. What is painted is dropped; faces keep their order.
     """
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     if np.array_equal(first, np.arange(len(first))):
@@ -122,8 +161,9 @@ def submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
     used = np.zeros(len(mesh.vertices), bool)
     used[faces] = True
     number = np.cumsum(used) - 1
-    colours = None if mesh.colours is None else mesh.colours[used]
-    return Mesh(mesh.vertices[used], number[faces].astype(np.int32), mesh.name, colours, kept.materials)
+    colours, stiffness = mesh.paint_at(used)
+    vertices, faces = mesh.vertices[used], number[faces].astype(np.int32)
+    return Mesh(vertices, faces, mesh.name, colours, kept.materials, stiffness)
 
 
 def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
@@ -143,8 +183,12 @@ def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
         if colours is not None:
             middle = colours[parents].astype(np.uint16).sum(1) // 2
             colours = np.concatenate([colours, middle.astype(np.uint8)])
+        stiffness = mesh.stiffness
+        if stiffness is not None:
+            between = np.exp(np.log(stiffness[parents]).mean(1))
+            stiffness = np.concatenate([stiffness, between.astype(np.float32)])
         materials = materials_within(mesh.materials, mesh.vertices[mesh.faces], vertices[faces], origin)
-        mesh = Mesh(vertices, faces, mesh.name, colours, materials)
+        mesh = Mesh(vertices, faces, mesh.name, colours, materials, stiffness)
 
 
 def upright(mesh: Mesh, up: Axis) -> Mesh:

@@ -80,6 +80,12 @@ class ActorSettings:
         "Spots [x, y, z, radius, factor] of the mesh as it is cast, in metres; a factor above 1 bends less, "
         "below 1 gives way.",
     )
+    exaggeration: float = setting(
+        1.0,
+        "How far soft parts, painted or of `stiffness` below 1, swing past the motion; 0: not at all.",
+        low=0.0,
+        high=4.0,
+    )
     ends: tuple[tuple[float, float, float], ...] = setting(
         (),
         "The ends of head, left hand, right hand, left foot and right foot, [x, y, z] each in "

@@ -9,13 +9,14 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
 from enliven.deformation.embedded import EmbeddedSolver
-from enliven.deformation.graph import DeformationGraph, stiffness_at
+from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character, Pose
 from enliven.errors import EnlivenError
 from enliven.person import Body, J
 from enliven.possession.actor import Actor, Mode
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.easing import Easing
+from enliven.possession.follow_through import FollowThrough, stiffness_of
 from enliven.possession.grip import gripped, out_of_reach
 from enliven.possession.highlights import Cues, cues_of
 from enliven.possession.hold import EmbeddedHold, Grip, depth_of, joined
@@ -64,7 +65,8 @@ class EmbeddedActor(Actor):
         self._free = True
         self._easing = Easing(self.settings.fade, self.settings.fade_pace)
         self._soft = SoftConstraints(character, graph, self.settings)
-        self._stiffness = stiffness_at(graph.positions, self.settings.stiffness)
+        self._stiffness = stiffness_of(character, graph.positions, self.settings.stiffness)
+        self._swing = FollowThrough(self._stiffness, self.settings.exaggeration)
         self._time_ns = 0
         self._seen = False
 
@@ -137,6 +139,7 @@ class EmbeddedActor(Actor):
                 shown = self._easing.shown[1]
                 self._placement = resettled(self._placement, self.graph.positions, shown)
             self.holds, self._solver = [], None
+            self._swing.restart()
             self._easing.restart_fade()
 
     def stand(self, place: tuple[float, ...]) -> None:
@@ -224,6 +227,7 @@ class EmbeddedActor(Actor):
         """Replaces the holds and the solver; the shown state eases over."""
         self.holds = holds
         self._soft.moved_elsewhere()
+        self._swing.restart()
         self._solver = EmbeddedSolver(
             self.graph, joined(holds), self.settings.embedded, start, self._stiffness
         )
@@ -263,21 +267,28 @@ class EmbeddedActor(Actor):
             start = None if self._meeting is None else self._meeting.state
             fit = (body, carrying, self._stiffness, start)
             self._meeting = Meeting(self.graph, self.settings, *fit)
+            self._swing.restart()
             self._easing.restart_fade()
 
     def _solved(
         self, bodies: list[Body], seen: Mapping[int, ObservedPoints], time_ns: int
     ) -> tuple[Float, Float]:
         """Returns (N, 3, 3) linear parts and (N, 3) positions at rest; the last if no holder is in view."""
-        if self._meeting is not None:
-            own = next((body for body in bodies if body.id == self._meeting.body), None)
-            floor = float(self._placement.to_rest(np.zeros(3))[1])
-            return self._soft.raised(*self._meeting.at(own, time_ns), floor)
-        if self._solver is None:
+        if self._meeting is None and self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions
         floor = float(self._placement.to_rest(np.zeros(3))[1])
+        if self._meeting is not None:
+            own = next((body for body in bodies if body.id == self._meeting.body), None)
+            linear, positions = self._meeting.at(own, time_ns)
+        else:
+            linear, positions = self._held(seen, floor, time_ns)
+        return self._soft.raised(linear, self._swing(positions, time_ns), floor)
+
+    def _held(self, seen: Mapping[int, ObservedPoints], floor: float, time_ns: int) -> tuple[Float, Float]:
+        """Returns the state that its holders bring it to."""
+        assert self._solver is not None
         if not self._seen:
-            return self._soft.raised(*self._solver.state(), floor)
+            return self._solver.state()
         own = [hold.targets for hold in self.holds]
         if self.settings.follow == "surface":
             unseen = [hold.body not in seen for hold in self.holds]
@@ -285,4 +296,4 @@ class EmbeddedActor(Actor):
         targets, pulls = (np.concatenate(part) for part in zip(*own, strict=True))
         seconds = max(time_ns - self._time_ns, 0) * 1e-9
         planes = self._soft.planes(self._solver.state(), self.holds, seen, floor, seconds)
-        return self._soft.raised(*self._solver.solve(targets, pulls, planes=planes), floor)
+        return self._solver.solve(targets, pulls, planes=planes)

@@ -94,6 +94,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
         surface: how the surface follows them; None: as it does by default.
         names: (J,) of the joints that the bones end at; None where they have none.
         materials: with their textures; None: the colours are all there is.
+        stiffness: (V,) float32 above 0, for kind "graph", as it is painted; None: 1 everywhere.
     """
 
     id: Name
@@ -115,6 +116,7 @@ class CharacterMessage(Struct, tag=True, frozen=True):
     surface: SurfaceMessage | None = None
     names: Annotated[list[JointName], Meta(max_length=MAX_TRANSFORMS)] | None = None
     materials: MaterialsMessage | None = None
+    stiffness: bytes | None = None
 
     def __post_init__(self) -> None:
         expect("vertices", self.vertices, 12 * self.vertex_count)
@@ -132,6 +134,8 @@ class CharacterMessage(Struct, tag=True, frozen=True):
             expect("pulls", self.pulls, 4 * (self.pivot_count - 1))
         if self.materials is not None:
             _check_materials(self.materials, self.face_count)
+        if self.stiffness is not None:
+            expect("stiffness", self.stiffness, 4 * self.vertex_count)
 
 
 def _check_materials(given: MaterialsMessage, faces: int) -> None:

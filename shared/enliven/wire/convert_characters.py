@@ -53,6 +53,7 @@ def character_to_message(character: Character, revision: int) -> CharacterMessag
         None if surface is None else _surface_message(surface),
         _names(character),
         materials_to_message(character.materials),
+        None if character.stiffness is None else to_bytes(character.stiffness, "<f4"),
     )
 
 
@@ -83,6 +84,7 @@ def message_to_character(message: CharacterMessage) -> Character:
         None if surface is None else ArapSettings(**asdict(surface)),
         None if message.names is None else tuple(message.names),
         message_to_materials(message.materials),
+        None if message.stiffness is None else from_bytes(message.stiffness, "<f4", 1)[:, 0],
     )
 
 

@@ -27,10 +27,12 @@ from enliven.modeling.edits import (
     merge_characters,
     mirror_character,
     move_character,
+    paint_character,
     paste_character,
     scale_character,
     shift_character,
     turn_character,
+    unpaint_character,
     vertices_of,
 )
 from enliven.modeling.mesh import PlaneCut
@@ -263,3 +265,20 @@ def test_progress_notes_and_refusals():
         settings_of(replace(how, settings="{"))
     with pytest.raises(InputError, match="unknown key"):
         settings_of(replace(how, settings='{"fades": 1}'))
+
+
+def test_what_is_painted_counts_when_the_performers_take_hold_again():
+    project, name = WORLD
+    middle, wide = project.graph(name).mesh.vertices.mean(0)[None], 5.0
+    soft = paint_character(project, name, middle, wide, "softer")
+    assert not is_stale(project, name) and is_stale(soft, name)
+    times = np.linspace(0.2, 1.2, 6)
+    before, after = ([vertices_of(one, name, float(t)) for t in times] for one in (project, soft))
+    assert same(np.array(before), np.array(after)), "nothing moves otherwise until it is solved"
+    solved = solve_again(soft, name)
+    assert not is_stale(solved, name)
+    after = [vertices_of(solved, name, float(t)) for t in times]
+    assert np.abs(np.array(after) - np.array(before)).max() > 0.005
+    back = solve_again(unpaint_character(solved, name), name)
+    again = [vertices_of(back, name, float(t)) for t in times]
+    np.testing.assert_allclose(again, before, atol=SETTLED)

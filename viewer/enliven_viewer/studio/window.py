@@ -44,7 +44,7 @@ from enliven_viewer.studio.perform import PerformerInset
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
-from enliven_viewer.studio.tools import MapTool
+from enliven_viewer.studio.tools import MapTool, PaintTool
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.window import Place, is_minimised, toggle_full_screen
 
@@ -208,7 +208,7 @@ class StudioWindow:
         return (
             self.workspace.puppets.puppet is not None
             and self.workspace.perform.room in ("Animate", "Model")
-            and not isinstance(self.workspace.input.tool, MapTool)
+            and not isinstance(self.workspace.input.tool, (MapTool, PaintTool))
             and not self.workspace.editor.selection.several
         )
 

@@ -158,6 +158,7 @@ def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
         "graph",
         None if mesh.colours is None else np.ascontiguousarray(mesh.colours[:, :3]),
         materials=mesh.materials,
+        stiffness=mesh.stiffness,
     )
 
 

@@ -1,14 +1,20 @@
-"""Stiff and soft spots of a mesh: what bends less, and what gives way (KinÊtre, per-node weights)."""
+"""Stiff and soft spots of a mesh: what bends less, and what gives way (KinÊtre, per-node weights).
+
+Spots are told in numbers, paint is on the vertices; both are factors on the weights of the nodes.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.document import Character
 from enliven.errors import InputError
 
 Spot = tuple[float, float, float, float, float]
 """x, y, z and radius in metres of the mesh's rest space, and a factor: above 1 stiffer, below 1 softer."""
+_LEAST = 1e-9
+"""Sum of weights below which a node has no vertices."""
 
 
 def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
@@ -35,3 +41,18 @@ def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
         near = 1.0 - np.minimum(np.linalg.norm(positions - [x, y, z], axis=1) / radius, 1.0)
         logarithm += np.log(factor) * near * near * (3.0 - 2.0 * near)
     return np.asarray(np.exp(logarithm))
+
+
+def painted_stiffness(character: Character) -> Float | None:
+    """(N,) the factor that is painted around each node: the geometric mean of its vertices' by their weights.
+
+    A node without vertices has 1. None where nothing is painted.
+    """
+    if character.stiffness is None:
+        return None
+    skin, count = character.skin, len(character.pivots)
+    weights = skin.weights.astype(np.float64)
+    logarithms = np.log(character.stiffness, dtype=np.float64)[:, None] * weights
+    total = np.bincount(skin.indices.ravel(), weights.ravel(), count)
+    mean = np.bincount(skin.indices.ravel(), logarithms.ravel(), count) / np.maximum(total, _LEAST)
+    return np.asarray(np.exp(mean))

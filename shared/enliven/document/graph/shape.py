@@ -145,7 +145,8 @@ def graph_shape_of(
     positions = np.array([pose.positions for pose in poses], np.float64)
     stream = PoseStream(stream_id, linear, positions, seconds)
     vertices = np.asarray(character.vertices, np.float64)
-    mesh = Mesh(vertices, character.faces, character.id, character.colours, character.materials)
+    painted = character.colours, character.materials, character.stiffness
+    mesh = Mesh(vertices, character.faces, character.id, *painted)
     part = GraphPart(stream_id, np.arange(len(character.pivots)))
     pivots = np.asarray(character.pivots, np.float64)
     return GraphShape(character.id, pivots, character.edges, mesh, character.skin, (part,)), stream
@@ -163,6 +164,7 @@ def character_of_graph(shape: GraphShape) -> Character:
         "graph",
         shape.mesh.colours,
         materials=shape.mesh.materials,
+        stiffness=shape.mesh.stiffness,
     )
 
 

@@ -86,9 +86,10 @@ def welded(shape: Shape) -> Shape:
     number[order] = np.arange(len(order))
     faces, kept = number[of.ravel()][mesh.faces], kept[order]
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])
-    colours = None if mesh.colours is None else mesh.colours[kept]
+    colours, stiffness = mesh.paint_at(kept)
     materials = None if mesh.materials is None else mesh.materials.taken(whole)
-    joined = Mesh(mesh.vertices[kept], faces[whole].astype(np.int32), mesh.name, colours, materials)
+    faces = faces[whole].astype(np.int32)
+    joined = Mesh(mesh.vertices[kept], faces, mesh.name, colours, materials, stiffness)
     return shape.with_changes(mesh=joined, skin=SkinWeights(skin.indices[kept], skin.weights[kept]))
 
 

@@ -74,6 +74,13 @@ from .markers import (
     rename_marker as rename_marker,
 )
 from .merging import merge_characters as merge_characters
+from .painting import (
+    MOST_DOUBLINGS as MOST_DOUBLINGS,
+    Brush as Brush,
+    brushed as brushed,
+    paint_character as paint_character,
+    unpaint_character as unpaint_character,
+)
 from .root_layers import (
     RigidMotion as RigidMotion,
     root_motion as root_motion,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import manifold3d
 import numpy as np
 
-from enliven.arrays import Bool, Float, Int, Int32, UInt8
+from enliven.arrays import Bool, Float, Int, Int32
 from enliven.document import SkinWeights
 from enliven.meshes import (
     Mesh,
@@ -16,13 +16,11 @@ from enliven.meshes import (
     first_of_position,
     joined_materials,
     materials_within,
+    mixed_paint,
     weld,
 )
 from enliven.modeling.mesh.solids import Solid
 from enliven.modeling.skinning import skin_values as skins
-
-_BLANK = 204
-"""sRGB of the vertices of a mesh without colours that is united with one that has some."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +60,12 @@ class MeshPair:
         one, other = self.meshes
         faces = np.concatenate([one.faces, other.faces + np.int32(len(one.vertices))])
         vertices = np.concatenate([one.vertices, other.vertices])
-        colours = None
-        if one.colours is not None or other.colours is not None:
-            colours = np.concatenate([colours_of(mesh) for mesh in self.meshes])
+        paint = np.concatenate([mesh.paint for mesh in self.meshes])
+        colours, stiffness = mixed_paint(paint, *self.meshes)
         mine = np.concatenate([np.arange(len(one.vertices)), np.full(len(other.vertices), -1)])
         theirs = np.concatenate([np.full(len(one.vertices), -1), np.arange(len(other.vertices))])
         materials = joined_materials([(mesh.materials, len(mesh.faces)) for mesh in self.meshes])
-        mesh = Mesh(vertices, faces, one.name, colours, materials)
+        mesh = Mesh(vertices, faces, one.name, colours, materials, stiffness)
         none = np.zeros(len(vertices), bool)
         return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
 
@@ -143,21 +140,19 @@ class UnionBuilder:
         )
         vertices = np.concatenate([self.meshes[0].vertices[kept[0]], self.meshes[1].vertices[kept[1]]])
         vertices = np.concatenate([vertices, self.places[new]])
-        weights, tints = self._at_new(new)
+        weights, paint = self._at_new(new)
         whole = skins.bone_count(skins.stacked(self.pair.skins))
         old_skins = [self._skin(k, kept[k], whole) for k in range(2)]
         skin = skins.stacked([*old_skins, skins.sparse(weights)])
-        colours = None
-        if any(mesh.colours is not None for mesh in self.meshes):
-            colours = np.concatenate(
-                [*(colours_of(m)[k] for m, k in zip(self.meshes, kept, strict=True)), tints]
-            )
+        paint = np.concatenate([*(m.paint[k] for m, k in zip(self.meshes, kept, strict=True)), paint])
+        colours, stiffness = mixed_paint(paint, *self.meshes)
         counts = [len(mesh.vertices) for mesh in self.pair.meshes]
         first, second = (np.full(len(vertices), -1, np.int64) for _ in range(2))
         first[: ends[0]] = np.where(kept[0] < counts[0], kept[0], -1)
         second[ends[0] : ends[1]] = np.where(kept[1] < counts[1], kept[1], -1)
         materials = self._materials(vertices[faces])
-        mesh = Mesh(vertices, faces.astype(np.int32), self.meshes[0].name, colours, materials)
+        faces = faces.astype(np.int32)
+        mesh = Mesh(vertices, faces, self.meshes[0].name, colours, materials, stiffness)
         whole = self._joined(mesh, skin, (first, second), ends, notes)
         return _welded(whole) if self.share else whole
 
@@ -200,14 +195,15 @@ class UnionBuilder:
         old = skins.taken(skin, kept[kept < given])
         return skins.stacked([old, skins.sparse(full[kept[kept >= given]])])
 
-    def _at_new(self, new: Int) -> tuple[Float, UInt8]:
-        """(N, B) weights and (N, 3) colours of the new vertices, by their place in the face they lie in."""
+    def _at_new(self, new: Int) -> tuple[Float, Float]:
+        """(N, B) weights and (N, 4) paint of the new vertices, by their place in the face they lie in."""
         bones = skins.bone_count(skins.stacked(self.pair.skins))
-        weights, tints = np.zeros((len(new), bones)), np.zeros((len(new), 3))
+        weights, paint = np.zeros((len(new), bones)), np.zeros((len(new), 4))
         row = np.full(len(self.places), -1, np.int64)
         row[new] = np.arange(len(new))
         for k, side in enumerate(self.sides):
             mesh = self.meshes[k]
+            own_paint = mesh.paint
             face, corner = np.nonzero(row[side.triangles] >= 0)
             vertex = side.triangles[face, corner]
             vertex, first = np.unique(vertex, return_index=True)
@@ -216,8 +212,8 @@ class UnionBuilder:
             corners, inverse = np.unique(own, return_inverse=True)
             full = skins.dense(self._skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
             weights[row[vertex]] = (share[..., None] * full).sum(1)
-            tints[row[vertex]] = (share[..., None] * colours_of(mesh)[own]).sum(1)
-        return weights, np.clip(np.rint(tints), 0, 255).astype(np.uint8)
+            paint[row[vertex]] = (share[..., None] * own_paint[own]).sum(1)
+        return weights, paint
 
     def _joined(
         self, mesh: Mesh, skin: SkinWeights, old: tuple[Int, Int], ends: Int, notes: tuple[str, ...]
@@ -254,12 +250,12 @@ def _welded(union: Union) -> Union:
     used, numbers = np.unique(faces[whole], return_inverse=True)
     second = union.second.copy()
     np.maximum.at(second, first, union.second)
-    colours = None if mesh.colours is None else mesh.colours[used]
+    colours, stiffness = mesh.paint_at(used)
     materials = None if mesh.materials is None else mesh.materials.taken(whole)
     faces = numbers.reshape(-1, 3).astype(np.int32)
     return replace(
         union,
-        mesh=Mesh(mesh.vertices[used], faces, mesh.name, colours, materials),
+        mesh=Mesh(mesh.vertices[used], faces, mesh.name, colours, materials, stiffness),
         skin=skins.taken(union.skin, used),
         first=union.first[used],
         second=second[used],
@@ -278,8 +274,3 @@ def _membranes(faces: Int) -> Bool:
     same = same.reshape(-1)
     both = (count == 2) & (np.bincount(same, ahead, len(count)) == 1)
     return np.asarray(both[same])
-
-
-def colours_of(mesh: Mesh) -> UInt8:
-    """(V, 3) the mesh's colours, or blank ones."""
-    return np.full((len(mesh.vertices), 3), _BLANK, np.uint8) if mesh.colours is None else mesh.colours

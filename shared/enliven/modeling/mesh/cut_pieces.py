@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Bool, Float, Int, UInt8
+from enliven.arrays import Bool, Float, Int
 from enliven.document import SkinWeights
-from enliven.meshes import Mesh, joined_materials, materials_within
+from enliven.meshes import Mesh, joined_materials, materials_within, mixed_paint
 from enliven.modeling.mesh.caps import Cap, HarmonicInterpolation
 from enliven.modeling.mesh.cut_plan import CutPlan
 from enliven.modeling.skinning import skin_values as skins
@@ -81,7 +81,7 @@ class _Maker:
             cap_faces.append(faces[:, ::-1] if self.far else faces)
         closing = np.concatenate([np.zeros((0, 3), np.int64), *cap_faces])
         faces = np.concatenate([self.number[self.mesh.faces[self.whole]], split, closing])
-        vertices, colours, skin = self._attributes(sources, edges, insides, doubled)
+        vertices, paint, skin = self._attributes(sources, edges, insides, doubled)
         kept = np.full(len(vertices), -1, np.int64)
         kept[:base] = self.kept
         whole = np.flatnonzero(self.whole)
@@ -91,7 +91,9 @@ class _Maker:
         materials = joined_materials(
             [(kept_materials, len(whole)), (inside, len(split)), (None, len(closing))]
         )
-        mesh = Mesh(vertices, faces.astype(np.int32), self.mesh.name, colours, materials)
+        colours, stiffness = mixed_paint(paint, self.mesh)
+        faces = faces.astype(np.int32)
+        mesh = Mesh(vertices, faces, self.mesh.name, colours, materials, stiffness)
         return Piece(mesh, skin, kept, len(closing))
 
     def _split_faces(self) -> tuple[Int, Int, Int, Int]:
@@ -120,8 +122,8 @@ class _Maker:
 
     def _attributes(
         self, sources: Int, edges: Int, insides: list[tuple[Int, HarmonicInterpolation]], doubled: bool
-    ) -> tuple[Float, UInt8 | None, SkinWeights | None]:
-        """Positions, colours and skin of all vertices."""
+    ) -> tuple[Float, Float, SkinWeights | None]:
+        """Positions, paint and skin of all vertices."""
         work, mesh = self.work, self.mesh
         share = work.share[edges][:, None]
         base = len(self.kept)
@@ -137,12 +139,9 @@ class _Maker:
 
         between = work.between(work.rest, work.found.edges, work.share)[edges]
         vertices = np.concatenate([mesh.vertices[self.kept], grown(mesh.vertices, between)])
-        colours = None
-        if mesh.colours is not None:
-            new = np.clip(np.rint(grown(mesh.colours.astype(np.float64))), 0, 255).astype(np.uint8)
-            colours = np.concatenate([mesh.colours[self.kept], new])
+        paint = np.concatenate([mesh.paint[self.kept], grown(mesh.paint)])
         if work.skin is None:
-            return vertices, colours, None
+            return vertices, paint, None
         old = np.unique(sources)
         few = np.searchsorted(old, sources)
         full = skins.dense(skins.taken(work.skin, old), skins.bone_count(work.skin))
@@ -151,4 +150,4 @@ class _Maker:
         made = full[few[:, 0]] * (1 - share) + full[few[:, 1]] * share
         new_skin = skins.sparse(grown(np.zeros((0, 0)), made))
         new_skin = SkinWeights(there[new_skin.indices].astype(np.uint16), new_skin.weights)
-        return vertices, colours, skins.stacked([skins.taken(work.skin, self.kept), new_skin])
+        return vertices, paint, skins.stacked([skins.taken(work.skin, self.kept), new_skin])

@@ -66,9 +66,10 @@ def _without_slivers(union: Union) -> Union:
         return union
     vertices, faces, kept, drawn = without_slivers(union.mesh.vertices, union.mesh.faces, new)
     number = np.cumsum(kept) - 1
-    colours = None if union.mesh.colours is None else union.mesh.colours[kept]
+    colours, stiffness = union.mesh.paint_at(kept)
     materials = _materials_after(union.mesh, new, vertices[faces])
-    mesh = Mesh(vertices[kept], number[faces].astype(np.int32), union.mesh.name, colours, materials)
+    faces = number[faces].astype(np.int32)
+    mesh = Mesh(vertices[kept], faces, union.mesh.name, colours, materials, stiffness)
     return replace(
         union,
         mesh=mesh,

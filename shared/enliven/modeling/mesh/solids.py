@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 
 from enliven.arrays import Bool, Int
-from enliven.meshes import Mesh, joined_materials, weld
+from enliven.meshes import Mesh, joined_materials, mixed_paint, weld
 from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, closed_surface
 
 
@@ -51,7 +51,12 @@ def solid_of(mesh: Mesh) -> Solid | str:
     if closed.leaf.any():
         notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing: they stay as they are")
     whole = _whole(used, closed)
-    leaves = replace(used.with_faces(closed.leaf), vertices=whole.vertices, colours=whole.colours)
+    leaves = replace(
+        used.with_faces(closed.leaf),
+        vertices=whole.vertices,
+        colours=whole.colours,
+        stiffness=whole.stiffness,
+    )
     if signed_volume(whole) < 0:
         notes.append("it was inside out: turned")
         whole, leaves = whole.turned(), leaves.turned()
@@ -62,16 +67,15 @@ def solid_of(mesh: Mesh) -> Solid | str:
 
 
 def _whole(mesh: Mesh, closed: ClosedSurface) -> Mesh:
-    """The mesh without its leaves, with what closes it, which is coloured as it is made."""
-    colours = mesh.colours
-    if colours is not None:
-        for of, how in closed.made:
-            more = np.clip(np.rint(how(colours[of].astype(np.float64))), 0, 255).astype(np.uint8)
-            colours = np.concatenate([colours, more])
+    """The mesh without its leaves, with what closes it, which is painted as it is made."""
+    paint = mesh.paint
+    for of, how in closed.made:
+        paint = np.concatenate([paint, how(paint[of])])
+    colours, stiffness = mixed_paint(paint, mesh)
     given = mesh.with_faces(~closed.leaf)
     groups = [(given.materials, len(given.faces)), (None, len(closed.faces) - len(given.faces))]
     faces = closed.faces.astype(np.int32)
-    return Mesh(closed.vertices, faces, mesh.name, colours, joined_materials(groups))
+    return Mesh(closed.vertices, faces, mesh.name, colours, joined_materials(groups), stiffness)
 
 
 def signed_volume(mesh: Mesh) -> float:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.arrays import AnyArray, Bool, Float
+from enliven.arrays import AnyArray, Bool, Float, Float32
 from enliven.deformation.graph import DeformationGraph, graph_of
 from enliven.document import (
     BodyTake,
@@ -181,19 +181,20 @@ def _bare(shape: GraphShape, number: int) -> tuple[Character, Float]:
     def back(points: Float) -> Float:
         return np.asarray((points - middle) @ turn / part.size * flip)
 
-    vertices, faces, skin = _surface(shape, own)
+    vertices, faces, skin, painted = _surface(shape, own)
     kept = np.isin(shape.edges, own).all(1)
     rest, faces = back(shape.positions[own]), faces[:, ::-1] if part.mirrored else faces
     places = back(vertices).astype(np.float32), rest.astype(np.float32)
-    bare = Character(shape.id, places[0], faces, skin, places[1], shape.edges[kept] - np.int32(start))
+    edges = shape.edges[kept] - np.int32(start)
+    bare = Character(shape.id, places[0], faces, skin, places[1], edges, stiffness=painted)
     return bare, rest
 
 
-def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights]:
-    """Vertices, faces and skin of what follows the nodes ``own`` more than others; all where none does."""
+def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
+    """Vertices, faces, skin and stiffness of what follows the nodes ``own`` most; all where nothing does."""
     mesh, skin = shape.mesh, shape.skin
     if len(own) == len(shape.positions):
-        return mesh.vertices, mesh.faces, skin
+        return mesh.vertices, mesh.faces, skin, mesh.stiffness
     here: Bool = np.isin(skin.indices, own)
     mine = (skin.weights * here).sum(1) > 0.5
     faces = mesh.faces[mine[mesh.faces].all(1)]
@@ -205,7 +206,7 @@ def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWei
     number = np.zeros(len(mesh.vertices), np.int32)
     number[used] = np.arange(len(used))
     told = SkinWeights(indices.astype(np.uint16), weights.astype(np.float32))
-    return mesh.vertices[used], number[faces], told
+    return mesh.vertices[used], number[faces], told, mesh.paint_at(used)[1]
 
 
 def _key(project: Project, shape: GraphShape, number: int) -> str:
@@ -217,6 +218,8 @@ def _key(project: Project, shape: GraphShape, number: int) -> str:
         told.update(np.floor(points.astype(np.float64) / _STEP + _BESIDE).astype(np.int64).tobytes())
     for numbers in (bare.faces, bare.edges, bare.skin.indices):
         told.update(np.ascontiguousarray(numbers, np.int64).tobytes())
+    if bare.stiffness is not None:
+        told.update(bare.stiffness.tobytes())
     take: BodyTake = project.bodies[part.possession.take]
     for array in (take.seconds, take.people, take.joints, take.confidence, take.present, take.stature):
         told.update(b"" if array is None else np.ascontiguousarray(array).tobytes())

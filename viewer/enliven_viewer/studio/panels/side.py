@@ -5,12 +5,13 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from enliven.document import RigBase
-from enliven_viewer.studio.panels.fields import character_name
+from enliven_viewer.studio.panels.fields import character_name, told
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.tools import BRUSHES, LARGEST, SMALLEST, PaintTool
 from enliven_viewer.studio.workspace import Workspace
 
 _HALF = 126.0
@@ -45,6 +46,8 @@ def draw_side(workspace: Workspace, area: Area) -> None:
         several = editor.selection.several
         if several:
             _several(workspace)
+        elif isinstance(workspace.input.tool, PaintTool):
+            _brush(workspace, workspace.input.tool)
         elif chosen is not None:
             _chosen(workspace, chosen)
         chosen, layer = editor.chosen(), editor.selection.layer
@@ -70,6 +73,28 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
     quiet(", ".join(said))
     draw_numbers(workspace)
     _buttons(workspace, (*_DEEDS, *_JOINTED) if jointed else _DEEDS)
+
+
+def _brush(workspace: Workspace, tool: PaintTool) -> None:
+    """The brush that paints stiff and soft spots."""
+    heading("Brush")
+    for number, (brush, word) in enumerate(BRUSHES.items()):
+        if number:
+            imgui.same_line()
+        if imgui.radio_button(word, tool.brush == brush):
+            workspace.actions.do(f"paint.{brush}")
+        workspace.remember(f"brush {brush}")
+        told(workspace.actions.tip(workspace.actions[f"paint.{brush}"]))
+    imgui.set_next_item_width(-1)
+    tool.radius = imgui.slider_float("##brush", tool.radius, SMALLEST, LARGEST, "size %.0f")[1]
+    workspace.remember("brush size")
+    told("The keys [ and ]")
+    if imgui.checkbox("Both sides", tool.both_sides)[0]:
+        workspace.actions.do("paint.both_sides")
+    workspace.remember("both sides")
+    told(workspace.actions.tip(workspace.actions["paint.both_sides"]))
+    action_button(workspace, "paint.clear", 2 * _HALF)
+    quiet("Performers feel it as soon as they hold it. Soft spots swing past what they do.")
 
 
 def _several(workspace: Workspace) -> None:

@@ -86,11 +86,13 @@ class Viewport:
             self._growing.release()
 
     def _draw_puppet(self, over: ToolPicture) -> None:
-        """Draw what the puppet tool shows over the picture."""
+        """Draw what the tool shows over the picture."""
         if over is NOTHING:
             return
         self._puppet_overlay = self._puppet_overlay or PuppetOverlay(self.renderer.ctx)
         picture = self.renderer.picture
+        if over.shade is not None:
+            self._puppet_overlay.shade(picture, *over.shade)
         if over.crossing is not None:
             self._puppet_overlay.crossing(picture, *over.crossing)
         if over.ghost is not None:

@@ -1,11 +1,11 @@
-"""Draws over the picture of a puppet: the outline of another pose, and faces that cross."""
+"""Draws over the picture of a mesh: the outline of another pose, faces that cross, and what is painted."""
 
 from __future__ import annotations
 
 import moderngl
 import numpy as np
 
-from enliven.arrays import Float32, Int32
+from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven_viewer.render.gl import UNITS, RenderTarget, load_program
 from enliven_viewer.theme import GHOST, WARNING
 
@@ -28,6 +28,7 @@ class PuppetOverlay:
         self._outline = load_program(ctx, "screen.vert", "outline.frag")
         self._quad = ctx.vertex_array(self._outline, [])
         self._warning = load_program(ctx, "warning.vert", "warning.frag")
+        self._shade = load_program(ctx, "shade.vert", "shade.frag")
         self._mask: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         self._mesh: tuple[object, object, list[moderngl.Buffer], moderngl.VertexArray] | None = None
 
@@ -68,6 +69,28 @@ class PuppetOverlay:
         picture.resolve()
         array.release()
         buffer.release()
+
+    def shade(self, picture: RenderTarget, vertices: Float | Float32, faces: Int32, tints: UInt8) -> None:
+        """Colours over a mesh (V, 3) metres in the world: (V, 4) uint8 sRGB and opacity."""
+        data = (np.asarray(vertices, np.float32), tints, np.asarray(faces, np.int32))
+        places, colours, order = (self.ctx.buffer(np.ascontiguousarray(one).tobytes()) for one in data)
+        array = self.ctx.vertex_array(
+            self._shade,
+            [(places, "3f", "in_position"), (colours, "4f1", "in_tint")],
+            index_buffer=order,
+            index_element_size=4,
+        )
+        picture.widen()
+        self._blend(moderngl.DEPTH_TEST)
+        picture.drawn.depth_mask = False
+        picture.drawn.use()
+        self.ctx.depth_func = "<="
+        array.render(moderngl.TRIANGLES)
+        picture.drawn.depth_mask = True
+        picture.drawn.use()
+        picture.resolve()
+        for one in (array, places, colours, order):
+            one.release()
 
     def _blend(self, flags: int) -> None:
         self.ctx.enable_only(moderngl.BLEND | flags)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from enliven.arrays import Float32, Int32
+from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Hit, Overlay, Point, bone_at, joint_at, surface_at
 
@@ -30,12 +30,14 @@ class ToolPicture:
     Attributes:
         crossing: vertices (V, 3) metres in the world and the faces (K, 3) of them that warn, or None.
         ghost: vertices (V, 3), faces and size, metres, of what is outlined, or None.
+        shade: vertices (V, 3) metres in the world, faces, (V, 4) uint8 sRGB and opacity over them; or None.
         tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes` and their bias, metres.
     """
 
     crossing: tuple[Float32, Int32] | None = None
     ghost: tuple[Float32, Int32, float] | None = None
     tubes: tuple[tuple[Float32, float], ...] = ()
+    shade: tuple[Float | Float32, Int32, UInt8] | None = None
 
 
 NOTHING = ToolPicture()

@@ -9,6 +9,7 @@ from enliven_viewer.studio.tools.cut import CutTool
 from enliven_viewer.studio.tools.ends import EndsTool
 from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.tools.nodes import InsertTool, RemoveTool
+from enliven_viewer.studio.tools.paint import PaintTool
 from enliven_viewer.studio.tools.pose import PoseTool
 from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.tools.sketch import SketchTool
@@ -24,5 +25,6 @@ TOOLS: tuple[type[Tool], ...] = (
     MapTool,
     PuppetTool,
     EndsTool,
+    PaintTool,
 )
 """Every tool."""

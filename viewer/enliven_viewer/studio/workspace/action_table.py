@@ -20,12 +20,14 @@ from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, add_sample, exportable
 from enliven_viewer.studio.workspace.fitting import fitting_actions
 from enliven_viewer.studio.workspace.input import ViewportInput
+from enliven_viewer.studio.workspace.painting import painting_actions
 from enliven_viewer.studio.workspace.take_commands import take_actions
 
 _ALONE = (
     "file.session",
     *(f"motion.{deed}" for deed in ("copy", "paste", "spread", "clear", "pin")),
     *(f"shape.{deed}" for deed in ("solve", "puppet", "bake")),
+    "paint.clear",
     "view.best",
 )
 """Actions on one shape; where several are chosen they say so."""
@@ -56,6 +58,7 @@ def _every(
     yield from _keys(commands)
     yield from _shape(commands)
     yield from fitting_actions(commands.fitting)
+    yield from painting_actions(user_input)
     yield from _tools(user_input)
     yield from clip_actions(commands.clips)
     yield from take_actions(commands.takes)

@@ -1,0 +1,95 @@
+"""Painting stiff and soft spots onto a mesh with a brush (KinÊtre's per-node weights, by hand)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from enliven.arrays import Float, Float32
+from enliven.document import Plane, Project
+from enliven.errors import InputError
+from enliven.examples import reflected
+from enliven.meshes import Mesh
+
+Brush = Literal["stiffer", "softer", "erase"]
+"""What a stroke does to what it covers: "erase" brings it back to 1."""
+MOST_DOUBLINGS = 4.0
+"""How often the stiffness is doubled, or halved, at most: 16 times, where a limb is as good as rigid."""
+_DOUBLINGS = 2.0
+"""How often a stroke doubles or halves it in its middle: two strokes go all the way."""
+_NOTHING = 1e-3
+"""Doublings below which a vertex is as if it were not painted."""
+
+
+def brushed(
+    mesh: Mesh, stroke: Float, radius: float, brush: Brush, mirror: Plane | None = None
+) -> Float32 | None:
+    """(V,) the stiffness of a mesh after one stroke; None where none is left.
+
+    A stroke counts once wherever it passes, however slowly: in full along its middle, easing to nothing at
+    its radius.
+
+    Args:
+        stroke: (P, 3) metres, places at rest that the brush went over.
+        radius: metres.
+        mirror: the plane at the other side of which the same is painted; None for one side.
+    """
+    doublings = np.zeros(len(mesh.vertices))
+    if mesh.stiffness is not None:
+        doublings = np.log2(mesh.stiffness, dtype=np.float64)
+    if mirror is not None:
+        other = reflected(stroke, np.asarray(mirror.point), np.asarray(mirror.normal))
+        stroke = np.concatenate([stroke, other])
+    near = 1.0 - np.minimum(cKDTree(stroke).query(mesh.vertices)[0] / radius, 1.0)
+    covered = near * near * (3.0 - 2.0 * near)
+    if brush == "erase":
+        after = doublings * (1.0 - covered)
+    else:
+        after = doublings + (_DOUBLINGS if brush == "stiffer" else -_DOUBLINGS) * covered
+    after = np.clip(after, -MOST_DOUBLINGS, MOST_DOUBLINGS)
+    after[np.abs(after) < _NOTHING] = 0.0
+    painted = np.where(covered > 0, np.exp2(after), 1.0 if mesh.stiffness is None else mesh.stiffness)
+    return painted.astype(np.float32) if (painted != 1.0).any() else None
+
+
+def paint_character(
+    project: Project,
+    character_id: str,
+    stroke: Float,
+    radius: float,
+    brush: Brush,
+    mirror: Plane | None = None,
+) -> Project:
+    """A project in which one stroke is painted onto a character; see :func:`brushed`.
+
+    Raises:
+        InputError: where there is no such character, or it has no surface.
+    """
+    mesh = _mesh_of(project, character_id)
+    return _with_stiffness(project, character_id, brushed(mesh, stroke, radius, brush, mirror))
+
+
+def unpaint_character(project: Project, character_id: str) -> Project:
+    """A project in which nothing is painted on a character.
+
+    Raises:
+        InputError: where there is no such character, or it has no surface.
+    """
+    _mesh_of(project, character_id)
+    return _with_stiffness(project, character_id, None)
+
+
+def _mesh_of(project: Project, character_id: str) -> Mesh:
+    one = project.character(character_id)
+    if one.mesh is None:
+        raise InputError("it has no surface to paint on", where=one.where, mend="Give it a mesh.")
+    return one.mesh
+
+
+def _with_stiffness(project: Project, character_id: str, stiffness: Float32 | None) -> Project:
+    one = project.character(character_id)
+    assert one.mesh is not None
+    return project.with_characters(one.with_changes(mesh=replace(one.mesh, stiffness=stiffness)))

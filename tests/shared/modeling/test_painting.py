@@ -1,0 +1,136 @@
+"""Stiffness painted on a mesh: what a stroke does, and that every edit carries what is painted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_surgery_graphs import block
+
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.document import History, Plane, Project, graph_shape_of
+from enliven.errors import InputError
+from enliven.formats.project import character_bytes
+from enliven.formats.project.file import project_bytes, project_of
+from enliven.meshes import refine, submesh
+from enliven.modeling.edits import (
+    brushed,
+    copy_character,
+    cut_character,
+    merge_characters,
+    mirror_character,
+    move_character,
+    paint_character,
+    scale_character,
+    unpaint_character,
+)
+from enliven.modeling.mesh import PlaneCut
+from enliven.wire import character_to_message, message_to_character
+
+laws = settings(deadline=None, max_examples=10)
+SEEDS = st.integers(0, 2**32 - 1)
+BRUSHES = st.sampled_from(["stiffer", "softer", "erase"])
+MESH = block(steps=(13, 4, 4))
+CHARACTER = character_from(MESH, DeformationGraph.build(MESH, 12, seed=1), "block")
+SHAPE, STREAM = graph_shape_of(CHARACTER, [CHARACTER.rest_pose(k) for k in (0, 10**9)], "still")
+PLAIN = Project().with_streams(STREAM).with_characters(SHAPE)
+LEFT_AND_RIGHT = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+
+
+def painted(seed=3):
+    """A block with random strokes painted on it."""
+    rng, project = np.random.default_rng(seed), PLAIN
+    for brush in ("stiffer", "softer"):
+        stroke = rng.uniform(-1, 1, (3, 3)) * [1.0, 0.25, 0.25]
+        project = paint_character(project, "block", stroke, 0.6, brush)
+    assert project.graph("block").mesh.stiffness is not None
+    return project
+
+
+@laws
+@given(SEEDS, BRUSHES, st.floats(0.1, 1.5))
+def test_a_stroke_changes_what_it_covers_and_nothing_else(seed, brush, radius):
+    rng = np.random.default_rng(seed)
+    mesh = painted(seed % 7).graph("block").mesh
+    stroke = rng.uniform(-1, 1, (4, 3))
+    after = brushed(mesh, stroke, radius, brush)
+    after = np.ones(len(mesh.vertices), np.float32) if after is None else after
+    apart = np.linalg.norm(mesh.vertices[:, None] - stroke[None], axis=2).min(1)
+    np.testing.assert_array_equal(after[apart >= radius], mesh.stiffness[apart >= radius])
+    assert after.min() >= 1 / 16 and after.max() <= 16
+    before, ratio = np.log2(mesh.stiffness), np.log2(after) - np.log2(mesh.stiffness)
+    way = {"stiffer": ratio, "softer": -ratio, "erase": -ratio * np.sign(before)}[brush]
+    assert (way >= -2e-3).all() and np.abs(ratio).max() <= 4 + 1e-5
+    # How often and how slowly it passes a place makes no difference.
+    slow = np.repeat(stroke, 3, 0)
+    again = brushed(mesh, slow, radius, brush)
+    np.testing.assert_array_equal(np.ones(len(after), np.float32) if again is None else again, after)
+
+
+@laws
+@given(SEEDS, st.sampled_from(["stiffer", "softer"]))
+def test_a_mirrored_stroke_paints_both_sides_alike(seed, brush):
+    stroke = np.random.default_rng(seed).uniform(-1, 1, (3, 3))
+    after = brushed(MESH, stroke, 0.7, brush, LEFT_AND_RIGHT)
+    other = brushed(MESH, stroke * [-1, 1, 1], 0.7, brush, LEFT_AND_RIGHT)
+    assert (after is None) == (other is None)
+    if after is not None:
+        np.testing.assert_allclose(after, other, rtol=1e-6)
+
+
+def test_undo_is_bit_for_bit_and_clearing_leaves_nothing():
+    history = History(PLAIN)
+    project = paint_character(PLAIN, "block", np.zeros((1, 3)), 0.5, "softer")
+    history.do("paint", project)
+    bytes_before = project_bytes(PLAIN)
+    assert project_bytes(history.project) != bytes_before
+    assert project_bytes(history.undo()) == bytes_before
+    assert project_bytes(unpaint_character(project, "block")) == bytes_before
+    full = paint_character(project, "block", np.zeros((1, 3)), 1e-9, "erase")
+    assert full.graph("block").mesh.stiffness is not None
+    with pytest.raises(InputError):
+        paint_character(PLAIN, "nothing", np.zeros((1, 3)), 0.5, "softer")
+
+
+@laws
+@given(SEEDS, st.floats(-0.7, 0.7))
+def test_a_cut_and_a_merge_carry_what_is_painted(seed, x):
+    project = painted(seed % 5)
+    mesh = project.graph("block").mesh
+    known = {tuple(v): s for v, s in zip(mesh.vertices.tolist(), mesh.stiffness.tolist(), strict=True)}
+    cut, ids = cut_character(project, "block", PlaneCut([x, 0, 0], [1.0, 0.1, 0]), 0.0)
+    sides = [cut.graph(one).mesh for one in ids]
+    kept = 0
+    for side in sides:
+        assert mesh.stiffness.min() * 0.999 <= side.stiffness.min()
+        assert side.stiffness.max() <= mesh.stiffness.max() * 1.001
+        for place, value in zip(side.vertices.tolist(), side.stiffness.tolist(), strict=True):
+            if tuple(place) in known:
+                assert value == known[tuple(place)]
+                kept += 1
+    assert kept >= len(mesh.vertices)
+    merged = merge_characters(cut, *ids, 0.0)
+    whole = merged.graph(ids[0]).mesh
+    for place, value in zip(whole.vertices.tolist(), whole.stiffness.tolist(), strict=True):
+        if tuple(place) in known and abs(place[0] - x) > 0.5:
+            assert value == pytest.approx(known[tuple(place)], rel=1e-6)
+
+
+def test_copy_move_scale_mirror_save_send_and_refine_carry_what_is_painted():
+    project = painted()
+    own = project.graph("block").mesh.stiffness
+    copied, name = copy_character(project, "block")
+    moved = move_character(scale_character(copied, name, 1.7), name, [1.0, 0, 0])
+    for made in (copied, moved, mirror_character(copied, name, [1.0, 0, 0])):
+        np.testing.assert_array_equal(made.graph(name).mesh.stiffness, own)
+    for read in (project_of(project_bytes(project)), project_of(character_bytes(project, "block"))):
+        np.testing.assert_array_equal(read.graph("block").mesh.stiffness, own)
+    mesh = project.graph("block").mesh
+    told = message_to_character(character_to_message(replace(CHARACTER, stiffness=own), 1))
+    np.testing.assert_array_equal(told.stiffness, own)
+    fine = refine(mesh, 0.1)
+    np.testing.assert_array_equal(fine.stiffness[: len(own)], own)
+    assert len(fine.stiffness) == len(fine.vertices) and fine.stiffness.max() <= own.max() * 1.001
+    some = submesh(mesh, np.arange(len(mesh.faces)) < 40)
+    assert set(some.stiffness.tolist()) <= set(own.tolist())

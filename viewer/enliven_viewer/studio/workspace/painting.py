@@ -1,0 +1,61 @@
+"""The actions of the brush that paints stiff and soft spots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.tools import BRUSHES, STEP, PaintTool
+from enliven_viewer.studio.workspace.input import ViewportInput
+
+_KEYS = {"softer": "shift+w", "stiffer": "shift+q", "erase": "shift+e"}
+_ABOUT = {
+    "softer": "Strokes let the mesh give way, and swing past what the performer does.",
+    "stiffer": "Strokes let the mesh keep its shape.",
+    "erase": "Strokes bring back what the mesh was before it was painted.",
+}
+
+
+def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
+    """Every action of the brush; those that choose what it does take it up."""
+    tool = user_input.tools[PaintTool.name]
+    assert isinstance(tool, PaintTool)
+
+    def take(brush: str) -> None:
+        user_input.take(PaintTool.name)
+        tool.brush = brush  # type: ignore[assignment]
+
+    def both_sides() -> None:
+        tool.both_sides = not tool.both_sides
+
+    for brush, word in BRUSHES.items():
+        yield Action(
+            f"paint.{brush}",
+            "Shape",
+            f"Brush: {word[0].lower()}{word[1:]}",
+            (_KEYS[brush],),
+            lambda brush=brush: take(brush),
+            on=lambda brush=brush: user_input.tool is tool and tool.brush == brush,
+            about=_ABOUT[brush],
+            apart=brush == "softer",
+        )
+    yield Action("paint.larger", "Shape", "Larger brush", ("right_bracket",), lambda: tool.resize(STEP))
+    yield Action("paint.smaller", "Shape", "Smaller brush", ("left_bracket",), lambda: tool.resize(1 / STEP))
+    yield Action(
+        "paint.both_sides",
+        "Shape",
+        "Paint both sides",
+        ("shift+y",),
+        both_sides,
+        on=lambda: tool.both_sides,
+        about="What is painted on the left is painted on the right too, where the mesh is its mirror image.",
+    )
+    yield Action(
+        "paint.clear",
+        "Shape",
+        "Clear the paint",
+        ("alt+y",),
+        tool.clear,
+        tool.lacks_paint,
+        about="Nothing of the chosen mesh is stiffer or softer than the rest.",
+    )
