@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs record-references clean test-more test-matrix test-bare test-arm test-devices panel audit
+.PHONY: help run test lint fuzz-quick fuzz bench films possess-films scan-films session-films example-films setup setup-dev docs record-references clean test-long test-more test-matrix test-bare test-arm test-devices panel audit
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -13,6 +13,10 @@ test: setup-dev  ## linters, types, every test, and one run of the main job
 	@.venv/bin/ruff format --check .
 	@.venv/bin/pyrefly check --summary=none & types=$$!; .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(ARGS); tests=$$?; \
 	wait $$types || { echo "pyrefly found what is written above"; exit 1; }; exit $$tests
+
+test-long: setup-dev ## the long forms of the window's tests: 50 real windows killed, 500 strokes at random (a quarter of an hour)
+	@ENLIVEN_KILLS=50 ENLIVEN_STROKES=500 .venv/bin/python -m pytest -n 0 -q tests/viewer/studio/test_studio_strokes.py \
+		tests/viewer/studio/test_studio_files.py -k "strokes or real_windows" $(ARGS)
 
 test-more: setup-dev ## search at random for what breaks a law: make test-more MINUTES=10 ARGS=tests/edge
 	@.venv/bin/python scripts/test_more.py --minutes $(or $(MINUTES),10) $(ARGS)

@@ -22,6 +22,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 FILES = Path(__file__).parents[1] / "studio_files_session.py"
 KILLED = Path(__file__).parents[1] / "studio_killed.py"
+WINDOW_KILLED = Path(__file__).parents[1] / "studio_window_killed.py"
 
 
 @pytest.fixture
@@ -264,6 +265,16 @@ def test_50_studios_killed_at_random_moments_lose_20_seconds_at_most(tmp_path) -
     assert sum(recovered > 0 for _, recovered in said["results"]) > 10, "many had a recovery file"
     assert len(set(told for told, _ in said["results"])) > 5, "they were killed at many moments"
     assert all(name.count("recovery") == 0 for name in said["left"]), said["left"]
+
+
+def test_real_windows_killed_at_random_moments_give_back_all_but_the_last_seconds(tmp_path) -> None:
+    """One of them; `make test-long` kills 50."""
+    kills = os.environ.get("ENLIVEN_KILLS", "1")
+    said = in_a_window(WINDOW_KILLED, str(tmp_path), kills, seconds=120.0 + 30.0 * int(kills))
+    assert all(one["lost_s"] <= 20.0 for one in said["results"]), said
+    # What was done before the last recovery files is never lost, however soon the kill came after.
+    assert all(one["kept"] > 0 for one in said["results"] if one["worked_s"] > 6 * said["autosave"]), said
+    assert all(one["kept"] <= one["told"] + 1 for one in said["results"]), said
 
 
 def test_recent_files_are_kept_between_runs_and_opened_again(workspace: Workspace, tmp_path) -> None:

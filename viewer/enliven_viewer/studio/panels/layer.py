@@ -47,7 +47,8 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     """Draw the numbers and switches that a layer has."""
     editor, name, layer = workspace.editor, character.id, character.playing[number]
     if workspace.shown_layer != (name, number):
-        imgui.set_scroll_here_y(0.0)  # a clip was chosen: what can be done with it comes into sight
+        if workspace.timeline.busy:
+            imgui.set_scroll_here_y(0.0)  # a clip was clicked: what can be done with it comes into sight
         workspace.shown_layer = name, number
     heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))

@@ -1,0 +1,105 @@
+"""Works in the studio's real window until it is killed, many times; prints what the next one recovered.
+
+    python tests/viewer/studio_window_killed.py FOLDER 50          # make test-long does this
+
+Each window moves a shape a little, picture by picture, and tells when; it is killed at a random moment.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+
+from coarse_pixels import coarse_pixels
+from made_acting_stage import acting_stage
+
+from enliven.modeling.edits import move_character
+from enliven_viewer.settings import RenderSettings
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.workspace.project_store import ProjectStore
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+AUTOSAVE = 0.5
+"""Seconds between two recovery files here: a studio waits 20, and would have to be killed for hours."""
+STEP = 0.001
+"""Metres that a shape goes at each edit: its place says how many there were."""
+LONGEST = 4.0
+"""Seconds of work at most before a window is killed: some eight recovery files."""
+
+
+def place(project) -> float:  # type: ignore[no-untyped-def]
+    """Metres that the shape was moved to the right in all."""
+    return float(project.shapes["limb"].place[0])
+
+
+def work(folder: Path) -> None:
+    """Move a shape in the real window without end, and tell of each edit when it was."""
+    settings = StudioSettings(
+        render=RenderSettings(shadow_size=64, contact_size=32, samples=1),
+        width=700,
+        height=520,
+        autosave=AUTOSAVE,
+    )
+    project = acting_stage(folder / "made").editor.project
+    workspace = Workspace.new(Editor(settings), folder)
+    workspace.store.new(project)
+    start, moved = place(project), [0]
+
+    def before(window: StudioWindow) -> None:
+        if window.pictures < 3:
+            return
+        workspace.editor.edit("move", lambda now: move_character(now, "limb", [STEP, 0.0, 0.0]))
+        moved[0] += 1
+        print(moved[0], time.monotonic(), start, flush=True)
+
+    with coarse_pixels():
+        StudioWindow(workspace).run(before=before, seconds=120)
+
+
+def killed(folder: Path, chance: random.Random) -> dict[str, float]:
+    """Let a window work, kill it, and recover what it did; what was lost, in edits and in seconds."""
+    folder.mkdir(parents=True)
+    command = [sys.executable, str(Path(__file__)), str(folder)]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    assert child.stdout is not None
+    told = [child.stdout.readline()]
+    time.sleep(chance.uniform(0.0, LONGEST))
+    child.send_signal(signal.SIGKILL)
+    told += child.stdout.readlines()
+    child.wait()
+    lines = [line.split() for line in told if line.endswith("\n") and len(line.split()) == 3]
+    times = [float(lines[0][1]), *(float(line[1]) for line in lines)]
+    editor = Editor()
+    store = ProjectStore(editor, folder)
+    found = store.recoverable()
+    if found:
+        store.recover(found[0])
+    kept = round((place(editor.project) - float(lines[0][2])) / STEP) if found else 0
+    store.close()
+    lost, worked = times[-1] - times[min(kept, len(lines))], times[-1] - times[0]
+    return {"told": len(lines), "kept": kept, "lost_s": lost, "worked_s": worked}
+
+
+def main() -> None:
+    folder = Path(sys.argv[1])
+    if len(sys.argv) == 2:
+        work(folder)
+        return
+    chance, results = random.Random(2), list[dict[str, float]]()
+    for number in range(int(sys.argv[2])):
+        results.append(killed(folder / str(number), chance))
+    print(json.dumps({"results": results, "autosave": AUTOSAVE}))
+
+
+if __name__ == "__main__":
+    main()
