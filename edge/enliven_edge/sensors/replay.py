@@ -7,6 +7,7 @@ import functools
 import itertools
 import logging
 import math
+import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -15,7 +16,8 @@ from pathlib import Path
 from enliven.errors import InputError
 from enliven.files import open_file
 from enliven.frames import TIME_LIMIT_NS, Frame
-from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, RecordingInfo
+from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recorder, Recording, RecordingInfo
+from enliven_edge.importing import MotionCaptureReader
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.diary import DiaryEntries, DiaryEntry
 
@@ -23,6 +25,8 @@ log = logging.getLogger(__name__)
 
 _USUAL_STEP_NS = 33_333_333
 """Nanoseconds between two loops of a recording with a single frame: a step at 30 frames a second."""
+CAPTURES = (".bvh", ".txt")
+"""Endings of motion captures."""
 
 
 class ReplaySensor(Sensor):
@@ -35,7 +39,7 @@ class ReplaySensor(Sensor):
     once until it has caught up. When looping, times go on from the last one, one usual step later.
 
     Args:
-        path: a recording of enliven.
+        path: a recording of enliven, or a motion capture (BVH, CMU's tables), which is imported first.
         speed: 1 as recorded, 2 twice as fast, 0 as fast as it goes.
         loop: begin again at the end.
         longest_pause: seconds of a pause at most; longer ones are shortened, but the frames keep their times.
@@ -56,7 +60,8 @@ class ReplaySensor(Sensor):
                 where="replay",
                 mend="Give 1 for the recorded pace, 0 for no waiting.",
             )
-        self.recording = Recording(path)
+        self._made = tempfile.TemporaryDirectory(prefix="enliven-capture-")
+        self.recording = Recording(_imported(Path(path), Path(self._made.name)))
         info = self.recording.info
         self.name = info.sensors[0] if info.sensors else "replay"
         self.fps = _rate(info)
@@ -105,6 +110,7 @@ class ReplaySensor(Sensor):
         self._ahead.clear()
         self._entries = iter(())
         self._file.close()
+        self._made.cleanup()
 
     def _due(self, entry: DiaryEntry) -> float:
         """The monotonic second at which a entry has come."""
@@ -116,6 +122,17 @@ class ReplaySensor(Sensor):
     def _too_long(self, entry: DiaryEntry) -> int:
         """Nanoseconds by which the silence before a entry is longer than it may be."""
         return max(0, entry.time_ns - self._now_ns - self._longest_ns)
+
+
+def _imported(path: Path, folder: Path) -> Path:
+    """The path of a recording; that of a motion capture is made of it, in a folder that is there."""
+    if path.suffix.lower() not in CAPTURES or not path.is_file():
+        return path
+    recording = folder / f"{path.stem}.mcap"
+    with Recorder(recording) as recorder:
+        for frame in MotionCaptureReader().read([path]):
+            recorder.write_frame(frame)
+    return recording
 
 
 def _rate(info: RecordingInfo) -> float | None:

@@ -19,6 +19,7 @@ from enliven.rotation import to_matrix
 from enliven_edge.commands.import_ import import_recording
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_reader
+from enliven_edge.sensors.replay import ReplaySensor
 
 
 def read(path: Path, **options):
@@ -99,3 +100,19 @@ def test_a_cut_off_file_names_its_line(tmp_path) -> None:
     path.write_text(path.read_text()[:-40])
     with pytest.raises(InputError, match="line"):
         read(path)
+
+
+def test_a_motion_capture_plays_in_place_of_a_sensor_over_and_over(tmp_path):
+    path = write_bvh(tmp_path / "a.bvh", danced(seconds=1.0))
+    expected = read(path)
+    with ReplaySensor(path, speed=0.0, loop=True) as sensor:
+        frames = [sensor.read() for _ in range(2 * len(expected))]
+        made = sensor.recording.path
+    for frame, wanted in zip(frames, [*expected, *expected], strict=True):
+        np.testing.assert_allclose(frame.bodies[0].joints, wanted.bodies[0].joints, atol=1e-3)
+    times = [frame.time_ns for frame in frames]
+    assert times == sorted(times) and not made.exists(), "nothing is left behind"
+    broken = tmp_path / "b.bvh"
+    broken.write_text("HIERARCHY\nROOT nothing")
+    with pytest.raises(InputError, match=r"b\.bvh"):
+        ReplaySensor(broken)

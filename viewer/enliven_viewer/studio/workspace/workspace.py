@@ -306,7 +306,7 @@ class Workspace:
             "export": EXPORTS,
             "film": (FILM,),
             "session": SESSIONS,
-            "perform": PERFORMANCES,
+            "perform": (*PERFORMANCES, *TAKES),
         }[dialogue]
         puppet, unnamed = self.editor.puppets.puppet, self.store.path is None
         about_it = dialogue == "session" or (dialogue in ("export", "film") and unnamed)

@@ -118,6 +118,7 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     if imgui.button("A recording of yours...", _WHOLE):
         workspace.ask("perform")
     workspace.remember("recording of yours")
+    told("What a camera recorded, or a motion capture (.bvh): it plays over and over")
     if imgui.button("A made-up person", _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
     workspace.remember("made-up person")
