@@ -51,13 +51,10 @@ def balls(random):
 
 def solid_angles(point, corners):
     """The winding number of a closed surface about a point: van Oosterom and Strackee 1983, face by face."""
-    total = 0.0
-    for face in corners - point:
-        a, b, c = (np.linalg.norm(x) for x in face)
-        x, y, z = face
-        wide = a * b * c + (x @ y) * c + (y @ z) * a + (z @ x) * b
-        total += 2.0 * np.arctan2(np.linalg.det(face), wide)
-    return total / (4.0 * np.pi)
+    x, y, z = (corners - point).transpose(1, 0, 2)
+    a, b, c = (np.linalg.norm(side, axis=1) for side in (x, y, z))
+    wide = a * b * c + (x * y).sum(1) * c + (y * z).sum(1) * a + (z * x).sum(1) * b
+    return 2.0 * np.arctan2(np.linalg.det(corners - point), wide).sum() / (4.0 * np.pi)
 
 
 @settings(max_examples=12, deadline=None)
