@@ -15,7 +15,7 @@ HOUSE = Path(__file__).parents[1]
 PAGE = HOUSE / "docs" / "architecture.md"
 sys.path[:0] = [str(HOUSE / "tests" / "house"), str(HOUSE / "scripts")]
 
-from house import House, Rules  # noqa: E402
+from house import House, Rules, project_house  # noqa: E402
 from walks import Walk  # noqa: E402
 from walks import table as walked  # noqa: E402
 
@@ -83,7 +83,7 @@ def drawing(house: House, package: str) -> str:
 
 def written(page: str) -> str:
     """The page with everything between its marks made anew."""
-    house = House(HOUSE, Rules.read(HOUSE / "tests" / "house" / "rules.toml"))
+    house = project_house()
     walks = Walk.read()
     makers = {
         "rooms": table,

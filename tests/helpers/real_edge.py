@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import socket
+import contextlib
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
-from enliven.wire import free_ports
+from enliven.wire import BODIES, Topic, free_ports
+from enliven_viewer.link import EdgeClient, EdgeFeed
+from enliven_viewer.playback import Document
 
 
 class RealEdge:
@@ -27,19 +30,29 @@ class RealEdge:
         """HOST:PORT:CONTROL_PORT."""
         return ":".join(["127.0.0.1", *self.ports])
 
-    def wait(self, seconds: float = 180.0) -> None:
-        """Return once it listens; films need no pictures of its start.
+    def wait(self, seconds: float = 300.0) -> None:
+        """Return once a performer and a character are heard from it; films need no pictures of its start.
+
+        It listens long before: its kernels may have to be compiled for the first frame.
 
         Raises:
-            TimeoutError: where it does not listen in so long.
+            TimeoutError: where nobody is seen in so long.
         """
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            with socket.socket() as trial:
-                if trial.connect_ex(("127.0.0.1", int(self.ports[0]))) == 0:
+        end, performers = time.monotonic() + seconds, list[int]()
+
+        def heard(topic: Topic, value: Any) -> None:
+            if topic is BODIES:
+                performers[:] = [body.id for body in value.bodies]
+
+        document, feed = Document(), EdgeFeed(EdgeClient([self.address], "film"))
+        feed.heard = heard
+        with contextlib.closing(feed):
+            while time.monotonic() < end:
+                feed.poll(document)
+                if performers and document.characters:
                     return
-            time.sleep(0.2)
-        raise TimeoutError(f"no edge listens at {self.address}")
+                time.sleep(0.05)
+        raise TimeoutError(f"nobody is seen by the edge at {self.address}")
 
     def close(self) -> None:
         """End it as Ctrl-C does, or at once where it does not."""

@@ -12,6 +12,7 @@ import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 
@@ -242,3 +243,10 @@ def _circles(arrows: set[tuple[str, str]]) -> list[set[str]]:
         if len(circle) > 1 and circle not in found:
             found.append(circle)
     return found
+
+
+@cache
+def project_house() -> House:
+    """The house of this project by its own rules, read once."""
+    here = Path(__file__)
+    return House(here.parents[2], Rules.read(here.with_name("rules.toml")))

@@ -5,14 +5,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from house import House, Rules
+from house import House, Rules, project_house
 
 ROOT = Path(__file__).parents[2]
 RULES = Rules.read(Path(__file__).with_name("rules.toml"))
 
 
 def test_no_import_breaks_a_rule():
-    assert "\n".join(House(ROOT, RULES).broken()) == ""
+    assert "\n".join(project_house().broken()) == ""
 
 
 def test_nothing_is_let_through():
@@ -20,7 +20,7 @@ def test_nothing_is_let_through():
 
 
 def test_every_package_is_seen():
-    house = House(ROOT, RULES)
+    house = project_house()
     assert {package for package in RULES.packages if package in house.doors} == set(RULES.packages)
     assert len(house.modules) > 500 and len(house.imports) > 2000
 
@@ -150,7 +150,7 @@ def test_a_walk_that_the_code_no_longer_goes_is_refused(at, said):
 
     start = {"at": "enliven_edge.service:Edge.step", "by": ""}
     with pytest.raises(ValueError, match=said):
-        walks.table(House(ROOT, RULES), walks.Walk("somewhere", 9, [start, {"at": at}]))
+        walks.table(project_house(), walks.Walk("somewhere", 9, [start, {"at": at}]))
 
 
 def test_a_door_names_each_thing_once_as_itself():

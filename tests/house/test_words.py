@@ -4,11 +4,18 @@ from pathlib import Path
 
 import pytest
 from house import Rules
-from words import mute_constants, riddles, shared_names, undescribed
+from words import body_of, mute_constants, riddles, shared_names, undescribed
 
 ROOT = Path(__file__).parents[2]
 RULES = Rules.read(Path(__file__).with_name("rules.toml"))
 FILES = [path for folder in RULES.packages.values() for path in sorted((ROOT / folder).rglob("*.py"))]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forgotten():
+    """What was parsed, some 100 MB, is let go after these tests."""
+    yield
+    body_of.cache_clear()
 
 
 def test_a_riddle_is_found(tmp_path):

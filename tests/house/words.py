@@ -6,6 +6,7 @@ import ast
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 RIDDLES = re.compile(r"\b(somebody|nobody|whoever|whomever|whose)\b", re.IGNORECASE)
@@ -13,9 +14,16 @@ RIDDLES = re.compile(r"\b(somebody|nobody|whoever|whomever|whose)\b", re.IGNOREC
 _CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
 
 
+@cache
+def body_of(path: Path) -> list[ast.stmt]:
+    """The statements of a module, parsed once for all rules."""
+    return ast.parse(path.read_text(encoding="utf-8")).body
+
+
 def riddles(path: Path) -> Iterator[str]:
     """A sentence for each docstring with a pronoun in the place of a noun."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    text = path.read_text(encoding="utf-8")
+    for node in ast.walk(ast.parse(text)) if RIDDLES.search(text) else ():
         said = _text_of(node)
         for found in RIDDLES.finditer(said):
             line = node.lineno + said[: found.start()].count("\n")  # type: ignore[attr-defined]
@@ -24,7 +32,7 @@ def riddles(path: Path) -> Iterator[str]:
 
 def mute_constants(path: Path) -> Iterator[str]:
     """A sentence for each constant of a module without one of its own."""
-    body = ast.parse(path.read_text(encoding="utf-8")).body
+    body = body_of(path)
     for node, after in zip(body, [*body[1:], None], strict=True):
         if not isinstance(node, ast.Assign | ast.AnnAssign):
             continue
@@ -59,7 +67,7 @@ def shared_names(paths: list[Path]) -> Iterator[str]:
     """A sentence for each name of a public class that several modules define."""
     where: dict[str, list[Path]] = defaultdict(list)
     for path in paths:
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in body_of(path):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 where[node.name].append(path)
     for name, places in sorted(where.items()):
@@ -73,7 +81,7 @@ def undescribed(paths: list[Path]) -> Iterator[str]:
     A method may be described by a class that it comes from, or by a protocol that its class fulfils, and a
     setter by its property.
     """
-    bodies = {path: ast.parse(path.read_text(encoding="utf-8")).body for path in paths}
+    bodies = {path: body_of(path) for path in paths}
     kinds = {one.name: one for body in bodies.values() for one in body if isinstance(one, ast.ClassDef)}
     protocols = [one for one in kinds.values() if any(ast.unparse(base) == "Protocol" for base in one.bases)]
     for path, body in bodies.items():

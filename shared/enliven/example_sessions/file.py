@@ -15,7 +15,7 @@ from enliven.settings import load_settings, read_toml
 T = TypeVar("T")
 P = ParamSpec("P")
 
-_TABLES = ("mesh", "take", "puppet", "symmetry", "settings", "point", "pose", "layer")
+_TABLES = ("mesh", "take", "puppet", "symmetry", "settings", "point", "pose", "layer", "root")
 
 
 class SessionFile:

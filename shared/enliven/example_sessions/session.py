@@ -19,6 +19,11 @@
     [[layer]]
     loop = true
 
+    [[root]]                          # it crosses the stage while it acts
+    [[root.key]]
+    second = 2.0
+    metres = [1.5, 0.0, 0.0]
+
 Metres in the mesh's frame, once it is fitted: upright, standing on y = 0, its box centred. Files are relative
 to the session's, and may begin with a variable of the environment ("$MESHES/cactus.off"). All tables:
 :mod:`enliven.example_sessions.tables`; written by :func:`enliven.example_sessions.text.write_session`.
@@ -33,17 +38,19 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import Plane, Project, Puppet
+from enliven.document import Plane, Project, Puppet, RootLayer, keyed_clip, unused
 from enliven.errors import InputError
 from enliven.example_sessions.file import SessionFile
 from enliven.example_sessions.mesh import mesh_of, nearest_vertex
 from enliven.example_sessions.tables import (
     INSIDE,
+    ROOT_INSIDE,
     LayerTable,
     MeshTable,
     PointTable,
     PoseTable,
     PuppetTable,
+    RootTable,
     SettingsTable,
     SymmetryTable,
     TakeTable,
@@ -111,7 +118,10 @@ class _Reader:
         self._read_settings()
         for where, layer in file.many("layer"):
             told = file.table(where, LayerTable, {k: v for k, v in layer.items() if k not in INSIDE})
-            file.said(where, self._read_layer, told, self._asked(where, layer))
+            file.said(where, self._read_layer, told, self._asked(where, layer, INSIDE))
+        for where, root in file.many("root"):
+            told_root = file.table(where, RootTable, {k: v for k, v in root.items() if k not in ROOT_INSIDE})
+            file.said(where, self._read_root, told_root, self._asked(where, root, ROOT_INSIDE))
         return Session(self._project, self._name, tuple(self._notes), mesh, self._takes)
 
     def _read_mesh(self, table: MeshTable) -> None:
@@ -179,10 +189,27 @@ class _Reader:
         attributes = {one.name: getattr(table, one.name) for one in fields(table) if one.name != "take"}
         self._project = play_take(self._project, self._name, self._take(table.take), **attributes, **asked)
 
-    def _asked(self, where: str, layer: Mapping[str, Any]) -> dict[str, Any]:
-        """Returns the clips, constraints and switches of a layer's table."""
+    def _read_root(self, table: RootTable, asked: dict[str, Any]) -> None:
+        keys, named = asked.pop("keys", ()), [one.take for one in self._puppet.root_layers]
+        name = table.take
+        if keys:
+            name = name or unused(f"{self._name} keys", self._project.takes)
+            if name in self._project.takes:
+                raise InputError(f"there is a take {name!r} already", mend="Give it another name.")
+            self._project = self._project.with_takes(keyed_clip(name, "root", keys))
+        elif name not in named:
+            name = self._take(name)
+        values = {one.name: getattr(table, one.name) for one in fields(table) if one.name != "take"}
+        values |= {key: np.array(values[key]) for key in ("about", "basis")}
+        layer = RootLayer(take=name, **values, **asked)
+        self._put(self._puppet.with_changes(root_layers=(*self._puppet.root_layers, layer)))
+
+    def _asked(
+        self, where: str, layer: Mapping[str, Any], inside: Mapping[str, tuple[str, type]]
+    ) -> dict[str, Any]:
+        """Returns the clips, keys, constraints and switches of a layer's table."""
         found = {}
-        for name, (attribute, kind) in INSIDE.items():
+        for name, (attribute, kind) in inside.items():
             if name in layer:
                 found[attribute] = tuple(self._file.inner(where, layer, name, kind))
         return found

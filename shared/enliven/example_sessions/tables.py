@@ -12,6 +12,7 @@ from enliven.document import (
     CurveKey,
     ExampleSettings,
     LocomotionSettings,
+    MotionKey,
     Position,
     Segment,
     Switch,
@@ -120,6 +121,34 @@ INSIDE: dict[str, tuple[str, type]] = {
     "speed_key": ("speeds", CurveKey),
 }
 """[[layer.clip]] and the other tables inside a layer: the attribute that each fills, and its type."""
+
+
+ROOT_INSIDE: dict[str, tuple[str, type]] = {
+    "key": ("keys", MotionKey),
+    **{name: INSIDE[name] for name in ("clip", "weight_key", "speed_key")},
+}
+"""[[root.key]] and the other tables inside a layer of the root; the keys are its take's."""
+
+
+@dataclass(frozen=True)
+class RootTable:
+    """[[root]]: what turns and moves the whole puppet, over all that it plays."""
+
+    take: str = setting("", "What its keys are called; without keys, the take that moves it.")
+    about: Three = setting((0.0, 0.0, 0.0), "What it is turned about, in the world.", unit="m")
+    basis: tuple[float, float, float, float] = setting((1.0, 0.0, 0.0, 0.0), "How it was turned since.")
+    size: float = setting(1.0, "How much larger it was made since.", low=1e-9)
+    offset: float = setting(0.0, "When it begins.", unit="s")
+    speed: float = setting(1.0, "How fast it plays; below 0 backwards.")
+    loop: bool = setting(False, "Whether it begins again.")
+    hold: bool = setting(True, "Whether its ends stand still beyond it; otherwise nothing is played there.")
+    ease: float = setting(0.0, "How long it comes in and goes out without hold.", unit="s", low=0.0)
+    smooth: float = setting(0.0, "Over how long its take is smoothed.", unit="s", low=0.0)
+    weight: float = setting(1.0, "How much of it is seen.", low=0.0, high=1.0)
+    muted: bool = setting(False, "Whether it is left out.")
+    mirrored: bool = setting(False, "Whether it turns the other way round.")
+    recorded: str = setting("", "The name of the recording that it came from.")
+    alternatives: str = setting("", "The name of the takes of which it is one; one of them is heard.")
 
 
 @dataclass(frozen=True)

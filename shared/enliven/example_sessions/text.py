@@ -10,15 +10,24 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from enliven.document import KeyPose, Project, Puppet, PuppetLayer
+from enliven.document import KeyPose, MotionKey, Project, Puppet, PuppetLayer, RootLayer
 from enliven.errors import InputError
-from enliven.example_sessions.tables import INSIDE, LayerTable, MeshTable, SettingsTable, TakeTable
+from enliven.example_sessions.tables import (
+    INSIDE,
+    ROOT_INSIDE,
+    LayerTable,
+    MeshTable,
+    RootTable,
+    SettingsTable,
+    TakeTable,
+)
 from enliven.files import write_file
 from enliven.formats.project import write_project
 
@@ -49,18 +58,30 @@ def write_session(
         mend = "Call it .toml; a project file has the same name beside it."
         raise InputError("a session is no project", where=str(path), mend=mend)
     puppet = project.puppet(puppet_id)
-    used = takes_of(puppet)
+    roots = {layer.take: project.takes[layer.take] for layer in puppet.root_layers}
+    used = list(dict.fromkeys([*takes_of(puppet), *(name for name, clip in roots.items() if not clip.keys)]))
     beside = path.with_suffix(".enliven")
     if mesh is None or not set(used) <= set(takes):
         kept = {name: project.takes[name] for name in used}
-        write_project(beside, Project(takes=kept, characters={puppet.id: puppet}))
+        bare = puppet.with_changes(root_layers=())  # the session says them itself
+        write_project(beside, Project(takes=kept, characters={puppet.id: bare}))
     mesh = mesh or MeshTable(beside.name, puppet=puppet.id)
     files = {name: takes.get(name) or TakeTable(beside.name, animation=name) for name in used}
-    write_file(path, session_text(puppet, mesh, files), "Save it elsewhere.")
+    keys = {name: clip.keys for name, clip in roots.items()}
+    write_file(path, session_text(puppet, mesh, files, keys), "Save it elsewhere.")
 
 
-def session_text(puppet: Puppet, mesh: MeshTable, takes: Mapping[str, TakeTable]) -> str:
-    """Returns the text of a session; values at their defaults are left out."""
+def session_text(
+    puppet: Puppet,
+    mesh: MeshTable,
+    takes: Mapping[str, TakeTable],
+    keys: Mapping[str, Sequence[MotionKey]] = MappingProxyType({}),
+) -> str:
+    """Returns the text of a session; values at their defaults are left out.
+
+    Args:
+        keys: of the takes that turn and move the whole puppet, by their names.
+    """
     lines = [_HEAD, "[mesh]", *_lines(mesh)]
     for name, take in takes.items():
         lines += ["", "[[take]]", *_lines(dataclasses.replace(take, name=name))]
@@ -77,6 +98,9 @@ def session_text(puppet: Puppet, mesh: MeshTable, takes: Mapping[str, TakeTable]
         lines += _settings(f"settings.{name}", getattr(puppet, name), getattr(SettingsTable(), name))
     for layer in puppet.layers:
         lines += ["", *_layer(layer)]
+    told = dict(keys)
+    for root in puppet.root_layers:
+        lines += ["", *_root(root, told.pop(root.take, ()))]
     return "\n".join(lines) + "\n"
 
 
@@ -98,18 +122,36 @@ def _pose(pose: KeyPose, puppet: Puppet) -> list[str]:
 
 def _layer(layer: PuppetLayer) -> list[str]:
     """Returns the lines of a layer and of its tables; arrays of tables come last."""
-    lines = ["[[layer]]"]
-    usual = {field.name: field.default for field in dataclasses.fields(LayerTable)}
-    for name, default in usual.items():
-        value = getattr(layer, name)
-        if value != default:
-            lines.append(f"{name} = {_toml(value)}")
+    lines = ["[[layer]]", *_values(layer, LayerTable)]
     inner = {name: getattr(layer, attribute) for name, (attribute, _) in INSIDE.items()}
     # No switches at all are another thing than switches to be found.
     lines += ["switch = []"] if inner["switch"] == () else []
-    for name, ones in inner.items():
+    return lines + _inside("layer", inner)
+
+
+def _root(layer: RootLayer, keys: Sequence[MotionKey]) -> list[str]:
+    """Returns the lines of a layer of the root; those of its keys once, where several play them."""
+    inner = {name: getattr(layer, attribute) for name, (attribute, _) in ROOT_INSIDE.items() if name != "key"}
+    return ["[[root]]", *_values(layer, RootTable), *_inside("root", {"key": keys, **inner})]
+
+
+def _values(layer: Any, table: type) -> list[str]:
+    """Returns the lines of a layer's values that differ from those of its table."""
+    lines = []
+    for field in dataclasses.fields(table):
+        value = getattr(layer, field.name)
+        value = tuple(value.tolist()) if isinstance(value, np.ndarray) else value
+        if value != field.default:
+            lines.append(f"{field.name} = {_toml(value)}")
+    return lines
+
+
+def _inside(title: str, tables: Mapping[str, Any]) -> list[str]:
+    """Returns the lines of the tables inside a layer."""
+    lines = list[str]()
+    for name, ones in tables.items():
         for one in ones or ():
-            lines += [f"[[layer.{name}]]", *_lines(one)]
+            lines += [f"[[{title}.{name}]]", *_lines(one)]
     return lines
 
 

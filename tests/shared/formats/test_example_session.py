@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 from made_lanes import lanes
 from puppet_worlds import full_project, places_for, puppet_project, stool, walker
 
+from enliven.document import MotionKey, RootLayer, keyed_clip
 from enliven.document.constraints import Position
 from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
@@ -18,13 +21,15 @@ from enliven.document.puppet import PuppetLayer
 from enliven.document.time_map import TimeMap
 from enliven.errors import InputError
 from enliven.example_sessions.session import read_session
-from enliven.example_sessions.tables import INSIDE, LayerTable, MeshTable, TakeTable
+from enliven.example_sessions.tables import INSIDE, ROOT_INSIDE, LayerTable, MeshTable, RootTable, TakeTable
 from enliven.example_sessions.text import session_text, write_session
 from enliven.examples.puppet_motion import motion_of
 from enliven.formats.project.file import write_project
 from enliven.meshes.files import load_mesh, save_mesh
 from enliven.meshes.mesh import fit_height
+from enliven.modeling.edits import key_characters, vertices_of
 from enliven.modeling.puppet import add_key_pose
+from enliven.rotation import normalized
 
 BY_HAND = """
 [mesh]
@@ -151,8 +156,57 @@ def test_any_layer_is_read_back_as_it_was(tmp_path_factory, made):
 
 
 def test_a_session_can_say_all_that_a_layer_has():
-    said = {one.name for one in fields(LayerTable)} | {attribute for attribute, _ in INSIDE.values()}
-    assert said == {one.name for one in fields(PuppetLayer)}
+    for table, inside, kind in ((LayerTable, INSIDE, PuppetLayer), (RootTable, ROOT_INSIDE, RootLayer)):
+        said = {one.name for one in fields(table)} | {attribute for attribute, _ in inside.values()}
+        assert said - {"keys"} == {one.name for one in fields(kind)}
+
+
+@st.composite
+def root_layers(draw):
+    """A layer that turns and moves the whole stool, with any time map and any of its own settings."""
+    when, small = draw(lanes()), st.floats(-3.0, 3.0)
+    own = {
+        "take": draw(st.sampled_from(["stool keys", "other keys", "walk"])),
+        "about": np.array(draw(st.tuples(small, small, small))),
+        "basis": normalized(np.array([1.0, *draw(st.tuples(small, small, small))])),
+        "size": draw(st.floats(0.1, 3.0)),
+        "weight": draw(st.floats(0.0, 1.0)),
+        "mirrored": draw(st.booleans()),
+        "muted": draw(st.booleans()),
+    }
+    return RootLayer(**{one.name: getattr(when, one.name) for one in fields(TimeMap)}, **own)
+
+
+@given(st.lists(root_layers(), min_size=1, max_size=3), st.floats(0.0, 4.0))
+@settings(max_examples=25, deadline=None)
+def test_what_moves_the_whole_puppet_is_read_back_as_it_was(tmp_path_factory, made, second):
+    path = tmp_path_factory.mktemp("session") / "stool.toml"
+    first = MotionKey(second, (3.0, -20.0, 0.1), "linear", (0.5, 0.0, -1.25))
+    clips = [
+        keyed_clip("stool keys", "root", [first, MotionKey(second + 1.0)]),
+        keyed_clip("other keys", "root", [MotionKey(0.5, metres=(1.0, 0.0, 0.0))]),
+    ]
+    project = puppet_project(poses=0).with_takes(*clips)
+    project = project.with_characters(project.puppets["stool"].with_changes(root_layers=tuple(made)))
+    write_session(path, project, "stool")
+    read = read_session(path).project
+    assert same(read.puppets["stool"], project.puppets["stool"])
+    for layer in made:
+        assert same(read.takes[layer.take], project.takes[layer.take])
+
+
+def test_a_puppet_that_crosses_the_stage_does_so_after_its_session_is_read():
+    """By hand: two keys of the whole, of which the second one stands a metre aside."""
+    project = key_characters(puppet_project(), ["stool"], 0.0)
+    project = key_characters(project, ["stool"], 2.0, (1.0, 0.0, 0.0))
+    before = [vertices_of(project, "stool", time).mean(0) for time in (0.0, 1.0, 2.0)]
+    with TemporaryDirectory() as folder:
+        write_session(Path(folder) / "stool.toml", project, "stool")
+        read = read_session(Path(folder) / "stool.toml")
+    after = [vertices_of(read.project, "stool", time).mean(0) for time in (0.0, 1.0, 2.0)]
+    np.testing.assert_allclose(after, before, atol=1e-9)
+    still = puppet_project()
+    assert after[2][0] - vertices_of(still, "stool", 2.0).mean(0)[0] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):

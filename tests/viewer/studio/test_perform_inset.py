@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from made_performer import performer
 
 from enliven.person import Body, Joint
+from enliven_viewer.studio.panels.stage.live import beside
 from enliven_viewer.studio.perform import WIDER, PerformerInset, rectangle_of, seen
+from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.preferences import Preferences
 
 SIZES = [(900.0, 501.0), (992.0, 501.0), (3460.0, 1940.0), (400.0, 160.0)]
@@ -52,6 +54,18 @@ def test_it_leaves_a_corner_where_a_character_stands_and_stays_in_the_next():
     top = [inset.place(*size, 1, lambda: [low]) for _ in range(60)][-1]
     assert top[1] < low[1] and top[0] == low[0]
     assert [inset.place(*size, 1, list) for _ in range(60)][-1] == top, "nothing covers it: it stays"
+
+
+@pytest.mark.parametrize("corner", ["low right", "low left", "top right", "wide"])
+def test_the_words_about_who_holds_what_stand_beside_it(corner):
+    area = Area(10.0, 20.0, 600.0, 300.0)
+    wide = 500.0 if corner == "wide" else 150.0
+    left = 10.0 if "left" in corner else 610.0 - wide
+    top = 20.0 if "top" in corner else 220.0
+    free = beside(area, (left, top, left + wide, top + 100.0))
+    apart = free.x + free.width <= left or free.x >= left + wide
+    assert apart == ("low" in corner) and (apart or free == area)
+    assert beside(area, None) == area
 
 
 def test_what_is_behind_the_camera_covers_nothing():

@@ -32,6 +32,7 @@ def test_every_action_is_done_from_its_menu_and_by_its_key(tmp_path) -> None:
     assert said["free key"] == [["j"], ""]
     assert said["asked"] == ["f", ["j"]], "a key of another action is asked about"
     assert said["taken"] == [["f"], []] and said["by the new key"] is False
+    assert said["freed"] == [], "a button in sight takes a key away"
     assert said["went to"] == [2, True]
 
 

@@ -70,22 +70,28 @@ def test_looks_come_in_turn_and_come_back(make_limb) -> None:
     assert set(found) == set(LOOKS) and found[-1] == begin
 
 
-def test_what_is_opened_is_framed_with_all_of_its_way() -> None:
+def test_ctrl_f_frames_the_whole_way_of_what_is_chosen_or_of_all_and_f_what_is_there_now() -> None:
     mesh = load_sample("chair")
     rest, far = np.zeros((1, 3)), np.array([[4.0, 0.0, 0.0]])
     shape, still = graph_shape_at_rest("chair", rest, np.zeros((0, 2), np.int32), mesh)
     walk = PoseStream("walk", np.tile(np.eye(3), (2, 1, 1, 1)), np.stack([rest, far]), 2.0)
-    shape = shape.with_changes(parts=(GraphPart("walk", np.arange(1)),))
-    editor = Editor(project=Project().with_streams(still, walk).with_characters(shape))
+    walker = shape.with_changes(id="walker", parts=(GraphPart("walk", np.arange(1)),))
+    project = Project().with_streams(still, walk).with_characters(shape, walker)
+    workspace = Workspace(Editor(project=project))
+    editor = workspace.editor
     editor.size = (800.0, 600.0)
-    editor.choose("chair")
-    editor.frame_all(at_once=True)
-    end = vertices_of(editor.project, "chair", 2.0)
-    assert not inside(editor, end)
-    editor.frame_chosen_way()
-    editor.camera.advance(np.inf)
-    for time in (0.0, 1.0, 2.0):
-        assert inside(editor, vertices_of(editor.project, "chair", time))
+    ends = [vertices_of(project, "walker", time) for time in (0.0, 1.0, 2.0)]
+    for key, chosen, whole in (
+        ("f", ("walker",), False),
+        ("ctrl+f", ("walker",), True),
+        ("ctrl+f", ("chair",), False),
+        ("ctrl+f", (), True),
+    ):
+        editor.choose_all(*chosen)
+        workspace.input.key(key)
+        editor.camera.advance(np.inf)
+        assert inside(editor, ends[0])
+        assert inside(editor, np.concatenate(ends)) is whole, (key, chosen)
 
 
 def inside(editor: Editor, points) -> bool:

@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from in_a_window import in_a_window
 
 from enliven_viewer import theme
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.places import LEAST, MENU, PICTURE, TIMELINE, places_in
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -38,6 +41,17 @@ def test_on_a_screen_of_twice_the_density_all_is_twice_as_large_in_its_place(tmp
             np.testing.assert_allclose(other["widgets"][name], place, atol=12.0, err_msg=name)
     for said in (plain, dense, large):
         np.testing.assert_allclose(said["pointer"], said["aimed"], atol=1.0)
+
+
+@given(st.floats(320, 4096), st.floats(400, 4096), st.booleans(), st.booleans())
+def test_a_low_window_leaves_the_picture_its_height_before_the_timeline(
+    width, height, puppet, curves
+) -> None:
+    places = places_in(width, height, puppet=puppet, curves=curves)
+    assert LEAST <= places.timeline.height <= TIMELINE
+    assert places.viewport.height >= PICTURE or places.timeline.height == LEAST
+    parts = [places.viewport, *filter(None, (places.strip, places.curves)), places.timeline]
+    assert sum(part.height for part in parts) == pytest.approx(height - MENU, abs=1e-6) or height < 480
 
 
 def test_text_grows_by_steps_to_twice_its_size_and_is_kept(tmp_path) -> None:

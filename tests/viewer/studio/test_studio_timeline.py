@@ -16,7 +16,9 @@ from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.modeling.edits import change_layers
 from enliven.motion.layers.retarget import bind_chain
+from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.timeline.layout import LABELS, LANE, RULER, TimelineLayout
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.playback import length_of
@@ -115,3 +117,28 @@ def test_loops_play_on_until_they_begin_again_together() -> None:
     assert length_of(looped(0.5, 0.75), 2.0) == pytest.approx(2.25 + 0.75)
     assert length_of(looped(1.0, 1.618034), 2.0) <= 8.0 + 1.7, "it does not wait for ever"
     assert length_of(project_of([1.0], [1.0]), 2.0) == pytest.approx(3.0), "what does not loop ends"
+
+
+@given(st.data(), st.floats(RULER + 80.0, 400.0))
+@settings(max_examples=20, deadline=None)
+def test_the_lanes_of_what_is_chosen_or_was_recorded_come_into_sight_and_stay_where_they_are_put(data, tall):
+    project, names = Project().with_takes(*library()), [f"s{number}" for number in range(9)]
+    for name in names:
+        bones = Skeleton(("a", "b"), np.array([-1, 0], np.int32), np.array([[0.0, 0, 0], [0.0, 1, 0]]))
+        project = bind_chain(project.with_characters(still_shape(name, bones)), name, (0, 1), "wave", (0, 1))
+    editor = Editor(project=project)
+    timeline = TimelineInput(editor)
+    for _ in range(4):
+        wanted, recorded = data.draw(st.sampled_from(names)), data.draw(st.booleans())
+        if not recorded:
+            editor.choose(None)
+            timeline.follow(tall)
+            editor.choose(wanted)
+        timeline.follow(tall, wanted if recorded else "")
+        mine = [lane for lane in timeline.layout.lanes() if lane.character.id == wanted]
+        assert min(lane.top for lane in mine) >= RULER
+        assert max(lane.top + lane.height for lane in mine) <= tall
+        assert timeline.scrolled >= 0.0
+    timeline.scrolled = 17.0
+    timeline.follow(tall)
+    assert timeline.scrolled == 17.0, "nothing new was chosen: the artist's place is kept"

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
+_SMOOTH = 20.0
+"""Pictures a second below which movement is seen to jerk, and it is said."""
+_NOTICE = 84.0
+"""Pixels from the top at which a notice stands over characters: below the hint of the tool in hand."""
 SIGNAL = {"live": GOOD, "ended": QUIET, "no edge": BAD, "silent": BAD}
 """The colour of the dot beside the timeline by how the frames arrive; else that of waiting."""
 
@@ -30,7 +34,9 @@ class HudState:
         fraction: place on the timeline, 0..1.
         shown_s, length_s: seconds since the timeline's start, and its length.
         live, paused, speed: of the playhead.
-        notice: one line for the middle of the picture, or empty.
+        notice: one line for the picture, or empty.
+        among: whether characters are seen that the notice must not cover.
+        near: whether the edge is on this machine, started for this window.
         possession: what the next possession takes, or empty.
         score: what is said of loose things, or empty.
         cards: the matches of a pose that are to choose from.
@@ -46,6 +52,8 @@ class HudState:
     paused: bool = False
     speed: float = 1.0
     notice: str = ""
+    among: bool = False
+    near: bool = False
     possession: str = ""
     score: str = ""
     cards: tuple[Card, ...] = ()
@@ -84,14 +92,16 @@ class Hud:
             self._health_panel(size, below, state.edge.health)
         if state.length_s > 0:
             self._timeline(size, state)
-        self.draw_choice(size, state.cards, state.notice)
+        self.draw_choice(size, state.cards, state.notice, state.among)
 
-    def draw_choice(self, size: tuple[int, int], cards: tuple[Card, ...], notice: str) -> None:
-        """Draw the matches that are to choose from, and one line in the middle."""
+    def draw_choice(
+        self, size: tuple[int, int], cards: tuple[Card, ...], notice: str, among: bool = False
+    ) -> None:
+        """Draw the matches that are to choose from, and one line, above characters where some are seen."""
         if cards:
             draw_cards(self._canvas, size, self.scale, self._small, cards)
         if notice:
-            self._notice(size, notice)
+            self._notice(size, notice, among)
 
     def _state_panel(self, state: HudState) -> float:
         """Top left: link, phase, pace, latency; where it ends, pixels from the top."""
@@ -142,20 +152,26 @@ class Hud:
             mode = "paused" if state.paused else f"{state.speed:g}x"
             canvas.text(x + width + 20 * s, top, f"{mode} · {time_text(state.length_s)}", self._small, INK)
 
-    def _notice(self, size: tuple[int, int], notice: str) -> None:
-        """The middle of the picture: one line."""
+    def _notice(self, size: tuple[int, int], notice: str, among: bool) -> None:
+        """One line, large in the middle of an empty picture, small at the top of another one."""
         s, canvas = self.scale, self._canvas
-        width = canvas.extent(notice, self._large)[0] + 64 * s
-        canvas.rectangle((size[0] - width) / 2, size[1] * 0.42 - 20 * s, width, 68 * s, GLASS, 14 * s)
-        canvas.text(size[0] / 2, size[1] * 0.42, notice, self._large, INK, align=0.5)
+        letters, around = (self._normal, 12 * s) if among else (self._large, 20 * s)
+        wide, high = canvas.extent(notice, letters)
+        while wide + 3 * around > size[0] and letters > self._small:
+            letters -= 1
+            wide, high = canvas.extent(notice, letters)
+        top = _NOTICE * s if among else size[1] * 0.42
+        left = (size[0] - wide) / 2 - 1.5 * around
+        canvas.rectangle(left, top - around, wide + 3 * around, high + 2 * around, GLASS, 14 * s)
+        canvas.text(size[0] / 2, top, notice, letters, INK, align=0.5)
 
 
 def _headline(state: HudState) -> str:
     if state.edge is None:
         return state.title
     phase = f" · {state.edge.phase}" if state.edge.phase else ""
-    where = state.edge.address.removeprefix("tcp://")
-    return f"Stage at {where}{phase}" if state.edge.connected else f"No stage at {where}"
+    where = "on this machine" if state.near else f"at {state.edge.address.removeprefix('tcp://')}"
+    return f"Stage {where}{phase}" if state.edge.connected else f"No stage {where} yet"
 
 
 def _signal_word(edge: EdgeState | None) -> str:
@@ -167,13 +183,12 @@ def _signal_word(edge: EdgeState | None) -> str:
 
 def _state_lines(state: HudState) -> list[str]:
     """Pace and latency, one line each."""
-    lines = [f"{state.fps:.0f} pictures a second"]
-    edge = state.edge
+    lines, edge = list[str](), state.edge
     if edge is not None and edge.connected and edge.sensor_to_pose_ms is not None:
-        text = f"sensor to pose {edge.sensor_to_pose_ms:.0f} ms"
-        if edge.pose_to_screen_ms is not None:
-            text += f", to screen {edge.sensor_to_pose_ms + edge.pose_to_screen_ms:.0f} ms"
-        lines.append(text)
+        late = edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)
+        lines.append(f"{late:.0f} ms after the camera")
+    if 0.5 < state.fps < _SMOOTH:
+        lines.append(f"only {state.fps:.0f} pictures a second: a smaller window is drawn faster")
     if edge is not None and edge.connected and state.possession:
         lines.append(state.possession)
     if state.score:

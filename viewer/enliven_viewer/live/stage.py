@@ -15,6 +15,8 @@ from enliven_viewer.settings import ViewerSettings
 
 _QUIET = 2.0
 """Seconds without a message, four heartbeats of an edge, after which the window may rest."""
+_LONG = 12.0
+"""Seconds of waiting for a stage of this machine after which it is said why: kernels are compiled once."""
 
 
 class LiveStage:
@@ -32,6 +34,7 @@ class LiveStage:
         scrubbing: whether the pointer drags the playhead.
         meant: the character that orders are about; None leaves it to the edge.
         held: the characters that are held.
+        near: whether the edge was started on this machine for this window, and has to be waited for.
     """
 
     def __init__(
@@ -49,6 +52,7 @@ class LiveStage:
         self._since, self.scrubbing = 0.0, False
         self.meant: str | None = None
         self.held: set[str] = set()
+        self.near = False
 
     def advance(self, seconds: float) -> None:
         """Take in what has arrived, and let ``seconds`` of the viewer's clock pass."""
@@ -145,7 +149,15 @@ class LiveStage:
         edge = self.document.edge
         if edge.connected:
             return "Waiting for the characters of the stage"
+        if self.near:
+            return edge.message or self.making
         return edge.message or f"Waiting for a stage at {edge.address.removeprefix('tcp://')}"
+
+    @property
+    def making(self) -> str:
+        """The text about a stage of this machine that is not there yet."""
+        more = ": the first time it takes some minutes" if self._since > _LONG else ""
+        return f"The stage is being made ready{more}"
 
     def close(self) -> None:
         """Let the feed go."""

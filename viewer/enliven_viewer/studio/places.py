@@ -13,12 +13,18 @@ SIDE = 288.0
 """Pixels, width of the side panel: two buttons of 126 side by side."""
 TIMELINE = 196.0
 """Pixels, height of the timeline: the transport, the ruler and five lanes."""
+LEAST = 118.0
+"""Pixels, height of the timeline in a window with less room: the transport, the ruler, and a lane."""
+PICTURE = 270.0
+"""Pixels of height below which the picture takes room from the timeline."""
 CURVES = 178.0
 """Pixels, height of the curves: as much as three lines of values need."""
 STRIP = 142.0
 """Pixels, height of the strip of key poses with a puppet: a title and a row of tiles."""
 PERFORMER = 0.36
 """Share of the picture that the performer has with a puppet: the puppet stays the larger."""
+HOLDER = 48.0
+"""Pixels, height of a line of large words about who holds what."""
 
 
 class Area(NamedTuple):
@@ -52,14 +58,15 @@ def places_in(
     """Tools at the left, properties at the right, the timeline along the bottom, the rest for the picture.
 
     With a puppet the performer has the left of the picture, and its key poses a strip under both. Curves lie
-    over the timeline, where that is shown.
+    over the timeline, where that is shown. In a low window the timeline leaves the picture some height.
 
     Args:
         without: "menu", "tools", "side", "timeline": what is not shown, and has no width or height.
     """
     menu, left = MENU * ("menu" not in without), TOOLS * ("tools" not in without)
     right = SIDE * ("side" not in without)
-    low = height - TIMELINE * ("timeline" not in without)
+    room = height - menu - PICTURE - CURVES * curves - STRIP * puppet
+    low = height - min(max(room, LEAST), TIMELINE) * ("timeline" not in without)
     timeline, above = Area(0.0, low, width, height - low), None
     if curves and timeline.height:
         low -= CURVES

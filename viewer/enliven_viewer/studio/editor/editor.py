@@ -11,10 +11,11 @@ import numpy as np
 
 from enliven.document import FREE, History, Project, Puppet, RigBase
 from enliven.errors import EnlivenError
-from enliven.modeling.edits import refuse_locked, rig_of
+from enliven.modeling.edits import refuse_locked
 from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, LOOKS, Box, CameraMoves, OrbitCamera
 from enliven_viewer.studio.background import BackgroundTask
+from enliven_viewer.studio.editor.framing import way_of
 from enliven_viewer.studio.editor.stage import StudioStage
 from enliven_viewer.studio.examples import Solving
 from enliven_viewer.studio.puppets import PuppetEditor
@@ -24,8 +25,6 @@ from enliven_viewer.studio.viewport import Lens, Selection, Snapping, StandingCh
 
 Edit = Callable[[Project], Project]
 R = TypeVar("R", bound=RigBase)
-_MOMENTS = 13
-"""Moments at which the way of a character is looked at: some of each step of a walk."""
 _ROOM = 1.25
 """Size of the picture over that of all shapes when they are framed: room to drag their ends."""
 
@@ -218,20 +217,24 @@ class Editor:
         """Bring every character into the picture."""
         self._frame(self.box(), at_once=at_once, reset=reset)
 
-    def frame_chosen_way(self) -> None:
-        """Bring every character into the picture, and all of the way that the chosen one goes in its take."""
-        box, chosen = self.box(), self.chosen()
-        if box is None or chosen is None or isinstance(chosen, Puppet):
-            self._frame(box)  # the way of a puppet is solved beside the window
+    def frame_way(self) -> None:
+        """Bring into the picture what is there, and the whole way of what is chosen, or else of all."""
+        box = self.box()
+        if box is None:
+            self._frame(None)
             return
-        player, moments = rig_of(chosen).player(self.project, chosen), [0.0]
-        if self.project.end_of(chosen) > 0.0:
-            moments = np.linspace(0.0, self.project.end_of(chosen), _MOMENTS).tolist()
-        here, seen = player(self.time).pose.positions, self.posed(chosen.id).extent
-        around = seen.min(0) - here.min(0), seen.max(0) - here.max(0)
-        ways = [player(time).pose.positions for time in moments]
-        ends = [np.stack([one.min(0) + around[0], one.max(0) + around[1]]) for one in ways]
-        self._frame(bounds_of([np.stack(box), *ends]))
+        ways = [np.stack(box)]
+        chosen = [one for one in self.seen if one.id in self.selection.characters]
+        for one in chosen or self.seen:
+            if len(one.extent):
+                ways.append(way_of(*self._solved(one.id), self.time, one.extent))
+        self._frame(bounds_of(ways))
+
+    def _solved(self, name: str) -> tuple[Project, RigBase]:
+        """A character with the motion that is shown of it: that of a puppet is solved beside the window."""
+        if name in self.project.puppets:
+            return self.solving.shown(self.project, name)
+        return self.project, self.project.character(name)
 
     def _frame(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
         aspect = self.size[0] / max(self.size[1], 1.0)

@@ -14,6 +14,8 @@ _SIZE = (620.0, 520.0)
 """Pixels: an action with its key and a button beside it, and fifteen of them."""
 _KEY = 150.0
 """Pixels of a key's button: Ctrl+Shift+PgDn."""
+_FREE = 42.0
+"""Pixels beside it of the button that takes the key away."""
 
 
 def draw_preferences(workspace: Workspace) -> None:
@@ -65,7 +67,7 @@ def _row(workspace: Workspace, action: Action) -> None:
     wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(action.label)
-    imgui.same_line(imgui.get_content_region_avail().x - _KEY + 42)
+    imgui.same_line(imgui.get_content_region_avail().x - _KEY - _FREE)
     said = "Press a key ..." if wanted.action == action.id else key or "none"
     if imgui.button(f"{said}###key {action.id}", ImVec2(_KEY, 0)):
         wanted.begin(action.id)

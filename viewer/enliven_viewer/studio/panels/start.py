@@ -16,7 +16,9 @@ from enliven_viewer.theme import ACCENT, GOOD, INK, QUIET, RAISED
 _PAGE = 560.0
 """Pixels, width of the start page: two columns of buttons."""
 _COLUMN = 250.0
-"""Pixels of a column and of its buttons."""
+"""Pixels of a column and of its buttons, where there is room."""
+_BETWEEN = 24.0
+"""Pixels between the two columns."""
 _CARD = 320.0
 """Pixels, width of the tour's card: four lines of text."""
 _EDGE = 14.0
@@ -42,7 +44,7 @@ def draw_start(workspace: Workspace, area: Area) -> None:
         return
     if workspace.starting:
         _page(workspace, area)
-    else:
+    elif workspace.tour is None:
         _empty(area)
 
 
@@ -51,6 +53,7 @@ def _page(workspace: Workspace, area: Area) -> None:
     imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
     imgui.set_next_window_size(ImVec2(min(_PAGE, area.width - 2 * _EDGE), 0))
     imgui.begin("Start", None, _FLAGS)
+    column = min(_COLUMN, (imgui.get_content_region_avail().x - _BETWEEN) / 2)
     imgui.push_font(None, 22.0)
     imgui.text("What shall come alive?")
     imgui.pop_font()
@@ -58,26 +61,26 @@ def _page(workspace: Workspace, area: Area) -> None:
     heading("Begin")
     for name in _FIRST:
         if name in workspace.actions:
-            action_button(workspace, name, _COLUMN)
+            action_button(workspace, name, column)
     imgui.end_group()
-    imgui.same_line(0.0, 24.0)
+    imgui.same_line(0.0, _BETWEEN)
     imgui.begin_group()
     heading("Samples")
     for name in SAMPLES:
-        action_button(workspace, f"sample.{name}", _COLUMN)
-    _recent(workspace)
+        action_button(workspace, f"sample.{name}", column)
+    _recent(workspace, column)
     imgui.end_group()
     imgui.dummy(ImVec2(0, 4))
     imgui.end()
 
 
-def _recent(workspace: Workspace) -> None:
+def _recent(workspace: Workspace, column: float) -> None:
     heading("Recent")
     paths = [Path(name) for name in workspace.preferences.recent[:_MOST_RECENT]]
     if not paths:
         quiet("What you open or save is listed here. You can also drop files onto the window.")
     for number, path in enumerate(paths):
-        if imgui.selectable(f"{path.name}##{number}", False, 0, ImVec2(_COLUMN, 0))[0]:
+        if imgui.selectable(f"{path.name}##{number}", False, 0, ImVec2(column, 0))[0]:
             workspace.attempt(lambda path=path: workspace.open(path))
         workspace.remember(f"start {path.name}")
         imgui.set_item_tooltip(str(path.parent))

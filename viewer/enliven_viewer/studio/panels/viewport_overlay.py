@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.studio.actions import spoken
 from enliven_viewer.studio.panels.start import draw_start
 from enliven_viewer.studio.panels.style import packed
-from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.toasts import Toast
 from enliven_viewer.studio.viewport import Disc, Fill, Line, axes_marks
 from enliven_viewer.studio.workspace import Workspace
@@ -129,8 +129,11 @@ def _caption(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no
 
 
 def _toasts(workspace: Workspace, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
-    live = workspace.perform.room == "Play" and workspace.perform.live is not None
+    perform = workspace.perform
+    live = perform.room == "Play" and perform.live is not None
     bottom = area.y + area.height - (70 if live else 14)  # above the live timeline
+    if perform.room in ("Perform", "Play"):
+        bottom -= HOLDER * len(perform.holders)  # and above the words about who holds what
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8
 

@@ -62,7 +62,7 @@ class StageRecording:
         self.replaces = False
         self.count_in, self.hold_still = True, 0.0
         self.loops = False
-        self._beside = ""
+        self._beside = self._fresh = ""
         self._live, self._connected, self._may, self._lacks = live, connected, may, lacks
         self._guests = guests
         self._left = self._silent = self._start = 0.0
@@ -199,7 +199,12 @@ class StageRecording:
                 f"Recorded {', '.join(told)}", "Ctrl+Z takes it back; record again to add to it."
             )
             editor.scrub(start)
-            editor.playing = True
+            editor.playing, self._fresh = True, told[-1]
+
+    def seen(self) -> str:
+        """The character that was recorded last, once; empty where it was asked for already."""
+        fresh, self._fresh = self._fresh, ""
+        return fresh
 
     def _ended(self) -> list[Performed]:
         """What the recorders have, the led edge's first; nothing more is recorded."""

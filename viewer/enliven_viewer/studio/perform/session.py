@@ -121,7 +121,8 @@ class PerformSession:
         edge = NearbyEdge(*words)
         self.connect(str(edge.endpoint))
         self._nearby = edge
-        self.editor.toasts.say("A stage is made ready on this machine", "This takes some seconds.")
+        if self.live is not None:
+            self.live.near = True
 
     def follow_take(self, path: Path, settings: PlaybackSettings | None = None) -> None:
         """Play a take as it was recorded: poses, performers, who held what.
@@ -264,6 +265,8 @@ class PerformSession:
         """Why nothing can be asked of an edge, and what to do about it; empty where it can."""
         if self.connected:
             return ""
+        if self.live is not None and self.live.near and not len(self.live.document.timeline):
+            return f"{self.live.making}. Wait until somebody is seen"
         return "The stage is silent. Look whether its camera's program runs"
 
     def lacks_recording(self) -> str:

@@ -9,7 +9,7 @@ from enliven.modeling.edits import change_layers, choose_take, move_marker
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline.clip_drag import ClipDrag
 from enliven_viewer.studio.timeline.clip_pictures import ClipPictures
-from enliven_viewer.studio.timeline.layout import Lane, LaneHandle, TimelineLayout
+from enliven_viewer.studio.timeline.layout import GAP, RULER, Lane, LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_drag import DRAGGED, PuppetRows
 from enliven_viewer.studio.timeline.snapping import places_of, snapped
 
@@ -46,6 +46,7 @@ class TimelineInput:
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
         self.width, self.scrolled, self.start, self.span = 1000.0, 0.0, 0.0, 0.0
+        self._followed = ""
         self.folded, self.locked = frozenset[str](), frozenset[tuple[str, int]]()
         self.opened = frozenset[str]()
         self.snapping, self.clip, self.marker = True, 0, ""
@@ -62,6 +63,22 @@ class TimelineInput:
         editor = self.editor
         how = (self.scrolled, self.rows.details, self.start, self.span, self.folded, self.opened)
         return TimelineLayout(editor.project, editor.length, self.width, *how, editor.marked)
+
+    def follow(self, tall: float, recorded: str = "") -> None:
+        """Move the lanes up or down to those of what was recorded, or chosen, since the picture before.
+
+        Args:
+            tall: pixels that ruler and lanes have.
+            recorded: the character that was recorded last; empty for none.
+        """
+        chosen = self.editor.selection.character or ""
+        wanted, self._followed = recorded or (chosen if chosen != self._followed else ""), chosen
+        mine = [lane for lane in self.layout.lanes() if lane.character.id == wanted]
+        if not mine or self.busy:
+            return
+        low = mine[-1].top + mine[-1].height + GAP - tall
+        self.scrolled += max(low, 0.0)
+        self.scrolled += min(mine[0].top - max(low, 0.0) - RULER, 0.0)
 
     @property
     def busy(self) -> bool:

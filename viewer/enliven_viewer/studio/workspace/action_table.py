@@ -408,6 +408,14 @@ def _cameras(c: Commands) -> Iterator[Action]:
         "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
     )
     yield Action(
+        "view.way",
+        "View",
+        "Frame the whole way",
+        ("ctrl+f",),
+        editor.frame_way,
+        about="All places that the chosen shape, or else all, come to while they play.",
+    )
+    yield Action(
         "view.follow",
         "View",
         "Follow what moves",

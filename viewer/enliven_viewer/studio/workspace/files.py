@@ -131,7 +131,7 @@ def _add_model(editor: Editor, path: Path) -> None:
     if editor.edit(f"open {path.name}", add):
         editor.choose(made[-1])
         _tell(editor, path, rig.notes, f"{len(rig.clips)} takes came with it." if rig.clips else "")
-        editor.frame_chosen_way()
+        editor.frame_way()
 
 
 def _add_mesh(editor: Editor, path: Path) -> None:
@@ -161,7 +161,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
     if editor.edit(f"open {path.name}", add):
         editor.choose(made[-1])
         _tell(editor, path, notes, "It is a puppet: put control points on it with K.")
-        editor.frame_chosen_way()
+        editor.frame_way()
 
 
 def _add_session(editor: Editor, path: Path) -> None:
@@ -185,7 +185,7 @@ def _add_played(editor: Editor, said: str, source: Project, character: str, note
     if editor.edit(f"open {said}", add):
         editor.choose(made[-1])
         _tell(editor, Path(said), notes, "")
-        editor.frame_chosen_way()
+        editor.frame_way()
 
 
 def _add_take(editor: Editor, path: Path) -> None:
@@ -219,7 +219,7 @@ def _add_performance(editor: Editor, path: Path) -> None:
         fresh = [name for name in editor.project.characters if name not in before]
         if fresh and editor.puppets.puppet is None:
             editor.choose_all(*fresh)
-        editor.frame_chosen_way()
+        editor.frame_way()
 
 
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:

@@ -7,17 +7,23 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.studio.panels.style import packed, small
 from enliven_viewer.studio.timeline import GAP, LANE, RULER, TimelineLayout
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import BAD, INK
+from enliven_viewer.theme import BAD, DARK, INK
 
 
-def draw_growing(workspace: Workspace, layout: TimelineLayout, origin: ImVec2) -> bool:
-    """Draw it below the last lane; returns whether something is recorded."""
+def draw_growing(workspace: Workspace, layout: TimelineLayout, origin: ImVec2, tall: float) -> bool:
+    """Draw it below the last lane, or at the bottom where that is out of sight, ``tall`` pixels down.
+
+    Returns:
+        Whether something is recorded.
+    """
     clip = workspace.perform.recording.clip
     if clip is None:
         return False
     lanes, draw = layout.lanes(), imgui.get_window_draw_list()
     below = lanes[-1].top + lanes[-1].height if lanes else RULER
-    top = origin.y + below + GAP
+    top = origin.y + min(below + GAP, tall - LANE)
+    low, high = ImVec2(origin.x, top), ImVec2(origin.x + layout.width, top + LANE)
+    draw.add_rect_filled(low, high, packed(DARK))
     left, right = (origin.x + layout.x(second) for second in clip)
     right = max(right, left + 2.0)
     draw.add_rect_filled(ImVec2(left, top + 2), ImVec2(right, top + LANE - 2), packed(BAD, 0.85), 4.0)

@@ -11,7 +11,7 @@ from enliven_viewer.playback import NS
 from enliven_viewer.render.overlay import CUE_TINTS, Pen
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import PerformSession
-from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD, GLASS, INK, Colour
 
@@ -26,7 +26,11 @@ _LEFT = 18.0
 _COUNT = 150.0
 """Pixels of a beat of the count-in: seen by a performer across the room."""
 _BELOW = 64.0
-"""Pixels above the bottom of the picture where the words begin: above the live timeline."""
+"""Pixels above the bottom of the picture where the words begin in Play: above the live timeline."""
+_LOW = 14.0
+"""Pixels above the bottom where they begin elsewhere."""
+_LEAST = 240.0
+"""Pixels beside the performers in the corner that the words need; with less they lie over them."""
 
 
 def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
@@ -40,19 +44,21 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
     hud = Hud(Pen(draw, (area.x, area.y)))
     view = workspace.editor.lens.view
+    among = bool(workspace.editor.seen)
     if perform.room == "Play":
-        hud.draw(size, _state(live, pace, live.words(view)))
+        hud.draw(size, _state(live, pace, live.words(view), among))
         _scrub(live, area, size)
     else:
-        hud.draw_choice(size, cards_of(live.scene, view), live.notice if not live.scene.actors else "")
+        notice = live.notice if not live.scene.actors else ""
+        hud.draw_choice(size, cards_of(live.scene, view), notice, among)
     if perform.room in ("Perform", "Play"):
-        _holders(perform, draw, area)
+        _holders(perform, draw, beside(area, workspace.widgets.get("performer inset")))
         _size(perform, draw, area)
     _recording(perform, draw, area)
     draw.pop_clip_rect()
 
 
-def _state(live: LiveStage, pace: float, words: str) -> HudState:
+def _state(live: LiveStage, pace: float, words: str, among: bool) -> HudState:
     timeline, head = live.document.timeline, live.playhead
     return HudState(
         edge=None if live.take else replace(live.document.edge),
@@ -65,6 +71,8 @@ def _state(live: LiveStage, pace: float, words: str) -> HudState:
         paused=head.paused,
         speed=head.speed,
         notice=live.notice,
+        among=among,
+        near=live.near,
         possession=words,
         score=live.scene.props.note if live.scene.props is not None else "",
     )
@@ -83,18 +91,31 @@ def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
         live.playhead.scrub(along if along is not None else float(x > size[0] / 2))
 
 
+def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
+    """The part of the picture that the performers in a corner at the bottom leave free at its side."""
+    if inset is None or inset[3] < area.y + area.height / 2:
+        return area
+    left, _, right, _ = inset
+    if left - area.x > area.x + area.width - right:
+        free = Area(area.x, area.y, left - area.x, area.height)
+    else:
+        free = Area(right, area.y, area.x + area.width - right, area.height)
+    return free if free.width > _LEAST else area
+
+
 def _holders(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
     """Draw who holds what, a line each, with the colour of the performer's skeleton."""
-    bottom = area.y + area.height - _BELOW
+    bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
     for holder in reversed(perform.holders):
         present = perform.performers
         number = present.index(holder.body) if holder.body in present else 0
         tint = (*(channel ** (1 / 2.2) for channel in CUE_TINTS[number % len(CUE_TINTS)]), 1.0)
-        bottom = _line(draw, area, bottom, holder.words, tint) - 8
+        _line(draw, area, bottom, holder.words, tint)
+        bottom -= HOLDER
 
 
-def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> float:  # type: ignore[no-untyped-def]
-    """One line of large words above ``bottom``, in the middle; returns its top."""
+def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> None:  # type: ignore[no-untyped-def]
+    """One line of large words above ``bottom``, in the middle."""
     room = area.width - 90.0
     size = min(_LARGE, _LARGE * room / max(_wide(text, _LARGE), 1.0))
     wide = _wide(text, size)
@@ -103,7 +124,6 @@ def _line(draw, area: Area, bottom: float, text: str, tint: Colour) -> float:  #
     draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.78)), 12.0)
     draw.add_circle_filled(ImVec2(left - 22, top + 7 + size / 2), 8.0, packed(tint))
     draw.add_text(imgui.get_font(), size, ImVec2(left, top + 7), packed(INK), text)
-    return top
 
 
 def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]

@@ -49,6 +49,8 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     if live.take:
         return f"Playing {live.take}", GOOD
     if not edge.connected:
+        if live.near and not len(live.document.timeline):
+            return live.making, WAIT
         gone = f"The stage at {_plain(edge.address)} is silent. It is looked for again by itself."
         looked = f"Looking for a stage at {_plain(edge.address)}"
         return (gone, BAD) if len(live.document.timeline) else (looked, WAIT)

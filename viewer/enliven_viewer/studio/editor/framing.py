@@ -1,0 +1,34 @@
+"""How much room characters take while they play, so that the camera can take in all of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document import Project, RigBase
+from enliven.modeling.edits import rig_of
+
+_MOMENTS = 40
+"""Moments at which the way of a character is looked at: some of each step of a walk."""
+
+
+def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) -> Float:
+    """(2M, 3) metres, the corners of the boxes that a character fills at moments of all that it plays.
+
+    Its handles and nodes are played; what its surface has beyond them now, it is taken to have always.
+
+    Args:
+        time: seconds, when the surface is as ``extent`` says.
+        extent: (N, 3) metres, the places of its surface at that time.
+    """
+    player = rig_of(character).player(project, character)
+    end = project.end_of(character)
+    moments = np.linspace(0.0, end, _MOMENTS) if end > 0.0 else [0.0]
+
+    def box(seconds: float) -> Float:
+        pose, handles = player(seconds)
+        places = np.concatenate([pose.positions, handles])
+        return np.stack([places.min(0), places.max(0)])
+
+    beyond = np.stack([extent.min(0), extent.max(0)]) - box(time)
+    return np.concatenate([box(float(one)) + beyond for one in moments])
