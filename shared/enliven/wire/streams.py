@@ -268,7 +268,7 @@ class SizeMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         size: how many times its own size.
-        body: the performer whose hands change it; -1: nobody's do.
+        body: the id of the performer who changes it by both hands; -1: it is not being changed.
     """
 
     character: Name
