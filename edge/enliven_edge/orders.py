@@ -17,6 +17,7 @@ from enliven.wire import (
     PutCharacter,
     Release,
     RemoveCharacter,
+    Resize,
     Scan,
     Smooth,
 )
@@ -25,7 +26,7 @@ from enliven_edge.network import Handler
 if TYPE_CHECKING:
     from enliven_edge.arrivals import Arrivals
     from enliven_edge.scans import Scans
-    from enliven_edge.stage import Stage
+    from enliven_edge.stage import HandSizing, Stage
     from enliven_edge.tracking import Tracker
 
 _ONE = 0
@@ -39,6 +40,7 @@ class Served(Protocol):
     arrivals: Arrivals
     scans: Scans
     tracker: Tracker
+    sizing: HandSizing
 
 
 def handlers_of(edge: Served) -> dict[type[Order], Handler]:
@@ -58,6 +60,7 @@ def handlers_of(edge: Served) -> dict[type[Order], Handler]:
         PutCharacter: Handler(lambda order: edge.arrivals.put(order)),
         CharacterPart: Handler(lambda order: edge.arrivals.take(order)),
         RemoveCharacter: Handler(lambda order: edge.stage.remove(order.character)),
+        Resize: Handler(lambda order: edge.sizing.ask(order)),
         Scan: Handler(lambda order: edge.scans.ask(order)),
     }
 

@@ -19,7 +19,7 @@ from enliven_edge.network import FrameRate, Handler, Outlet
 from enliven_edge.orders import handlers_of
 from enliven_edge.scans import Scans
 from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of
-from enliven_edge.stage import Opening, Stage, Tick
+from enliven_edge.stage import HandSizing, Opening, Stage, Tick
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
 
@@ -72,6 +72,7 @@ class Edge:
         self.health, self.physics = health or HealthMonitor(), physics
         self.controls = controls or Controls([])
         self.arrivals, self.scans = arrivals or Arrivals(stage), scans or Scans(stage)
+        self.sizing = HandSizing(stage)
         self.pace = FrameRate()
         self.frames = 0
         self._heard = time.monotonic()
@@ -124,9 +125,12 @@ class Edge:
         bodies = [] if self.scans.active else as_sent(self.tracker.track(frame))
         while not self.scans.take(frame, waits=getattr(self.sensor, "recorded", False)):
             self._listen()
+        self.sizing.follow(bodies, frame.time_ns)
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces)
         tick = self._with_props(self.stage.tick(frame, poses, frame.read_ns or read_ns))
         self.outlet.publish(tick)
+        for change in self.sizing.changes():
+            self.outlet.send(change, frame.time_ns)
         self._judge(tick)
 
     def _show(self) -> None:

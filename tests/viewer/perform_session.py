@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from coarse_pixels import coarse_pixels
 from strokes import limb
 
-from enliven.modeling.edits import cut_character, scale_character
+from enliven.modeling.edits import cut_character, handle_characters, scale_character
 from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.live import PARTS
@@ -178,6 +178,9 @@ def each_action(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> dic
             workspace.perform.room = "Play"
             workspace.actions.recent.clear()
             workspace.editor.select(character="arm")
+            if "own_size" in action.id:
+                larger = lambda project: handle_characters(project, ["arm"], size=1.2)  # noqa: E731
+                workspace.editor.edit("size", larger)
             if reason := action.why_not():
                 refused.setdefault(action.id, []).append(f"{way}: {reason}")
             elif way == "menu":

@@ -12,14 +12,14 @@ from collections.abc import Mapping
 from typing import Literal, cast, get_args
 
 from enliven.errors import InputError
-from enliven.wire import Browse, Lock, Order, Possess, Release
+from enliven.wire import Browse, Lock, Order, Possess, Release, Resize
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.stage import Stage
 
 Call = Literal["record", "stop", "again"]
 Word = Literal[
     "possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock",
-    "record", "stop", "again",
+    "scale", "record", "stop", "again",
 ]  # fmt: skip
 
 WORDS: tuple[Word, ...] = get_args(Word)
@@ -59,6 +59,8 @@ def orders(word: Word, stage: Stage) -> list[Order]:
         return []
     if word == "release":
         return [Release()]
+    if word == "scale":
+        return [Resize("hands")]
     if word in _STEPS:
         return [Browse(step=_STEPS[word])]
     mode = _MODES[word]

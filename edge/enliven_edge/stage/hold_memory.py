@@ -73,6 +73,8 @@ class HoldMemory:
         held = self.holds_of(before, bodies)
         actor.release()
         actor.aside = before.aside
+        if before.growth != 1.0:
+            actor.resize(before.growth)
         met = self._met.get(before.character.id)
         if met is not None:
             actor.perform([met], 0)

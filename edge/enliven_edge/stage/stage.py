@@ -128,6 +128,11 @@ class Stage:
         return bool(self._bodies)
 
     @property
+    def first_in_view(self) -> int | None:
+        """The id of the first performer in view; None without one."""
+        return self._bodies[0].id if self._bodies else None
+
+    @property
     def holders(self) -> frozenset[int]:
         """The ids of the performers who hold a character."""
         return frozenset(hold.body for actor in self.actors.values() for hold in actor.holds)

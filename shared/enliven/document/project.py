@@ -66,15 +66,21 @@ class CameraMark:
 
 @dataclass(frozen=True)
 class Handling:
-    """How an artist's window treats a character; neither exports nor stages ask.
+    """How an artist's window treats a character; exports do not ask.
 
     Attributes:
         hidden: the window does not draw it.
         locked: it is neither picked nor edited.
+        size: how many times its own size it stands on a stage, as performers' hands made it.
     """
 
     hidden: bool = False
     locked: bool = False
+    size: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.size < float("inf"):
+            raise InputError(f"its size is {self.size}", where="handling", mend="Give one above 0.")
 
 
 FREE = Handling()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
+from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Character, Pose
 from enliven.errors import InputError
@@ -29,6 +30,8 @@ class Actor:
     """Metres towards +X by which it waits away from its usual place, where other characters wait."""
     size: float = 1.0
     """Metres of the mesh as modelled for one of its rest space."""
+    growth: float = 1.0
+    """How many times its own size it is shown at."""
     settings: Any
     """How it meets and follows its performers: a dataclass."""
     _candidate: tuple[int | None, str] = (None, "all")
@@ -80,6 +83,19 @@ class Actor:
             InputError: where that performer holds nothing of it.
         """
         raise NotImplementedError
+
+    def resize(self, growth: float, about: Float | None = None, *, fade: bool = False) -> None:
+        """Shows it at so many times its own size from now on; who holds it holds it as before.
+
+        Args:
+            about: (3,) metres, the place on the floor that stays; None: where it stands.
+            fade: whether it eases over to it.
+
+        Raises:
+            InputError: where its size cannot change.
+        """
+        mend = "Scale it in the project."
+        raise InputError("it is as large as it was made", where=f"sizing {self.character.id!r}", mend=mend)
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
         """Makes the cues show what this performer (None: the next one) would hold with these parts.

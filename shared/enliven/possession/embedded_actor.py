@@ -119,7 +119,8 @@ class EmbeddedActor(Actor):
                 grip.carrying.goes_on(self._meeting.carrying)
         self._meeting, self._free = None, False
         if not kept:
-            self._placement = self._rules.at_performer(body)
+            place = self._rules.at_performer(body)
+            self._placement = place.larger(self.growth, place.offset)
         self._placed, self._candidate = True, (None, parts)
         at = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
         self._hold([*others[:at], hold, *others[at:]], start)
@@ -146,6 +147,15 @@ class EmbeddedActor(Actor):
         """Puts the mesh where it waits: scale, radians about +Y, and x, y, z in metres."""
         self._placement, self._placed = Placement(place[0], place[1], np.array(place[2:5])), True
 
+    def resize(self, growth: float, about: Float | None = None, *, fade: bool = False) -> None:
+        """Shows it at so many times its own size; the binding is in its rest space, and goes along."""
+        factor, self.growth = growth / self.growth, growth
+        if self._placed and factor != 1.0:
+            place = self._placement.offset * [1.0, 0.0, 1.0] if about is None else about
+            self._placement = self._placement.larger(factor, place)
+            if fade:
+                self._easing.restart_fade()
+
     def hand_over(self, former: int, body: Body) -> None:
         """Gives the hold of one performer to another, who goes on with it."""
         for hold in self.holds:
@@ -164,7 +174,8 @@ class EmbeddedActor(Actor):
             seen: by body id, the part of the performer's surface that a depth sensor sees.
         """
         if not self._placed and bodies and not self.holds:
-            self._placement, self._placed = self._rules.waiting_place(bodies[0], self.aside), True
+            place, self._placed = self._rules.waiting_place(bodies[0], self.aside), True
+            self._placement = place.larger(self.growth, place.offset)
         self._hand_over(bodies, time_ns)
         self._update_holds(bodies, time_ns)
         self._meet(bodies)

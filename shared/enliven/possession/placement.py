@@ -45,6 +45,10 @@ class Placement:
         """Linear parts (N, 3, 3) and positions (N, 3) of the world in the rest space."""
         return self.rotation.T @ linear / self.scale, self.to_rest(positions)
 
+    def larger(self, factor: float, about: Float) -> Placement:
+        """The placement with everything ``factor`` times as far from a place (3,) as it was."""
+        return Placement(self.scale * factor, self.yaw, about + factor * (self.offset - about))
+
 
 AS_MODELLED = Placement(1.0, 0.0, np.zeros(3))
 """The placement that leaves a mesh as it was modelled."""

@@ -29,6 +29,7 @@ from .envelope import (
     unpack_stream as unpack_stream,
 )
 from .fields import (
+    MAX_GROWTH as MAX_GROWTH,
     MAX_PART_BYTES as MAX_PART_BYTES,
     MAX_SENT_BYTES as MAX_SENT_BYTES,
     MAX_SETTINGS as MAX_SETTINGS,
@@ -58,6 +59,7 @@ from .requests import (
     Refused as Refused,
     Release as Release,
     RemoveCharacter as RemoveCharacter,
+    Resize as Resize,
     Reply as Reply,
     Request as Request,
     Scan as Scan,
@@ -87,6 +89,7 @@ from .streams import (
     PoseMessage as PoseMessage,
     PropsMessage as PropsMessage,
     Revision as Revision,
+    SizeMessage as SizeMessage,
     StageMessage as StageMessage,
     StatusMessage as StatusMessage,
 )
@@ -105,6 +108,7 @@ from .topics import (
     REQUEST as REQUEST,
     SCAN as SCAN,
     SCAN_PIECE as SCAN_PIECE,
+    SIZES as SIZES,
     STAGE as STAGE,
     STATUS as STATUS,
     STREAMS as STREAMS,

@@ -19,6 +19,9 @@ Identity = Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
 Digest = Annotated[bytes, Meta(min_length=32, max_length=32)]
 """SHA-256 of some bytes."""
 Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
+MAX_GROWTH = 4.0
+"""How many times its own size a character may stand on a stage, and the inverse: from a cat to a house."""
+Growth = Annotated[float, Meta(ge=1 / MAX_GROWTH, le=MAX_GROWTH)]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """Finite: msgspec refuses NaN and infinities by the range."""
 Metres = Annotated[float, Meta(gt=0.0, le=100.0)]

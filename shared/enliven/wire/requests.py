@@ -13,6 +13,7 @@ from enliven.wire.fields import (
     MAX_SENT_BYTES,
     Count,
     Digest,
+    Growth,
     Identity,
     Metres,
     Name,
@@ -147,6 +148,22 @@ class RemoveCharacter(Order, frozen=True):
     character: Name
 
 
+class Resize(Order, frozen=True):
+    """Changes the size of a character (None: the one that is held, or would be) on the stage.
+
+    Attributes:
+        do: "hands": the distance between a performer's hands multiplies its size from now on; asked again,
+            or once they keep still, it stays. "end": it stays as it is. "set": it is of this size.
+        body: for "hands", the performer; None: who holds it, else the first in view.
+        size: for "set", how many times its own size.
+    """
+
+    do: Literal["hands", "end", "set"]
+    character: Name | None = None
+    body: Identity | None = None
+    size: Growth = 1.0
+
+
 class Scan(Order, frozen=True):
     """Scans with the edge's camera: what is to be done now.
 
@@ -224,7 +241,7 @@ SUPERSEDED = "superseded by a newer one"
 """The reason for refusing an order that a newer one of the same viewer replaced."""
 REQUESTS: list[type[Ask]] = [
     *(Hello, GetState, Possess, Release, Smooth, Lock, Look, Browse, Ping),
-    *(PutCharacter, CharacterPart, RemoveCharacter, Scan),
+    *(PutCharacter, CharacterPart, RemoveCharacter, Scan, Resize),
 ]
 """All requests that this program reads; a program that reads one more appends its class."""
 Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong

@@ -14,6 +14,7 @@ from enliven.wire.fields import (
     MAX_TRANSFORM_BYTES,
     MAX_TRANSFORMS,
     Count,
+    Growth,
     Identity,
     Name,
     Nanoseconds,
@@ -260,6 +261,19 @@ class StageMessage(Struct, array_like=True, frozen=True):
 
     time_ns: Nanoseconds
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
+
+
+class SizeMessage(Struct, array_like=True, frozen=True):
+    """How large a character stands on the stage, sent where that changed (topic "sizes").
+
+    Attributes:
+        size: how many times its own size.
+        body: the id of the performer who changes it by both hands; -1: it is not being changed.
+    """
+
+    character: Name
+    size: Growth
+    body: Identity = -1
 
 
 class CallMessage(Struct, array_like=True, frozen=True):

@@ -23,6 +23,7 @@ from enliven.wire.streams import (
     MatchesMessage,
     PoseMessage,
     PropsMessage,
+    SizeMessage,
     StageMessage,
     StatusMessage,
 )
@@ -92,6 +93,7 @@ HOLDS = register(
     Topic("holds", HoldMessage, "stream", 40 * 1024, 0, "every", latched=True, key=_character, recorded=True)
 )
 STAGE = register(Topic("stage", StageMessage, "stream", 128 * 1024, 0, "every", latched=True, recorded=True))
+SIZES = register(Topic("sizes", SizeMessage, "stream", 1024, 0, "newest", latched=True, key=_character))
 SCAN = register(Topic("scan", ScanMessage, "stream", 4 * 1024, 0, "newest", latched=True))
 SCAN_PIECE = register(
     Topic(

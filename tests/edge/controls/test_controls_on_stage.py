@@ -219,7 +219,7 @@ def test_lamps_show_the_stage_and_its_health(outlet):
 
 
 def test_all_words_are_known_to_somebody():
-    assert len(set(WORDS)) == 12
+    assert len(set(WORDS)) == 13
 
 
 def test_what_is_for_windows_is_told_to_them(outlet):

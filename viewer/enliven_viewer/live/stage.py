@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-from enliven.wire import Browse, Lock, Mode, Possess, Release, Smooth
+from enliven.wire import Browse, Lock, Mode, Possess, Release, Resize, Smooth
 from enliven_viewer.link import Feed
 from enliven_viewer.live.possession_choice import PossessionChoice
 from enliven_viewer.live.view_report import ViewReporter, hidden, turn_to_bones
@@ -84,6 +84,11 @@ class LiveStage:
         """Ask the feed to release the chosen character, or what the chosen performer holds, or all."""
         for name in [self.meant] if self.meant in self.held else self._named(None):
             self.feed.ask(Release(name, self.possession.body))
+
+    def scale_by_hands(self) -> None:
+        """Ask the feed that the distance between hands changes the size of a character, or that it stays."""
+        for name in self._named(self.meant)[:1]:
+            self.feed.ask(Resize("hands", name, self.possession.body))
 
     def choose_parts(self, number: int) -> None:
         """Choose the parts of the next possession, which are previewed from now on."""

@@ -10,9 +10,17 @@ from enliven.errors import InputError
 
 
 def handle_characters(
-    project: Project, names: Iterable[str], *, hidden: bool | None = None, locked: bool | None = None
+    project: Project,
+    names: Iterable[str],
+    *,
+    hidden: bool | None = None,
+    locked: bool | None = None,
+    size: float | None = None,
 ) -> Project:
     """A project in which characters are hidden or shown, locked or free; None leaves that as it is.
+
+    Args:
+        size: how many times their own size they stand on a stage.
 
     Raises:
         InputError: where there is no such character.
@@ -25,6 +33,7 @@ def handle_characters(
             now,
             hidden=now.hidden if hidden is None else hidden,
             locked=now.locked if locked is None else locked,
+            size=now.size if size is None else size,
         )
     return replace(project, handling=handling)
 

@@ -135,6 +135,20 @@ PERFORM_ACTIONS = (
     PerformAction("Possess beside others", "j", _live(lambda live: live.possess("join")), _HERE),
     PerformAction("Hold with these parts as well", "e", _live(lambda live: live.possess("extend")), _HERE),
     PerformAction("Release", "r", _live(LiveStage.release), _HERE),
+    PerformAction(
+        "Scale with both hands, or let it stay",
+        "x",
+        _live(LiveStage.scale_by_hands),
+        _HERE,
+        why_not=PerformSession.lacks_edge,
+    ),
+    PerformAction(
+        "Its own size again",
+        "z",
+        lambda session: session.live and session.sizes.reset(session.meant, session.live.feed.ask),
+        _HERE,
+        why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.meant),
+    ),
     *(
         PerformAction(f"With: {part}", str(n + 1), _live(lambda live, n=n: live.choose_parts(n)), _HERE)
         for n, part in enumerate(PARTS)

@@ -20,6 +20,7 @@ from enliven_viewer.studio.perform.nearby import NearbyEdge
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.recording import StageRecording
 from enliven_viewer.studio.perform.sender import StageSender
+from enliven_viewer.studio.perform.sizes import StageSizes
 from enliven_viewer.studio.perform.twins import Telling, Twins
 
 ROOMS = ("Perform", "Animate", "Model", "Play")
@@ -40,6 +41,7 @@ class PerformSession:
         there: the character that was chosen in the list of those on the stage, if it is not the project's.
         recording: from the stage onto the timeline.
         guests: other edges, which are seen and recorded as well.
+        sizes: how large characters stand on the stage.
         address: what is typed into the field.
     """
 
@@ -55,7 +57,7 @@ class PerformSession:
         self.recording = StageRecording(
             *(editor, lambda: self.live, lambda: self.connected, self._may, self.lacks_edge), self.guests
         )
-        self.sender = StageSender(editor.toasts.say)
+        self.sender, self.sizes = StageSender(editor.toasts.say), StageSizes(editor)
         self.address = ""
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
@@ -148,6 +150,7 @@ class PerformSession:
         self.there = ""
         self.editor.beside_box = None
         self.sender.forget()
+        self.sizes.forget()
         self.recording.recorder = LiveRecorder()
 
     @property
@@ -223,6 +226,7 @@ class PerformSession:
             if self.editor.draft is None:
                 self.sender.advance(self._client.stage, self.editor.project)
             self.recording.advance(seconds)
+            self.sizes.advance(self._client, self.standing)
         if self.live is None:
             return
         performs = self.room in ("Perform", "Play")

@@ -17,6 +17,12 @@ from enliven_viewer.theme import BAD, GLASS, INK, Colour
 
 _LARGE = 26.0
 """Pixels of the words about who holds what: read from three metres away."""
+_SIZE = 64.0
+"""Pixels of the words about the size of a character: read by who scales it, across the room."""
+_HOW = 20.0
+"""Pixels of the words about what hands do: read once, from two metres away."""
+_LEFT = 18.0
+"""Pixels from the left and the top of the picture to these words."""
 _COUNT = 150.0
 """Pixels of a beat of the count-in: seen by a performer across the room."""
 _BELOW = 64.0
@@ -47,6 +53,7 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
         hud.draw_choice(size, cards_of(live.scene, view), notice, among)
     if perform.room in ("Perform", "Play"):
         _holders(perform, draw, beside(area, workspace.widgets.get("performer inset")))
+        _size(perform, draw, area)
     _recording(perform, draw, area)
     draw.pop_clip_rect()
 
@@ -136,6 +143,19 @@ def _recording(perform: PerformSession, draw, area: Area) -> None:  # type: igno
         )
         draw.add_circle_filled(ImVec2(x - 20, y + 11), 7.0, packed(BAD))
         draw.add_text(imgui.get_font(), 20.0, ImVec2(x, y), packed(INK), text)
+
+
+def _size(perform: PerformSession, draw, area: Area) -> None:  # type: ignore[no-untyped-def]
+    """Draw at the left how large hands make a character, and what they do, beside the character."""
+    if perform.sizes.words is None:
+        return
+    left, top = area.x + _LEFT, area.y + _LEFT
+    for text, high in zip(perform.sizes.words, (_SIZE, _HOW), strict=True):
+        size = min(high, high * (area.width - 4 * _LEFT) / max(_wide(text, high), 1.0))
+        low, far = ImVec2(left, top), ImVec2(left + _wide(text, size) + 36, top + size + 14)
+        draw.add_rect_filled(low, far, packed((*GLASS[:3], 0.78)), 12.0)
+        draw.add_text(imgui.get_font(), size, ImVec2(left + 18, top + 7), packed(INK), text)
+        top += size + 20
 
 
 def _wide(text: str, size: float) -> float:

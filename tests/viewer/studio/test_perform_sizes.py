@@ -1,0 +1,113 @@
+"""Both hands scale a character of the project on a real edge: an edit, and undo reaches the stage."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from patience import PATIENCE
+from sample_meshes.chair import make_chair
+
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.formats.project import project_of_mesh
+from enliven.formats.project.file import project_bytes, project_of
+from enliven.frames import BodyFrame
+from enliven.person import Body, Joint
+from enliven.possession import ActorSettings, EmbeddedActor, standing_figure
+from enliven_edge.network.outlet import Outlet
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.workspace.workspace import Workspace
+
+STEP = 33_333_333
+HANDS = [Joint.HAND_LEFT, Joint.HAND_RIGHT]
+
+
+class Person:
+    """A sensor of one performer with the hands so many metres apart."""
+
+    name = "person"
+
+    def __init__(self) -> None:
+        self.away, self._count = 0.5, 0
+
+    def read(self, timeout: float | None = None) -> BodyFrame:
+        self._count += 1
+        joints = standing_figure() + np.array([0.0, 0.0, 2.0])
+        middle = joints[HANDS].mean(0)
+        joints[HANDS] = middle + np.array([[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]) * self.away
+        return BodyFrame([Body(1, joints, np.ones(20), stature=1.75)], self._count * STEP, self.name)
+
+    def close(self) -> None: ...
+
+
+class House:
+    """A real edge with a chair, and a workspace whose project has the chair too, on one thread."""
+
+    def __init__(self, outlet: Outlet, folder) -> None:  # type: ignore[no-untyped-def]
+        mesh = make_chair(0.08)
+        graph = DeformationGraph.build(mesh, nodes=24, seed=0)
+        self.actor = EmbeddedActor(
+            character_from(mesh, graph, "chair"), graph, ActorSettings(fade=0.1, fade_pace=100.0)
+        )
+        self.person = Person()
+        self.edge = Edge(self.person, Tracker(), Stage([self.actor]), outlet)
+        self.workspace = Workspace(Editor(project=project_of_mesh(mesh, "chair")), folder)
+        self.workspace.editor.choose("chair")
+        self.session = self.workspace.perform
+        self.session.room = "Perform"
+        self.session.connect(str(outlet.publisher.endpoint))
+
+    def until(self, done: Callable[[], object]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not done():
+            assert time.monotonic() < deadline, "it never came to be"
+            self.edge.step(self.person.read())
+            self.edge._listen()
+            self.session.advance(0.01)
+            time.sleep(0.002)
+
+
+@pytest.fixture
+def house(tmp_path) -> Iterator[House]:
+    with Outlet(WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), "person") as outlet:
+        made = House(outlet, tmp_path)
+        yield made
+        made.session.disconnect()
+
+
+def test_hands_scale_the_chair_it_is_kept_undone_and_set_anew(house: House) -> None:
+    session, editor, sizes = house.session, house.workspace.editor, house.session.sizes
+    first = editor.project
+    house.until(lambda: session.connected and session.performers and "chair" in session.standing)
+    assert session.meant == "chair" and not house.workspace.actions.do("perform.its_own_size_again")
+    house.workspace.actions.do("perform.scale_with_both_hands_or_let_it_stay")
+    house.until(lambda: sizes.going == "chair")
+    house.until(lambda: sizes.words is not None)
+    assert sizes.words[0] == "chair: 100%" and "apart" in sizes.words[1]
+    house.person.away = 1.2
+    house.until(lambda: sizes.of("chair") > 1.6)
+    assert editor.project is first, "nothing is kept before it stays"
+    house.until(lambda: sizes.going is None)  # the hands keep still
+    assert "It stays." in sizes.words
+    size = sizes.of("chair")
+    house.until(lambda: editor.project.handling)
+    assert editor.project.handling["chair"].size == pytest.approx(size)
+    kept = project_of(project_bytes(editor.project)).handling["chair"]
+    assert kept.size == pytest.approx(size), "it is saved"
+    # Undo and redo reach the stage.
+    editor.undo()
+    assert editor.project is first
+    house.until(lambda: house.actor.growth == 1.0 and sizes.of("chair") == 1.0)
+    editor.redo()
+    house.until(lambda: house.actor.growth == pytest.approx(size, rel=1e-3))
+    house.until(lambda: not sizes.lacks_size("chair"))
+    assert house.workspace.actions.do("perform.its_own_size_again")
+    house.until(lambda: house.actor.growth == 1.0)
+    assert not editor.project.handling, "it is as if it had never been"

@@ -1,0 +1,122 @@
+"""How large characters stand on the stage: what hands do becomes an edit, and undo reaches the stage."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection
+
+from enliven.document import FREE
+from enliven.modeling.edits import handle_characters
+from enliven.wire import SIZES, Answer, Order, Refused, Resize, SizeMessage
+from enliven_viewer.link import EdgeClient
+from enliven_viewer.studio.editor import Editor
+
+_SAME = 0.005
+"""Part of a size within which two are one: what an edge does not tell either."""
+_AGAIN = 1.0
+"""Seconds after which a size is asked for once more: an edge that was started again has forgotten it."""
+_SHOWN = 3.0
+"""Seconds for which the words stay after the size does."""
+
+
+class StageSizes:
+    """Follows the sizes that an edge tells, and tells it those of the project.
+
+    Attributes:
+        words: what is shown in large words: the character with its size, and what hands do; empty for none.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self._editor = editor
+        self.words: tuple[str, str] | None = None
+        self._told: dict[str, SizeMessage] = {}
+        self._asked: dict[str, tuple[float, float]] = {}
+        self._words_until = 0.0
+
+    @property
+    def going(self) -> str | None:
+        """The character that hands are changing; None for none."""
+        return next((name for name, said in self._told.items() if said.body >= 0), None)
+
+    def of(self, name: str) -> float:
+        """How many times its own size a character stands on the stage."""
+        return self._told[name].size if name in self._told else 1.0
+
+    def wanted(self, name: str) -> float:
+        """How many times its own size a character of the project should stand there."""
+        return self._editor.project.handling.get(name, FREE).size
+
+    def advance(self, client: EdgeClient, standing: Collection[str]) -> None:
+        """Take in what the edge tells; keep what hands did; ask for what the project says otherwise."""
+        client.take(SIZES)
+        before, self._told = self._told, {}
+        for said in client.latest(SIZES).values():
+            if said.character in standing:
+                self._told[said.character] = said
+        self._say(before)
+        if self._editor.draft is not None:
+            return
+        for name in standing:
+            if name not in self._editor.project.characters or name == self.going:
+                continue
+            if name in before and before[name].body >= 0:
+                self._keep(name)
+            elif abs(self.of(name) / self.wanted(name) - 1.0) > _SAME:
+                self._ask(name, client)
+
+    def forget(self) -> None:
+        """Forget what the edge told: the link is closed."""
+        self.words, self._told, self._asked = None, {}, {}
+
+    def reset(self, name: str | None, ask: Callable[[Order], object]) -> None:
+        """Give a character its own size again: as an edit where it is the project's."""
+        if name in self._editor.project.characters:
+            self._edit(name, 1.0)
+        elif name is not None:
+            ask(Resize("set", name))
+
+    def lacks_size(self, name: str | None) -> str:
+        """Why a character has its own size already, and what to do about it; empty where it has not."""
+        if name is not None and max(abs(self.of(name) - 1.0), abs(self.wanted(name) - 1.0)) > _SAME:
+            return ""
+        return "It has its own size. Scale it with both hands first"
+
+    def _say(self, before: dict[str, SizeMessage]) -> None:
+        """Choose the words that are shown."""
+        now = time.monotonic()
+        if self.going is not None:
+            size = f"{self.going}: {self.of(self.going):.0%}"
+            self.words = size, "Hands apart: larger. Together: smaller. Hold still, and it stays."
+            self._words_until = now + _SHOWN
+        elif self.words is not None:
+            ended = next((name for name, said in before.items() if said.body >= 0), None)
+            if ended is not None:
+                self.words = f"{ended}: {self.of(ended):.0%}", "It stays."
+                self._editor.frame_all(reset=False)
+            if now > self._words_until:
+                self.words = None
+
+    def _keep(self, name: str) -> None:
+        """Make what hands did an edit of the project."""
+        if abs(self.of(name) / self.wanted(name) - 1.0) > _SAME:
+            self._edit(name, self.of(name))
+
+    def _edit(self, name: str, size: float) -> None:
+        self._editor.edit(
+            f"size of {name}: {size:.0%}",
+            lambda project: handle_characters(project, [name], size=size),
+            over_locks=True,
+        )
+
+    def _ask(self, name: str, client: EdgeClient) -> None:
+        """Ask for the project's size; not again before the edge may have answered, nor after it refused."""
+        size, now = self.wanted(name), time.monotonic()
+        asked, when = self._asked.get(name, (0.0, -_AGAIN))
+        if asked != size or now - when > _AGAIN:
+            self._asked[name] = size, now
+            client.ask(Resize("set", name, size=size), lambda answer: self._answered(name, size, answer))
+
+    def _answered(self, name: str, size: float, answer: Answer) -> None:
+        if isinstance(answer, Refused):
+            self._asked[name] = size, float("inf")
+            self._editor.toasts.say(f"{name} stays as large as it is on the stage", answer.reason)
