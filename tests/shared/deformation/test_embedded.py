@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from enliven import rotation
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.embedded.energy import gradient
-from enliven.deformation.embedded.lbfgs import descend, record_energies
+from enliven.deformation.embedded.lbfgs import UNLIMITED, descend, record_energies
 from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
 from enliven.deformation.embedded.preconditioner import align, precondition, refactor
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
@@ -468,7 +468,7 @@ def test_the_energy_never_rises(seed, size):
     before = gradient(x, solver._terms, solver._planes, room)[5]
     for _ in range(30):
         record_energies(solver._work, gradient(x, solver._terms, solver._planes, solver._work.raw))
-        descend(x, solver._terms, solver._planes, solver._system, solver._work, 1, 0.0)
+        descend(x, solver._terms, solver._planes, solver._system, solver._work, 1, 0.0, UNLIMITED)
         after = gradient(x, solver._terms, solver._planes, room)[5]
         assert after <= before * (1 + 1e-12) + 1e-12
         before = after

@@ -1,11 +1,15 @@
 """How near a frame comes to the minimum: against a plain Gauss-Newton from the frame's own answer."""
 
+from concurrent.futures import Future
+
 import numpy as np
 from creatures import random_problem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_gauss_newton import PlainGaussNewton
 
+from enliven.deformation.embedded import renewal
+from enliven.deformation.embedded.lbfgs import UNLIMITED
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 
 GAP = 0.002
@@ -51,3 +55,46 @@ def test_what_a_frame_cannot_do_in_its_steps_is_said_and_made_up_by_the_next(see
             break
     assert solver.settled
     assert gap_of(peer, solver, targets) <= GAP
+
+
+@settings(deadline=None, max_examples=4)
+@given(st.integers(0, 2**32 - 1), st.integers(12, 48))
+def test_a_frame_beyond_its_budget_says_so_and_the_next_make_it_up(seed, nodes):
+    """A budget far below what one step takes: each frame is one step, on any machine."""
+    problem = random_problem(seed, nodes, 8, 1.0)
+    solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(budget_ms=1e-6))
+    for targets in problem.targets:
+        solver.solve(targets)
+        assert solver.iterations == 1 or solver.settled
+    before = np.inf
+    for _ in range(100):
+        solver.solve(targets)
+        assert solver.energy["total"] <= before * (1 + 1e-9)
+        before = solver.energy["total"]
+        if solver.settled:
+            break
+    assert solver.settled
+    peer = PlainGaussNewton(problem.graph, problem.points)
+    assert gap_of(peer, solver, targets) <= GAP
+
+
+def test_a_matrix_made_beside_is_the_one_that_would_be_made_at_once(monkeypatch):
+    """Frames are the same, bit for bit, whether another thread makes the matrices or the caller waits."""
+    problem, frames = random_problem(3, 24, 8, 1.0), []
+    for beside in (True, False):
+        solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(budget_ms=1e-6))
+        solver._allowance = UNLIMITED
+        if not beside:
+            monkeypatch.setattr(renewal, "_second", AtOnce)
+        frames.append([solver.solve(targets)[1] for targets in problem.targets])
+    np.testing.assert_array_equal(frames[0], frames[1])
+
+
+class AtOnce:
+    """Does what a second thread would do, at once."""
+
+    def submit(self, work, *arguments):
+        """Returns what is done already."""
+        done = Future()
+        done.set_result(work(*arguments))
+        return done

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.deformation.embedded.block_cholesky import SIZE
-from enliven.deformation.embedded.node_blocks import add_geometric, couple, decouple, stretch_block
+from enliven.deformation.embedded.node_blocks import (
+    add_geometric,
+    couple,
+    decouple,
+    leave_coupled,
+    stretch_block,
+)
 from enliven.kernels import njit
 from enliven.lanes import fma8, load8, store8
 
@@ -48,10 +54,11 @@ def assemble(x, t, planes, raw, s, ridge):  # type: ignore[no-untyped-def]
     lower[:] = np.float32(0.0)
     s.held[:] = 0.0
     s.first[:] = 0.0
+    room, blocks = np.empty((3, 3, 3)), np.zeros((3, SIZE), np.float32)
     for j in range(start.shape[0] - 1):
         for r in range(6):
             lower[SIZE * start[j] + 9 * r] = ridge
-        add_geometric(x, raw, t.stretch[j], j, lower, SIZE * start[j])
+        add_geometric(x, raw, t.stretch[j], j, lower, SIZE * start[j], room[0], room[1])
     _add_edges(t, s)
     for m in range(t.rigid.shape[0]):
         _add_rigid(lower, start, frames, t, s.edge_block, m)
@@ -60,10 +67,19 @@ def assemble(x, t, planes, raw, s, ridge):  # type: ignore[no-untyped-def]
         couple(s.linear, s.held, s.first, j, s.coupling, SIZE * j)
     if planes.nodes.shape[0] > 0:
         _add_planes(planes, s)
-    room, block, product = np.empty((3, 3, 3)), np.empty(2 * SIZE, np.float32), np.empty(SIZE, np.float32)
     for j in range(start.shape[0] - 1):
-        stretch_block(s.linear, s.held, 9 * j, t.stretch[j], room, block)
-        decouple(s.lower, SIZE * start[j], s.coupling, s.compliance, SIZE * j, block, product)
+        _hold_stretch(s, t.stretch[j], j, room, blocks)
+
+
+@njit(cache=True, nogil=True)
+def _hold_stretch(s, w, j, room, blocks):  # type: ignore[no-untyped-def]
+    """What holds a node's stretch, and how its turn and shift give way; as much of both as stays definite."""
+    own, at = SIZE * s.start[j], SIZE * j
+    for whole in (1.0, 0.0):
+        stretch_block(s.linear, s.held, 9 * j, w, whole, room, blocks[0])
+        if decouple(s.lower, own, s.coupling, s.compliance, at, blocks[0], blocks[1], blocks[2]):
+            return
+    leave_coupled(s.coupling, s.compliance, at, blocks[0])
 
 
 @njit(cache=True, nogil=True)

@@ -106,7 +106,7 @@ def factorise(start, row, product, lower, upper):  # type: ignore[no-untyped-def
             return False
         transpose6(lower, SIZE * first, upper, SIZE * first)
         for b in range(first + 1, last):
-            _times(lower, SIZE * b, upper, SIZE * first)
+            times(lower, SIZE * b, upper, SIZE * first)
             transpose6(lower, SIZE * b, upper, SIZE * b)
         for d in range(first + 1, last):
             p = _take_products(lower, upper, product, p, d, last)
@@ -137,7 +137,7 @@ def _take_products(lower, upper, product, p, first, last):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def _times(lower, target, upper, right):  # type: ignore[no-untyped-def]
+def times(lower, target, upper, right):  # type: ignore[no-untyped-def]
     """target = target right, where the rows of ``right`` stand in ``upper``."""
     a, b, c = load8(upper, right), load8(upper, right + 8), load8(upper, right + 16)
     d, e, f = load8(upper, right + 24), load8(upper, right + 32), load8(upper, right + 40)
@@ -154,24 +154,27 @@ def invert_factor(a):  # type: ignore[no-untyped-def]
 
     Only the lower half of ``a`` is read.
     """
+    one = np.float32(1.0)
     for j in range(6):
-        for i in range(j, 6):
+        total = a[9 * j]
+        for m in range(j):
+            total -= a[8 * j + m] * a[8 * j + m]
+        if not total > 0.0:
+            return False
+        # One division a column: the rest are products with the inverse of the root.
+        inverse = one / np.sqrt(total)
+        a[9 * j] = inverse
+        for i in range(j + 1, 6):
             total = a[8 * i + j]
             for m in range(j):
                 total -= a[8 * i + m] * a[8 * j + m]
-            if i == j:
-                if not total > 0.0:
-                    return False
-                a[9 * j] = np.sqrt(total)
-            else:
-                a[8 * i + j] = total / a[9 * j]
+            a[8 * i + j] = total * inverse
     for j in range(6):
-        a[9 * j] = np.float32(1.0) / a[9 * j]
         for i in range(j + 1, 6):
             total = np.float32(0.0)
             for m in range(j, i):
                 total -= a[8 * i + m] * a[8 * m + j]
-            a[8 * i + j] = total / a[9 * i]
+            a[8 * i + j] = total * a[9 * i]
         for i in range(j):
             a[8 * i + j] = 0.0
     return True

@@ -40,6 +40,28 @@ _SURE = 0.1
 """The part of the tolerance below which a step in a soft direction ends the frame."""
 
 
+_LEAST = 4
+"""Steps that a frame with a budget has to have left beside a new matrix that its age alone asks for."""
+
+
+class Allowance(NamedTuple):
+    """What a frame may cost, in steps.
+
+    Attributes:
+        room: steps that a frame may cost; infinite without a budget.
+        matrix: a new matrix, in steps.
+        retry: another length of a step, in steps.
+    """
+
+    room: float
+    matrix: float
+    retry: float
+
+
+UNLIMITED = Allowance(np.inf, 0.0, 0.0)
+"""No budget: only the count of steps ends a frame."""
+
+
 class SolverBuffers(NamedTuple):
     """The arrays of the descent for N nodes, P step pairs; nothing else is allocated in a frame.
 
@@ -95,7 +117,7 @@ def _add_scaled(u, scale, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def solve_frame(x, rest, t, planes, system, work, most, tolerance):  # type: ignore[no-untyped-def]
+def solve_frame(x, rest, t, planes, system, work, most, tolerance, allowance):  # type: ignore[no-untyped-def]
     """Kernel: minimise the energy from ``x``, in place; returns the number of iterations.
 
     No step turns a node inside out. One that comes so from a bad start is set upright first; one that is
@@ -105,7 +127,7 @@ def solve_frame(x, rest, t, planes, system, work, most, tolerance):  # type: ign
         record_energies(work, gradient(x, t, planes, work.raw))
     if set_upright(x, t.edges):
         record_energies(work, gradient(x, t, planes, work.raw))
-    done = descend(x, t, planes, system, work, most, tolerance)
+    done = descend(x, t, planes, system, work, most, tolerance, allowance)
     note_age(work.age, done)
     if thicken(x):
         record_energies(work, gradient(x, t, planes, work.raw))
@@ -134,28 +156,36 @@ def note_age(age, done):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def descend(x, t, planes, system, work, most, tolerance):  # type: ignore[no-untyped-def]
+def descend(x, t, planes, system, work, most, tolerance, allowance):  # type: ignore[no-untyped-def]
     """Kernel: L-BFGS from ``x``, in place; returns the number of iterations. ``work.raw`` is the gradient at
     ``x``, ``work.energies`` are its energies.
 
     It ends with the first step that promised to lower the energy by less than ``tolerance`` of it; a step
     leaves only a small part of what it promised. Where this step or the one before gained more than promised,
     the energy is softer there than the matrix has it, and the promise is no bound: it has to be smaller.
-    ``work.age[2]`` tells whether it ended so, or after the ``most`` iterations.
+    ``work.age[2]`` tells whether it ended so, or after the ``most`` iterations or what the ``allowance`` has
+    room for. One step is always made, and before it the matrix, where there is none for these constraints.
     """
     now, before = work.now, work.before
     force_in_node_frame(x, work.raw, now)
     age = work.age
     age[2] = 1
-    if age[1] > _worth(system) or outdated(t, planes, system, _REPULLED):
+    spent = 0.0
+    aged = age[1] > _worth(system) and allowance.room >= allowance.matrix + _LEAST
+    if aged or outdated(t, planes, system, _REPULLED):
         refactor(x, t, planes, work.raw, system)
         age[0], age[1] = -1, 0
+        spent += allowance.matrix
     else:
         align(x, system)
     kept = np.int64(0)  # a plain 0 is a type of its own, for which the callees would be compiled again
     soft = False
     for iteration in range(most):
-        if iteration > 0 and iteration % _ANEW == 0:
+        if iteration > 0 and spent >= allowance.room:
+            age[2] = 0
+            return iteration
+        if iteration > 0 and iteration % _ANEW == 0 and allowance.room >= spent + allowance.matrix + _LEAST:
+            spent += allowance.matrix
             refactor(x, t, planes, work.raw, system)
             age[0], age[1] = -1, 0
             kept = np.int64(0)
@@ -164,7 +194,9 @@ def descend(x, t, planes, system, work, most, tolerance):  # type: ignore[no-unt
             return iteration
         copy_row(before, now)
         energy = work.energies[5]
-        if not _step(x, slope, t, planes, work):
+        tries = _step(x, slope, t, planes, work)
+        spent += 1.0 + allowance.retry * (abs(tries) - 1)
+        if tries < 0:
             if kept == 0:
                 return iteration
             kept, soft = np.int64(0), False
@@ -180,7 +212,8 @@ def descend(x, t, planes, system, work, most, tolerance):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def _step(x, slope, t, planes, work):  # type: ignore[no-untyped-def]
-    """Go along ``work.own`` as far as it lowers the energy; False where it does not.
+    """Go along ``work.own`` as far as it lowers the energy; returns how many lengths were tried, below 0
+    where none lowers it.
 
     ``work.now`` takes the derivative there, and ``work.own`` the part that was gone. The full step is nearly
     always the right one.
@@ -188,7 +221,7 @@ def _step(x, slope, t, planes, work):  # type: ignore[no-untyped-def]
     here = work.from_here
     copy_row(here, x)
     energy, length = work.energies[5], 1.0
-    for _ in range(_HALVINGS):
+    for tried in range(_HALVINGS):
         step_in_node_frame(here, work.own, length, x)
         energies = gradient(x, t, planes, work.raw)
         if energies[5] <= energy + _ARMIJO * length * slope:
@@ -196,13 +229,13 @@ def _step(x, slope, t, planes, work):  # type: ignore[no-untyped-def]
             force_in_node_frame(x, work.raw, work.now)
             for i in range(work.own.shape[0]):
                 work.own[i] *= length
-            return True
+            return tried + 1
         # The parabola through the two energies and the slope.
         rise = energies[5] - energy - length * slope
         best = -slope * length * length / (2.0 * rise) if np.isfinite(rise) and rise > 0.0 else 0.0
         length = max(0.1 * length, min(0.5 * length, best))
     copy_row(x, here)
-    return False
+    return -_HALVINGS
 
 
 @njit(cache=True, nogil=True)
@@ -234,3 +267,19 @@ def _direction(now, work, kept, system):  # type: ignore[no-untyped-def]
         m = k % _PAIRS
         _add_scaled(way, share[m] - _dot(work.changes[m], way) / work.curvatures[m], work.steps[m])
     return _dot(now, way)
+
+
+@njit(cache=True, nogil=True)
+def full_step(x, t, planes, system, work):  # type: ignore[no-untyped-def]
+    """Kernel: a step with all pairs kept, and back: what a step costs; ``work`` is empty room."""
+    for m in range(_PAIRS):
+        work.curvatures[m] = 1.0
+    record_energies(work, gradient(x, t, planes, work.raw))
+    force_in_node_frame(x, work.raw, work.now)
+    slope = _direction(work.now, work, np.int64(_PAIRS), system)
+    copy_row(work.last, x)
+    _step(x, slope, t, planes, work)
+    _remember(work, np.int64(0))
+    copy_row(x, work.last)
+    for i in range(work.now.shape[0]):
+        work.steps[0, i] = work.changes[0, i] = 0.0

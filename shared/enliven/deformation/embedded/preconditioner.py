@@ -90,6 +90,11 @@ class RigidSystem(NamedTuple):
             np.zeros(8 * count, np.float32),
         )
 
+    def twin(self) -> RigidSystem:
+        """Room for another matrix of the same pattern."""
+        pattern = ("start", "row", "product", "edge_block", "pair_block")
+        return self._replace(**{n: np.zeros_like(v) for n, v in self._asdict().items() if n not in pattern})
+
 
 @njit(cache=True, nogil=True)
 def outdated(t, planes, s, repulled):  # type: ignore[no-untyped-def]

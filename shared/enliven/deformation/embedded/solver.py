@@ -27,10 +27,12 @@ import numpy as np
 from enliven.arrays import Float, Int32
 from enliven.deformation.constraints import PlaneConstraints, PointConstraints
 from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
+from enliven.deformation.embedded.budget import allowance_of
 from enliven.deformation.embedded.energy import Planes, Terms, gradient
-from enliven.deformation.embedded.lbfgs import SolverBuffers, record_energies, solve_frame
+from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, record_energies, solve_frame
 from enliven.deformation.embedded.node_frame import plain_state
 from enliven.deformation.embedded.preconditioner import RigidSystem
+from enliven.deformation.embedded.renewal import MatrixRenewal
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.kernels import njit
@@ -38,6 +40,8 @@ from enliven.settings import setting
 
 _STALE = 1 << 30
 """Steps that count as an age at which a matrix is always made anew."""
+_STILL = 2
+"""Steps up to which a frame has not moved enough for another matrix."""
 _FARTHEST = 1e4
 """Metres; a target farther away than this is no measurement."""
 _NONE = np.empty(0)
@@ -61,6 +65,15 @@ class EmbeddedSettings:
     )
     planes: float = setting(10.0, "Weight of soft planes: the floor, limbs beside limbs, depth.", low=0.0)
     iterations: int = setting(60, "Most iterations in a frame.", low=1, high=3000)
+    budget_ms: float = setting(
+        0.0,
+        "About the most milliseconds of a frame: it is counted in steps, which are timed once, at the "
+        "first hold; the best so far is shown, and the next frames make up the rest. 0: no limit, and the "
+        "same input gives the same frames.",
+        low=0.0,
+        high=1000.0,
+        unit="ms",
+    )
     tolerance: float = setting(
         1e-4,
         "A frame is done after an iteration that promised to lower the energy by less than this part, or a "
@@ -84,7 +97,8 @@ class EmbeddedSolver:
         energy: "rotation", "smoothness", "constraint", "rigidity", "planes" and "total", weighted.
         iterations: of the last frame.
         settled: whether the last frame came as near to the minimum as ``tolerance`` says; False where it ran
-            out of its ``iterations``. The next frames start from its answer and make it up.
+            out of its ``iterations`` or its ``budget_ms``. The next frames start from its answer and make it
+            up.
     """
 
     def __init__(
@@ -105,7 +119,8 @@ class EmbeddedSolver:
         self._place = np.empty(count, np.int64)
         self._place[self._order] = np.arange(count)
         self._terms = self._terms_of(attachment, _checked_stiffness(stiffness, count))
-        self._system = RigidSystem.empty(analyse(count, self._place[pairs]), self._terms)
+        system = RigidSystem.empty(analyse(count, self._place[pairs]), self._terms)
+        self._matrix = MatrixRenewal(system, self.settings.budget_ms > 0.0)
         self._work = SolverBuffers.empty(count)
         self._rest = np.zeros((count, 4, 4))
         self._rest[:, :3, :3] = np.eye(3)
@@ -116,7 +131,12 @@ class EmbeddedSolver:
         self.energy: dict[str, float] = {}
         self.iterations = 0
         self.settled = True
+        self._allowance = UNLIMITED
         self.reset(start)
+        if self.settings.budget_ms > 0.0:
+            self._allowance = allowance_of(
+                self.settings.budget_ms, self._x.reshape(-1), self._terms, self._planes, self._system
+            )
 
     def _terms_of(self, attachment: PointConstraints, stiffness: Float) -> Terms:
         """The energy's constants, with the nodes numbered in elimination order."""
@@ -175,6 +195,7 @@ class EmbeddedSolver:
 
     def reset(self, start: tuple[Float, Float] | None = None) -> None:
         """Go to ``start`` (linear parts, positions), or to rest."""
+        self._matrix.latest()
         if start is None:
             self._x[:] = self._rest
         else:
@@ -198,6 +219,8 @@ class EmbeddedSolver:
         Returns:
             (N, 3, 3) the nodes' linear parts R_j and (N, 3) their positions g_j + t_j; always finite.
         """
+        if self._matrix.latest():
+            self._work.age[:2] = -1, 0
         self._take(targets, weights)
         self._planes = self._planes_of(planes)
         self.iterations = solve_frame(
@@ -209,10 +232,18 @@ class EmbeddedSolver:
             self._work,
             self.settings.iterations,
             self.settings.tolerance,
+            self._allowance,
         )
         self.settled = bool(self._work.age[2])
+        if self.iterations > _STILL and self._planes is _NO_PLANES:
+            self._matrix.renew(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
         self._report()
         return self.state()
+
+    @property
+    def _system(self) -> RigidSystem:
+        """The matrix in use."""
+        return self._matrix.system
 
     def state(self) -> tuple[Float, Float]:
         """(N, 3, 3) linear parts and (N, 3) positions as they are."""

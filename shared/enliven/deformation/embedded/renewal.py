@@ -1,0 +1,56 @@
+"""A matrix made anew on a second thread, between two frames, for the next.
+
+Making it is what made single frames slow: of a frame with 1,024 nodes half. The next frame always takes the
+matrix that was made at the end of the last one, and waits for it where it comes early: the same input gives
+the same frames, however fast the machine is. It turns with the nodes like any (``preconditioner.align``).
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache
+
+from enliven.arrays import Float
+from enliven.deformation.embedded.energy import Planes, Terms
+from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
+
+_DEAR = 200
+"""Nodes from which on matrices are made beside: with fewer, one takes less than waking a thread is worth."""
+
+
+@cache
+def _second() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, "enliven-matrix")
+
+
+class MatrixRenewal:
+    """The matrix in use, and room for its successor.
+
+    Args:
+        system: empty.
+        always: whether small graphs' matrices are made beside too.
+
+    Attributes:
+        system: the matrix in use.
+    """
+
+    def __init__(self, system: RigidSystem, always: bool) -> None:
+        self.system = system
+        self._next = system.twin() if always or len(system.start) > _DEAR else None
+        self._under_way: Future[None] | None = None
+
+    def renew(self, x: Float, terms: Terms, planes: Planes, raw: Float) -> None:
+        """Begin to make the matrix at ``x`` (16 N,), where ``raw`` (16 N,) is dE/dx.
+
+        Nothing of these may change until :meth:`latest`.
+        """
+        if self._next is not None:
+            self._under_way = _second().submit(refactor, x, terms, planes, raw, self._next)
+
+    def latest(self) -> bool:
+        """Take the matrix that was begun into use, once it is done; False where none was."""
+        if self._under_way is None or self._next is None:
+            return False
+        self._under_way.result()
+        self._under_way, self.system, self._next = None, self._next, self.system
+        return True
