@@ -61,7 +61,7 @@ class Key:
     trunk: dict[str, Any] = field(default_factory=dict)
 
 
-_HANG = Wrist(0.10, -0.52, 0.05, (0.5, -0.2, -0.8))
+_HANG = Wrist(0.25, -0.52, 0.05, (0.5, -0.2, -0.8))
 _FOLD_OVER, _FOLD_UNDER = Wrist(-0.12, -0.20, 0.20), Wrist(-0.10, -0.25, 0.165)
 _HIP = Wrist(0.17, -0.43, 0.06, (1.0, 0.0, -0.3))
 _BELLY, _BELLY_UNDER = Wrist(0.0, -0.34, 0.20), Wrist(0.02, -0.38, 0.185)

@@ -8,6 +8,7 @@ from numpy.random import Generator
 from enliven.arrays import Float
 from enliven.person import Limb
 from enliven_synthesis.body import Performer, about_x, about_y, about_z, reach
+from enliven_synthesis.training.close_arms import CLOSE_HOLDS, close_wrists, reach_close
 
 _ANGLES: dict[str, tuple[tuple[float, float], ...]] = {
     "hang": ((-0.25, 0.3), (0.05, 0.35), (-0.4, 0.6), (0.05, 0.6)),
@@ -33,10 +34,17 @@ _TARGETS: dict[str, tuple[float, float, float]] = {
     "other shoulder": (-0.16, -0.05, 0.1),
 }
 """Metres in the chest's frame: places of the left wrist of a person of 1.75 m."""
-HOLDS = (*_ANGLES, *_TARGETS, "anywhere")
-"""The names of all ways to hold an arm."""
+_HOLDS = (*_ANGLES, *_TARGETS)
+"""The names of the ways to hold an arm whatever the other one does."""
+HOLDS = (*_HOLDS, *CLOSE_HOLDS, "anywhere")
+"""The names of all ways to hold the arms."""
+_CLOSE = 0.4
+"""Share of the people who hold both arms close before the trunk: performers do, and it is hard to see."""
 _TRIES = 12
 """Tries to hold an arm outside trunk and head, before it is held out: enough for nearly every way."""
+
+_OUTWARD = 0.01
+"""Metres by which arms that are held close come away from the trunk with each try."""
 
 
 def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: str | None = None) -> None:
@@ -45,6 +53,9 @@ def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: st
     Args:
         hold: a name of :data:`HOLDS` for both arms; None: random, often the same for both.
     """
+    if hold in CLOSE_HOLDS or (hold is None and rng.random() < _CLOSE):
+        _hold_close(performer, rotations, rng, hold)
+        return
     left = hold or _hold(rng)
     right = left if hold is not None or rng.random() < 0.4 else _hold(rng)
     for side, name in enumerate((left, right)):
@@ -56,11 +67,23 @@ def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: st
             _turn_arm(performer, rotations, rng, "out", side)
 
 
+def _hold_close(performer: Performer, rotations: Float, rng: Generator, hold: str | None) -> None:
+    """Holds both arms close before the trunk, in place; one that cannot is held out."""
+    for n in range(_TRIES):
+        for side, wrist in enumerate(close_wrists(performer, rng, hold, n * _OUTWARD)):
+            _place_arm(rotations, rng, *reach_close(performer, rotations, wrist, side), side)
+        inside = [_inside_trunk(performer, rotations, side) for side in (0, 1)]
+        if not any(inside):
+            return
+    for side in np.flatnonzero(inside):
+        _turn_arm(performer, rotations, rng, "out", int(side))
+
+
 def _hold(rng: Generator) -> str:
     """Returns a random way to hold an arm; "anywhere" has a share of a quarter."""
     if rng.random() < 0.25:
         return "anywhere"
-    return HOLDS[int(rng.integers(len(HOLDS) - 1))]
+    return _HOLDS[int(rng.integers(len(_HOLDS)))]
 
 
 def _turn_arm(performer: Performer, rotations: Float, rng: Generator, name: str, side: int) -> None:
@@ -75,6 +98,12 @@ def _turn_arm(performer: Performer, rotations: Float, rng: Generator, name: str,
         else:
             flex, abduct, twist, elbow = (rng.uniform(*r) for r in _ANGLES[name])
         upper = chest @ about_z(sign * abduct) @ about_x(-flex) @ about_y(-sign * twist)
+    _place_arm(rotations, rng, upper, elbow, side)
+
+
+def _place_arm(rotations: Float, rng: Generator, upper: Float, elbow: float, side: int) -> None:
+    """Writes upper arm, forearm with its bend in radians, and a random hand into the rotations."""
+    sign = 1.0 - 2.0 * side
     fore = upper @ about_x(-elbow)
     palm = about_y(-sign * rng.uniform(-0.8, 1.6)) @ about_z(-sign * rng.normal(0, 0.3))
     rotations[Limb.UPPER_ARM_LEFT + side] = upper

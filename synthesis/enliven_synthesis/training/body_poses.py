@@ -118,6 +118,14 @@ def _sit(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.12))  # fmt: skip
 
 
+def _sit_down(rng: Generator) -> TrunkAndLegs:
+    """Sits down or rises: the trunk leans forward over bent knees, as balance asks."""
+    knee = rng.uniform(0.7, 1.7)
+    legs = [_planted(0.8 * knee + rng.normal(0, 0.1), knee + rng.normal(0, 0.1), rng, 0.15) for _ in range(2)]
+    return TrunkAndLegs(legs[0], legs[1], rng.uniform(0.2, 0.8), rng.normal(0, 0.05), rng.uniform(0.0, 0.6),
+                  rng.normal(0, 0.1))  # fmt: skip
+
+
 def _bow(rng: Generator) -> TrunkAndLegs:
     """Bends to the floor, more or less."""
     depth = rng.uniform(0.4, 1.0)
@@ -212,6 +220,7 @@ _FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] = {
     "crouch": (0.12, _crouch),
     "kneel": (0.09, _kneel),
     "sit": (0.06, _sit),
+    "sit down": (0.05, _sit_down),
     "bow": (0.08, _bow),
     "one leg": (0.08, _one_leg),
     "high leg": (0.05, _high_leg),
@@ -252,7 +261,7 @@ def random_figure(
 
 def _hangs(family: str, rng: Generator) -> bool:
     """Returns whether the arms hang, as they do when a person reaches for the floor."""
-    return family == "bow" and rng.random() < 0.6
+    return family == "bow" and rng.random() < 0.4
 
 
 def _turn_trunk(rotations: Float, heading: Float, pose: TrunkAndLegs, rng: Generator) -> None:

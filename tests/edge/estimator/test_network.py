@@ -154,7 +154,8 @@ def test_in_eight_bits_it_says_nearly_the_same_in_a_third_of_the_size(album, tmp
     export(network, whole)
     quantise(whole, small, album, BACK)
     batch = album.batch(np.arange(BACK))
-    told = np.stack([np.cos(batch.facing), np.sin(batch.facing), batch.cell], 1).astype(np.float32)
+    facing = np.nan_to_num(batch.facing)  # clutter faces nowhere
+    told = np.stack([np.cos(facing), np.sin(facing), batch.cell], 1).astype(np.float32)
     (joints, _, _, parts), (near, _, _, alike) = (
         PoseEstimator(path)._session.run(None, {"image": batch.image, "told": told})
         for path in (whole, small)

@@ -5,21 +5,38 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from enliven.person import Limb
 from enliven.person.joints import Joint
 from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.training.arm_poses import HOLDS, _inside_trunk
 from enliven_synthesis.training.body_poses import FAMILIES, random_figure
+from enliven_synthesis.training.close_arms import CLOSE_HOLDS
 from enliven_synthesis.training.rendering import random_build
 
+WRISTS = [Joint.WRIST_LEFT, Joint.WRIST_RIGHT]
 ANKLES = [Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]
 
 
-def figures(family: str, count: int = 60) -> list[Figure]:
+def figures(family: str, count: int = 60, arms: str | None = None) -> list[Figure]:
     """As many figures of a family, of any build."""
+    return [figure for _, figure in performers(family, count, arms)]
+
+
+def performers(family: str, count: int, arms: str | None) -> list[tuple[Performer, Figure]]:
+    """As many people of any build, each with a figure of a family."""
     made = []
     for seed in range(count):
         dice = np.random.default_rng([7, seed])
-        made.append(random_figure(Performer(random_build(dice)), dice, dice.uniform(-3, 3), family))
+        performer = Performer(random_build(dice))
+        made.append((performer, random_figure(performer, dice, dice.uniform(-3, 3), family, arms)))
     return made
+
+
+def wrists_of_chest(performer: Performer, figure: Figure) -> np.ndarray:
+    """(2, 3) metres of a person of 1.75 m: outward, up and ahead of the wrists in the chest's frame."""
+    chest = figure.frames[Limb.CHEST]
+    local = (figure.joints[WRISTS] - chest[:, 3]) @ chest[:, :3] / performer.scale
+    return local * np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 
 
 def test_a_high_leg_is_high_while_the_other_stands():
@@ -49,3 +66,31 @@ def test_either_leg_is_the_high_one_and_the_trunk_leans_away_from_it():
 def test_nobody_is_in_the_floor_or_above_it(family):
     for figure in figures(family, 12):
         assert -0.06 < figure.joints[:, 1].min() < 0.2
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+def test_no_arm_is_inside_the_trunk_or_the_head(hold):
+    for performer, figure in performers("stand", 8, hold):
+        rotations = figure.frames[:, :, :3]
+        assert not any(_inside_trunk(performer, rotations, side) for side in (0, 1))
+
+
+@pytest.mark.parametrize("hold", CLOSE_HOLDS)
+def test_arms_held_close_are_near_the_trunk_or_ahead_of_it(hold):
+    """No wrist is an arm's length aside, in nearly all of the people: an arm that cannot is held out."""
+    near = [np.abs(wrists_of_chest(*made)[:, 0]).max() < 0.45 for made in performers("stand", 20, hold)]
+    assert np.mean(near) > 0.8
+
+
+@pytest.mark.parametrize("hold", ["folded", "belly", "chin", "guard"])
+def test_wrists_are_before_the_trunk_of_everybody(hold):
+    ahead = [wrists_of_chest(*made)[:, 2].min() > 0.08 for made in performers("stand", 20, hold)]
+    assert np.mean(ahead) > 0.8
+
+
+def test_who_sits_down_leans_forward_over_bent_knees():
+    for figure in figures("sit down", 20):
+        hips, head = figure.joints[Joint.HIP_CENTER], figure.joints[Joint.HEAD]
+        ahead = figure.frames[Limb.PELVIS][[0, 2], 2]
+        assert (head - hips)[[0, 2]] @ ahead > 0.05
+        assert hips[1] < 0.92 * (np.linalg.norm(hips - head) + 0.5)

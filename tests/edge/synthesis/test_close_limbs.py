@@ -36,6 +36,14 @@ def test_a_body_does_it(name: str, seed: int) -> None:
     assert np.linalg.norm(wrists - joints[len(joints) // 2, Joint.SPINE], axis=1).min() < 0.6
 
 
+@pytest.mark.parametrize("build", [Proportions(1.75), Proportions(1.7, 1.28, hips=1.1)])
+def test_hanging_hands_are_beside_the_hips_and_not_in_them(build: Proportions) -> None:
+    """The wrists are farther aside than a hip joint by more than half a thigh."""
+    start = CloseLimbs(Performer(build), "folded").figure(0.0).joints
+    hips, wrists = start[[Joint.HIP_LEFT, Joint.HIP_RIGHT]], start[WRISTS]
+    assert (np.abs(wrists[:, 0]) - np.abs(hips[:, 0])).min() > 0.09
+
+
 def test_seeds_differ_and_an_unknown_name_is_refused() -> None:
     assert np.abs(CloseLimbs(Performer(), "guard", 1).figure(1.0).joints - moved("guard", 2)[60]).max() > 0.01
     with pytest.raises(InputError, match=r"Known: .*folded"):

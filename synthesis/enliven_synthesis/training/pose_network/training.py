@@ -53,6 +53,10 @@ _LAST_RATE = 0.02
 """The last learning rate as a share of the highest."""
 
 
+RATE_OF_START = 1.5e-3
+"""The highest learning rate where a trained network is trained on: a higher one would undo it first."""
+
+
 @dataclass(frozen=True)
 class TrainingSettings:
     """The size of the data set and the length of the training."""
@@ -62,7 +66,7 @@ class TrainingSettings:
     batch: int = setting(128, "Pictures in a step.", low=1)
     rate: float = setting(4e-3, "The highest learning rate.", low=1e-6, high=1.0)
     frontal: float = setting(
-        0.4, "Share of the people who look at the sensor; the others face anywhere.", low=0.0, high=1.0
+        0.5, "Share of the people who look at the sensor; the others face anywhere.", low=0.0, high=1.0
     )
     seed: int = setting(0, "Fixes everything random.", low=0, high=2**31)
 
@@ -88,10 +92,12 @@ def train(
     dataset: Dataset,
     settings: TrainingSettings,
     stepped: Callable[[int, PoseNetwork], object] = lambda _n, _network: None,
+    start: PoseNetwork | None = None,
 ) -> PoseNetwork:
     """Returns a network trained on a data set.
 
     Args:
+        start: a network to train on from; None: weights drawn at random.
         stepped: called after each step with its number and the network so far.
 
     Raises:
@@ -105,7 +111,7 @@ def train(
         )
     torch.manual_seed(settings.seed)
     rng = np.random.default_rng([settings.seed, 5])
-    network = PoseNetwork().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    network = (start or PoseNetwork()).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     network.train()
     optimizer = torch.optim.AdamW(network.parameters(), weight_decay=1e-2)
     for step in range(settings.steps):

@@ -1,0 +1,115 @@
+"""Random poses of both arms close before the trunk or towards the sensor, and everything between two of them.
+
+Folded, akimbo, on the belly, at the chin, in a boxer's guard, on the lap, a runner's, towards the lens: in
+depth these limbs stand only centimetres proud of the body behind them, so the network has to see many.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from enliven.arrays import Float
+from enliven.person import Limb
+from enliven_synthesis.body import Performer, reach
+
+
+@dataclass(frozen=True)
+class WristPlace:
+    """Where a wrist is held: the left one, or the right one mirrored, of a person of 1.75 m.
+
+    Attributes:
+        place: metres in the chest's frame: outward, up, ahead.
+        elbow: the direction in which the elbow points, chest's frame: outward, up, ahead.
+    """
+
+    place: tuple[float, float, float]
+    elbow: tuple[float, float, float] = (0.7, -0.7, -0.35)
+
+
+_HANGING = WristPlace((0.25, -0.53, 0.04), (0.5, -0.2, -0.8))
+_HIP = WristPlace((0.17, -0.44, 0.04), (1.0, 0.0, -0.3))
+_CHIN = WristPlace((0.04, 0.0, 0.18), (0.3, -1.0, 0.1))
+_FISTS = WristPlace((0.08, -0.02, 0.26), (0.3, -1.0, 0.0))
+_JAB = WristPlace((0.04, 0.0, 0.50), (0.4, -0.8, 0.0))
+_LAP = WristPlace((0.12, -0.38, 0.30), (0.8, -0.3, -0.5))
+_ELBOW_BENT = WristPlace((0.13, -0.25, 0.29), (0.3, -0.5, -0.8))
+_POINTING = WristPlace((0.12, -0.08, 0.50))
+_BELLY = WristPlace((0.01, -0.35, 0.20))
+_RUN_AHEAD = WristPlace((0.06, -0.18, 0.27), (0.4, -0.6, -0.8))
+_RUN_BEHIND = WristPlace((0.15, -0.34, 0.04), (0.4, 0.0, -1.0))
+"""Wrists of arms that hang, are akimbo, at the chin, in a guard, strike, lie on the lap, are bent, point
+ahead, lie on the belly, and swing in a run."""
+
+_HOLDS: dict[str, tuple[WristPlace, WristPlace]] = {
+    "folded": (WristPlace((-0.12, -0.20, 0.20)), WristPlace((-0.10, -0.26, 0.165))),
+    "akimbo": (_HIP, _HIP),
+    "belly": (_BELLY, WristPlace((0.03, -0.38, 0.185))),
+    "chin": (_CHIN, _CHIN),
+    "chin and belly": (_CHIN, _BELLY),
+    "guard": (_FISTS, _FISTS),
+    "jab": (_JAB, _FISTS),
+    "run": (_RUN_AHEAD, _RUN_BEHIND),
+    "lap": (_LAP, _LAP),
+    "elbows bent": (_ELBOW_BENT, _ELBOW_BENT),
+    "to the lens": (_POINTING, _ELBOW_BENT),
+    "both to the lens": (_POINTING, _POINTING),
+    "one hand at the chest": (WristPlace((-0.03, -0.12, 0.19)), _HANGING),
+    "hanging": (_HANGING, _HANGING),
+}  # fmt: skip
+"""Every way with the places of both wrists; which arm has the first is drawn."""
+CLOSE_HOLDS = tuple(_HOLDS)
+"""The names of all ways to hold both arms close."""
+_PURE = 0.6
+"""Share of the poses that are one of the ways; the others are on the way from one to another."""
+_SPREAD = 0.04
+"""Metres: standard deviation of a wrist's place along each axis, about half a hand."""
+_SHIFT = 0.06
+"""Metres: standard deviation of the height of both wrists together: people fold their arms high or low."""
+_ELBOW_SPREAD = 0.3
+"""Standard deviation of the elbow's direction along each axis."""
+
+
+def close_wrists(performer: Performer, rng: Generator, hold: str | None = None, ahead: float = 0.0) -> Float:
+    """Returns (2, 6) the places of both wrists, metres, and the directions of both elbows, chest's frame.
+
+    Both are of the arm's own side: outward, up, ahead. The left arm is first.
+
+    Args:
+        hold: a name of :data:`CLOSE_HOLDS`; None: random, or between two of them.
+        ahead: metres by which both wrists are farther from the trunk, for a person of 1.75 m.
+    """
+    made = _of(hold or _drawn(rng), rng)
+    if hold is None and rng.random() > _PURE:
+        part = rng.random()
+        made = (1.0 - part) * made + part * _of(_drawn(rng), rng)
+    made[:, :3] += rng.normal(0.0, _SPREAD, (2, 3))
+    made[:, 1] += rng.normal(0.0, _SHIFT)
+    made[:, 2] += ahead
+    made[:, 2] *= max(1.0, performer.proportions.girth)
+    made[:, :3] *= performer.scale
+    made[:, 3:] += rng.normal(0.0, _ELBOW_SPREAD, (2, 3))
+    return made
+
+
+def reach_close(performer: Performer, rotations: Float, wrist: Float, side: int) -> tuple[Float, float]:
+    """Returns (3, 3) the upper arm and the elbow's bend, radians, of one row of :func:`close_wrists`.
+
+    Args:
+        rotations: (16, 3, 3) world_from_limb.
+        side: 0 the left arm, 1 the right one.
+    """
+    mirror = np.array([1.0 - 2.0 * side, 1.0, 1.0])
+    return reach(performer, rotations[Limb.CHEST], wrist[:3] * mirror, wrist[3:] * mirror, side)
+
+
+def _drawn(rng: Generator) -> str:
+    return CLOSE_HOLDS[int(rng.integers(len(CLOSE_HOLDS)))]
+
+
+def _of(hold: str, rng: Generator) -> Float:
+    """Returns (2, 6) places and directions of a way, the arms exchanged in half of the draws."""
+    both = np.array([[*wrist.place, *wrist.elbow] for wrist in _HOLDS[hold]])
+    return both[::-1].copy() if rng.random() < 0.5 else both

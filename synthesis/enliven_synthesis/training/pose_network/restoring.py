@@ -1,0 +1,117 @@
+"""Restores a network to train on from an exported file, the one in eight bits that ships among them.
+
+An exported network has its batch normalisations folded into the convolutions. They are put back so that the
+network computes the same on the samples that it is measured on: each gets the mean and the variance that its
+input has there, and the scale and the shift that undo them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from enliven.arrays import Float32
+from enliven.errors import InputError
+from enliven_synthesis.training.dataset import Dataset
+from enliven_synthesis.training.pose_network.network import PoseNetwork
+
+_SAMPLES = 768
+"""Training samples that the normalisations are measured on: hundreds of cells each make it plenty."""
+_FORMERLY = {".branch.": ".way."}
+"""Parts of names of the network that were others in networks exported earlier."""
+
+
+def restored(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
+    """Returns the network of an exported .onnx file, ready to be trained on.
+
+    Args:
+        dataset: the normalisations are measured on its samples from number ``first`` on.
+
+    Raises:
+        InputError: where the file is missing, damaged, or of a network with other layers.
+    """
+    weights = _weights(path)
+    network = PoseNetwork().eval()
+    biases = {}
+    for name, layer in network.named_modules():
+        if isinstance(layer, (nn.Conv2d, nn.Linear)):
+            layer.weight.data = _fitting(weights, f"{name}.weight", tuple(layer.weight.shape), path)
+            bias = f"{name}.bias" if layer.bias is not None else f"{name}.weight_bias"
+            biases[name] = _fitting(weights, bias, (layer.weight.shape[0],), path)
+            if layer.bias is not None:
+                layer.bias.data = biases[name]
+    hooks = [
+        layer.register_forward_pre_hook(_normalising(biases[_convolution_before(name)]))
+        for name, layer in network.named_modules()
+        if isinstance(layer, nn.BatchNorm2d)
+    ]
+    batch = dataset.batch(np.arange(first, min(first + _SAMPLES, len(dataset))))
+    unknown = np.zeros((len(batch.cell), 2), np.float32)
+    told = np.concatenate([unknown, batch.cell[:, None].astype(np.float32)], 1)
+    with torch.no_grad():
+        network(torch.from_numpy(batch.image), torch.from_numpy(told))
+    for hook in hooks:
+        hook.remove()
+    return network
+
+
+def _convolution_before(normalisation: str) -> str:
+    """Returns the name of the layer before one in the same sequence."""
+    sequence, _, place = normalisation.rpartition(".")
+    return f"{sequence}.{int(place) - 1}"
+
+
+def _normalising(bias: Tensor):  # type: ignore[no-untyped-def]
+    """Returns a hook that sets a normalisation by its first input to add a bias and change nothing else."""
+
+    def hook(layer: nn.BatchNorm2d, given: tuple[Tensor]) -> None:
+        values = given[0].transpose(0, 1).flatten(1)
+        mean, variance = values.mean(1), values.var(1)
+        layer.running_mean, layer.running_var = mean, variance
+        layer.weight.data = (variance + layer.eps).sqrt()
+        layer.bias.data = mean + bias
+
+    return hook
+
+
+def _weights(path: Path) -> dict[str, Float32]:
+    """Returns the weights of an exported network by name, those in eight bits as real numbers."""
+    import onnx  # of the same extra as PyTorch: its absence is reported first
+    from onnx import numpy_helper
+
+    try:
+        graph = onnx.load(path).graph
+    except Exception as error:  # the reader has no common error
+        raise _unfit(path, f"it cannot be read as a network ({type(error).__name__})") from None
+    known = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
+    weights = {name: array for name, array in known.items() if array.dtype == np.float32}
+    for node in graph.node:
+        if node.op_type == "DequantizeLinear" and node.input[0] in known:
+            packed, scale, zero = (known[name].astype(np.float32) for name in node.input)
+            along = (-1,) + (1,) * (packed.ndim - 1)
+            name = node.input[0].removesuffix("_quantized")
+            weights[name] = (packed - zero.reshape(along)) * scale.reshape(along)
+    return weights
+
+
+def _fitting(weights: dict[str, Float32], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
+    """Returns the weights of a name.
+
+    Raises:
+        InputError: where there are none, or where their shape is another.
+    """
+    former = name
+    for now, then in _FORMERLY.items():
+        former = former.replace(now, then)
+    array = weights.get(name, weights.get(former))
+    if array is None or array.shape != shape:
+        has = "nothing of that name" if array is None else f"{array.shape}"
+        raise _unfit(path, f"its layers are others: {name} should be {shape}, and it has {has}")
+    return torch.from_numpy(array.copy())
+
+
+def _unfit(path: Path, what: str) -> InputError:
+    return InputError(what, where=str(path), mend="Name a network that train-estimator made.")
