@@ -33,6 +33,8 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 EDGE = Path(__file__).parents[1] / "system" / "staged_edge.py"
 PATIENCE = 150.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
+AGAIN = 5.0
+"""Seconds after which an artist asks again: an edge that compiles is silent, and what is asked of it refused."""
 PAUSE = 0.02
 """Seconds between two looks at what is waited for, so that the edge has the processor."""
 said: dict[str, object] = {"done": False}
@@ -62,9 +64,12 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     workspace = window.workspace
     editor, perform = workspace.editor, workspace.perform
 
-    def until(done: Callable[[], object], what: str) -> None:
-        end = time.monotonic() + PATIENCE
+    def until(done: Callable[[], object], what: str, ask: Callable[[], object] = lambda: None) -> None:
+        end, asked = time.monotonic() + PATIENCE, -AGAIN
         while not done():
+            if time.monotonic() - asked > AGAIN and perform.connected:
+                ask()
+                asked = time.monotonic()
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
                 edge = perform.live and perform.live.document.edge.message
@@ -97,16 +102,16 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     said["words"] = [one.words for one in perform.holders]
     shot("held")
     click("waits arm")
-    click("put")
-    until(lambda: "arm" in perform.standing, "the arm on the stage")
+    put = lambda: None if perform.sender.states.get("arm") else click("put")  # noqa: E731
+    until(lambda: "arm" in perform.standing, "the arm on the stage", put)
     tall = np.ptp(perform.live.document.characters["arm"].vertices[:, 1])
     editor.edit("scale arm", lambda project: scale_character(project, "arm", 1.25))
     began = time.monotonic()
     until(lambda: np.ptp(perform.live.document.characters["arm"].vertices[:, 1]) > 1.1 * tall, "the edit")
     said["edit_s"] = time.monotonic() - began
     click("count in")
-    click("record")
-    until(lambda: perform.recording.recorder.seconds > 0.8, "a second of recording")
+    record = lambda: click("record") if perform.recording.phase == "idle" else None  # noqa: E731
+    until(lambda: perform.recording.recorder.seconds > 0.8, "a second of recording", record)
     said["growing"] = list(perform.recording.clip)
     shot("recording")
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.r))
@@ -132,7 +137,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     until(lambda: recording(0.8), "a third recording")
     perform.recording.record()
     said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
-    layered(ctx, window, until)
+    layered(ctx, window, until, recording)
     ctx.item_click("perform/arm  ·  held##stands arm")
     said["each"] = each_action(ctx, window)
     click("room Play")
@@ -142,7 +147,12 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     window.close()
 
 
-def layered(ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Callable) -> None:
+def layered(
+    ctx: imgui.test_engine.TestContext,
+    window: StudioWindow,
+    until: Callable,
+    recording: Callable[[float], bool],
+) -> None:
     """Step into the chosen arm, record, and record over it while it plays; it is cut in between."""
     editor, perform = window.workspace.editor, window.workspace.perform
     editor.choose("arm")
@@ -156,10 +166,10 @@ def layered(ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Cal
             editor.edit("cut", lambda project: cut_character(project, "arm", plane, editor.time)[0])
             bones = len(editor.project.shapes["arm"].skeleton)
             until(lambda: len(live.document.characters["arm"].pivots) == bones, "the cut arm there")  # noqa: B023
-        ctx.key_press(int(imgui.Key.p))
-        until(lambda: "arm" in {one.character for one in perform.holders}, "who holds the arm")
-        perform.recording.record()
-        until(lambda: perform.recording.recorder.seconds > seconds, "a recording of the arm")  # noqa: B023
+        holds = lambda: "arm" in {one.character for one in perform.holders}  # noqa: E731
+        until(holds, "who holds the arm", lambda: ctx.key_press(int(imgui.Key.p)))
+        # While the edge casts the cut arm there is none of it, and the project's own is seen.
+        until(lambda: recording(seconds) and "arm" in perform.hidden, "a recording of the arm")  # noqa: B023
         seen.append([sorted(perform.hidden), [one.character.id for one in perform.scene.actors]])
         perform.recording.record()
         counts.append(len({layer.take for layer in editor.project.shapes["arm"].layers}))
