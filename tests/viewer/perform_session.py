@@ -34,7 +34,7 @@ EDGE = Path(__file__).parents[1] / "system" / "staged_edge.py"
 PATIENCE = 150.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
 AGAIN = 5.0
-"""Seconds after which an artist asks again: an edge that compiles is silent, and what is asked of it refused."""
+"""Seconds after which an artist asks again: an edge that compiles is silent, and refuses."""
 PAUSE = 0.02
 """Seconds between two looks at what is waited for, so that the edge has the processor."""
 said: dict[str, object] = {"done": False}
