@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import msgspec
 import numpy as np
 
+from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import DepthFrame, Frame
 from enliven.meshes import Mesh
@@ -38,7 +39,7 @@ class Told(Protocol):
 class _Beginning(threading.Thread):
     """Loads what a scan needs, which an edge that never scans does not load, while the frames go on."""
 
-    def __init__(self, number: int, order: Scan, cast: Callable[[Mesh, str], Actor]) -> None:
+    def __init__(self, number: int, order: Scan, cast: Callable[[Mesh, str, Float], Actor]) -> None:
         super().__init__(name="beginning of a scan", daemon=True)
         self._begun = number, order, cast
         self.scan: LiveScan | None = None
@@ -136,24 +137,23 @@ class Scans:
         named = msgspec.structs.replace(order, name=name)
         self._beginning = _Beginning(self._number, named, self._caster())
 
-    def _caster(self) -> Callable[[Mesh, str], Actor]:
+    def _caster(self) -> Callable[[Mesh, str, Float], Actor]:
         """Returns what makes the actor of a scanned mesh, ready for its first frame."""
         nodes, settings = self._settings.nodes, self._settings.actor
 
-        def made(mesh: Mesh, name: str) -> Actor:
-            actor = cast_mesh(self._beside(mesh, name), name, nodes, settings, fit=False)
+        def made(mesh: Mesh, name: str, ends: Float) -> Actor:
+            aside = np.array([self._aside(mesh, name), 0.0, 0.0])
+            mesh, known = replace(mesh, vertices=mesh.vertices + aside), ends + aside if len(ends) else None
+            actor = cast_mesh(mesh, name, nodes, settings, fit=False, ends=known)
             actor.warm_up()
             return actor
 
         return made
 
-    def _beside(self, mesh: Mesh, name: str) -> Mesh:
-        """Returns the mesh where no other character of the stage stands at rest."""
+    def _aside(self, mesh: Mesh, name: str) -> float:
+        """Returns by how many metres of +X a mesh is put aside of where other characters stand at rest."""
         others = [one.vertices[:, 0].max() for own, one in self._stage.characters.items() if own != name]
-        if not others:
-            return mesh
-        aside = max(others) + _GAP - mesh.vertices[:, 0].min()
-        return replace(mesh, vertices=mesh.vertices + np.array([aside, 0.0, 0.0]))
+        return float(max(others) + _GAP - mesh.vertices[:, 0].min()) if others else 0.0
 
     def _free_name(self) -> str:
         """Returns "scan", or the first of "scan 2", "scan 3", ... that nothing on the stage has."""

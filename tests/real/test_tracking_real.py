@@ -45,7 +45,7 @@ def frames_of(folder: str) -> list[DepthFrame]:
     return list(find_reader(paths).read(paths, ImportOptions()))
 
 
-two_people = cache(js6450)
+drawn = cache(js6450)
 """Read once for all the tests of this file."""
 
 
@@ -99,12 +99,23 @@ def test_two_with_raised_and_held_hands_are_two_and_never_less(settings, appear,
     path = DATA / "skeletons" / "js6450_kinect2_json" / "2people_raise-both-arms-MIN.json"
     if not path.exists():
         pytest.skip(f"{path} is not here")
-    real = two_people("js6450_two", path.name)
+    real = drawn("js6450_two", path.name)
     tracker = Tracker(settings)
     for n, frame in enumerate(real.frames[start:]):
         shown = replace(frame, depth=np.ascontiguousarray(frame.depth[:, ::way]))
         found = [body.id for body in tracker.track(shown)]
         assert found == [1, 2] or n < appear, f"frame {start + n}"
+
+
+@pytest.mark.parametrize("start", [0, 27, 51, 54])
+def test_who_is_alone_before_a_hall_too_deep_for_the_sensor_is_found(start):
+    """Nothing but the person has a depth: a fringe of them that is learnt as the room tells nothing of it."""
+    path = DATA / "skeletons" / "js6450_kinect2_json" / "1person_lift-both-legs-separate-MIN.json"
+    if not path.exists():
+        pytest.skip(f"{path} is not here")
+    tracker = Tracker()
+    for n, frame in enumerate(drawn("js6450_one", path.name).frames[start : start + 3 * APPEARS]):
+        assert len(tracker.track(frame)) == 1 or n < APPEARS, f"frame {start + n}"
 
 
 def test_a_person_who_turns_is_followed_all_the_way():

@@ -103,6 +103,17 @@ def test_a_scan_that_cannot_be_made_says_why_and_goes_on_and_a_cancelled_one_is_
         running.edge.carry_out(Scan("done"))
 
 
+def test_a_thing_that_is_to_turn_is_scanned_in_fine_voxels(running, frames) -> None:
+    viewer = running.viewer()
+    running.ask(Scan("start", voxel=0.016, turned=True))
+    running.until(lambda: running.said().phase == "scanning", "the beginning")
+    running.show(frames[:4])
+    running.until(lambda: seen(viewer), "a surface")
+    piece = next(iter(viewer.latest(SCAN_PIECE).values()))
+    assert piece.side * piece.step == pytest.approx(64 * 0.004), "it takes voxels of 4 mm by itself"
+    running.ask(Scan("cancel"))
+
+
 def test_what_was_scanned_stands_beside_what_is_there(frames) -> None:
     chair = cast_mesh(load_sample("chair"), "chair", 32, fit=False)
     running = ScanningEdge([chair])

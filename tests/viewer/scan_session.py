@@ -101,7 +101,10 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     perform.connect_nearby(*words)
     until(lambda: perform.connected and perform.standing, "the stage")
     shot("ready")
+    click("scan size")
+    ctx.yield_(2)
     click("scan room")
+    said["size"] = scan.size
     press("scan start", lambda: scan.active)
     until(lambda: scan.said.fused > 3 and scan.surface, "a surface")
     shot("begun")

@@ -13,9 +13,8 @@ from enliven.files import need_folder
 if TYPE_CHECKING:
     from enliven.meshes import Mesh
 
-
-_FARTHEST_PERSON = 3.5
-"""Metres beyond which a person is too far: a pixel is 6 mm wide there, and depth is off by 2 cm."""
+_VOXEL = 4.0
+"""Millimetres of a voxel's side where none is given: of a chair, a lamp."""
 
 
 def scan(
@@ -27,7 +26,10 @@ def scan(
     setting: Annotated[
         list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
     ] = None,
-    voxel: Annotated[float, typer.Option(min=1, max=50, help="Millimetres of a voxel's side.")] = 4.0,
+    voxel: Annotated[
+        float | None,
+        typer.Option(min=1, max=50, help="Millimetres of a voxel's side; 4 where not given, of a person 8."),
+    ] = None,
     reach: Annotated[
         float, typer.Option(min=0.3, max=10, help="Metres up to which surfaces are kept.")
     ] = 2.2,
@@ -38,6 +40,10 @@ def scan(
     moved: Annotated[
         bool,
         typer.Option(help="The thing is turned and put down meanwhile; all its sides end in one mesh."),
+    ] = False,
+    turned: Annotated[
+        bool,
+        typer.Option(help="The thing turns on a turntable, and is followed while it moves."),
     ] = False,
     person: Annotated[
         bool, typer.Option(help="A person before a camera that stands still: turn once, or hold still.")
@@ -77,6 +83,8 @@ def scan(
     camera is lost, nothing is added; look again at what was scanned already, and it goes on. With --within,
     the camera may stand still, and the thing or the person turn: only how they move to one another counts.
     With --moved, scan the thing as it stands, then lay it on its back or its side, and go on.
+    With --turned, the thing stands for a second, then turns on a turntable; what moves is found out, and
+    followed apart from the room.
     With --person, stand one to three metres before a camera that stands still, and turn once on the spot.
 
     \b
@@ -84,14 +92,15 @@ def scan(
       enliven scan --sensor realsense -o chair.glb --edge 192.168.1.20
       enliven scan --sensor realsense -o me.enliven --person --seconds 10
       enliven scan --sensor realsense -o chair.glb --moved
+      enliven scan --sensor realsense -o vase.glb --turned
       enliven scan --recording TAKE.mcap -o room.glb --whole --voxel 10 --reach 5
       enliven scan --recording TAKE.mcap -o lamp.glb --box=-0.3,0.7,-0.2,0.1,1.3,0.2
       enliven scan --recording WITH.mcap --before EMPTY.mcap -o chair.glb
       enliven scan --recording MORE.mcap --add chair.glb -o chair.glb
     """
-    from enliven.scanning.objects import MovedScanner
+    from enliven.scanning.objects import MovedScanner, following
     from enliven_edge.commands.scan_job import ScanJob, corners_of, keep_of, refuse_beside, scanner_of
-    from enliven_edge.scanning import PersonScanner, put_on_stage, stage_command
+    from enliven_edge.scanning import FARTHEST, PERSON_VOXEL, PersonScanner, put_on_stage, stage_command
 
     need_folder(output, sheet)
     _checked(output, recording, sensor, overwrite or output == add)
@@ -100,17 +109,19 @@ def scan(
         raise InputError("--before and --add do not go together", where="scan", mend="Give one of them.")
     if edge is not None:
         stage_command()  # what is missing for it is said before the scan
+    voxel = voxel or (1e3 * PERSON_VOXEL if person else _VOXEL)
     scanner = scanner_of(voxel, reach, within, memory, thing)
-    if moved:
-        refuse_beside("--moved", whole, box, before, add, within)
-        scanner = MovedScanner(scanner.settings)
+    if moved or turned:
+        refuse_beside("--turned" if turned else "--moved", whole, box, before, add, within)
+        scanner = MovedScanner(following(scanner.settings) if turned else scanner.settings)
     if person:
         refuse_beside("--person", whole, box, before, add, within)
-        if moved:
+        if moved or turned:
+            other = "--turned" if turned else "--moved"
             raise InputError(
-                "--person and --moved do not go together", where="scan", mend="Give one of them."
+                f"--person and {other} do not go together", where="scan", mend="Give one of them."
             )
-        scanner = PersonScanner(scanner_of(voxel, _FARTHEST_PERSON, _FARTHEST_PERSON, memory).settings)
+        scanner = PersonScanner(scanner_of(voxel, FARTHEST, FARTHEST, memory).settings)
     job = ScanJob(scanner, recording, sensor or "", setting or [], seconds, before or add, keep)
     made = job.run(meant, triangles, output)
     if sheet is not None:

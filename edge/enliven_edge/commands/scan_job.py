@@ -21,7 +21,6 @@ from enliven_edge.commands.progress import frame_progress, interruptible
 from enliven_edge.scanning import (
     Keep,
     Made,
-    PersonScanner,
     ScanDiary,
     finished,
     keep_scan,
@@ -143,7 +142,7 @@ class ScanJob:
         """
         before = self._scan()
         try:
-            self._refuse()
+            self.diary.refuse(self._where, self.scanner)
             meant = replace(keep, before=before) if keep.what == "new" else keep
             made = finished(self.scanner, meant, triangles, output.stem)
             self._notes += said_of_things(self.scanner) if keep.what == "thing" else []
@@ -168,21 +167,8 @@ class ScanJob:
             typer.echo(made.said[:1].upper() + made.said[1:])
         if made.mesh.colours is None:
             self._notes.append("The camera gave no colours, so the mesh has none.")
-        for sentence in (*self._advice(), *self._notes):
+        for sentence in (*self.diary.advice(self.scanner), *self._notes):
             typer.echo(f"Note: {sentence}")
-
-    def _refuse(self) -> None:
-        """Says why there is nothing to make a mesh of: of a person, who may well hold still."""
-        if isinstance(self.scanner, PersonScanner):
-            self.scanner.refuse(self._where)
-        else:
-            self.diary.refuse(self._where)
-
-    def _advice(self) -> list[str]:
-        """Returns a sentence for each thing that would make the scan better."""
-        if isinstance(self.scanner, PersonScanner):
-            return self.scanner.advice(self.diary.frames)
-        return self.diary.advice()
 
     def _scan(self) -> int:
         """Fuses all images; returns how many of an earlier scan come before them."""

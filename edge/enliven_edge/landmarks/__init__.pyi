@@ -3,6 +3,6 @@ from .eye import (
     MonocularPoseEstimator as MonocularPoseEstimator,
     check_view as check_view,
 )
-from .source import MediaPipeSource as MediaPipeSource
+from .source import MediaPipeSettings as MediaPipeSettings, MediaPipeSource as MediaPipeSource
 from .eye import ColourSettings as ColourSettings
 from .source import LandmarkSource as LandmarkSource

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import struct
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError, ResourceError
+from enliven.files import own_folder
 from enliven.settings import setting
 from enliven_edge.closing import Closing
 
@@ -62,11 +64,13 @@ class LandmarkSource(Closing, Protocol):
 _HEAD = struct.Struct("<IIq")
 _PERSON_BYTES = len(NAMES) * 6 * 4
 """Bytes of one person in the worker's output: six float32 for each landmark."""
+_MODEL = "pose_landmarker.task"
+"""File in the user's own folder that is the model where none is named."""
 _MOST = 64
 """People in one image: a larger number from the worker is damage."""
 _MEND = (
-    "Either install the extra 'colour' and give the model's .task file, or give the Python of an environment "
-    "with mediapipe 0.10.21, which brings its model."
+    "Either install the extra 'colour' (pip install \"./edge[colour]\") and give the model's .task file, or "
+    "give the Python of an environment with mediapipe 0.10.21, which brings its model."
 )
 
 
@@ -77,26 +81,54 @@ class MediaPipeSettings:
     python: str = setting("", "The Python that has mediapipe; empty: the one that runs the edge.")
     model: str = setting("", "A pose landmarker's .task file; mediapipe up to 0.10.21 needs none.")
 
+    @property
+    def model_file(self) -> Path | None:
+        """The model that is used: the one that is named, or else the user's own, where there is one."""
+        own = own_folder() / _MODEL
+        return Path(self.model) if self.model else own if own.is_file() else None
+
+    def check(self) -> None:
+        """Checks what can be told without starting MediaPipe.
+
+        Raises:
+            InputError: for a model file that does not exist.
+            ResourceError: where MediaPipe is not installed, or brings no model and none is given.
+        """
+        model = self.model_file
+        if model is not None and not model.is_file():
+            mend = "Give the path of a .task file."
+            raise InputError("there is no such model", where=str(model), mend=mend)
+        if self.python:
+            return
+        found = importlib.util.find_spec("mediapipe")
+        if found is None:
+            what = "the library 'mediapipe' is not installed here"
+            raise ResourceError(what, where="landmarks", mend=_MEND)
+        folders = [Path(one) for one in found.submodule_search_locations or ()]
+        if model is None and not any((one / "python" / "solutions").is_dir() for one in folders):
+            own = own_folder() / _MODEL
+            mend = f"Download a pose landmarker's .task file, save it as {own}, or set model to it."
+            raise ResourceError("this MediaPipe brings no model of a pose", where="landmarks", mend=mend)
+
 
 class MediaPipeSource(LandmarkSource):
     """A :class:`~enliven_edge.landmarks.source.LandmarkSource`; see :mod:`enliven_edge.landmarks.worker`.
 
     Raises:
         InputError: for a model file that does not exist.
-        ResourceError: where MediaPipe cannot be started.
+        ResourceError: where MediaPipe or its model is missing, or it cannot be started.
     """
 
     def __init__(self, settings: MediaPipeSettings | None = None) -> None:
         self.settings = settings or MediaPipeSettings()
-        model = self.settings.model
-        if model and not Path(model).is_file():
-            raise InputError("there is no such model", where=model, mend="Give the path of a .task file.")
+        self.settings.check()
+        model = self.settings.model_file
         command = [self.settings.python or sys.executable, str(Path(__file__).with_name("worker.py"))]
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 (closed by close)
         self._newest_ms = -1
         try:
             self._worker = subprocess.Popen(
-                [*command, model] if model else command,
+                [*command, str(model)] if model else command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._said,

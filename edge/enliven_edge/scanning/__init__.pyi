@@ -18,7 +18,12 @@ from .kept_scans import (
 )
 from .live_scan import LiveScan as LiveScan
 from .missing import NextView as NextView, next_view as next_view
-from .person import PersonScanner as PersonScanner, ScannedPerson as ScannedPerson
+from .person import (
+    FARTHEST as FARTHEST,
+    PERSON_VOXEL as PERSON_VOXEL,
+    PersonScanner as PersonScanner,
+    ScannedPerson as ScannedPerson,
+)
 from .sheet import sheet_of as sheet_of
 from .sources import recorded_images as recorded_images, sensor_images as sensor_images
 from .things import said_of_things as said_of_things

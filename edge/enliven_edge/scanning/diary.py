@@ -8,7 +8,9 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.scanning import ScanState, ScanStep
+from enliven.scanning import Scanner, ScanState, ScanStep
+from enliven.scanning.objects import MovedScanner
+from enliven_edge.scanning.person import PersonScanner
 
 _STILL = 0.05
 """Metres of the camera's way below which it showed one side only."""
@@ -53,12 +55,15 @@ class ScanDiary:
         lost = self.counts[ScanState.LOST]
         return f"{self.way:.1f} m of way" + (f", lost in {lost}" if lost else "")
 
-    def refuse(self, where: str) -> None:
+    def refuse(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
         """Say why there is nothing to make a mesh of.
 
         Raises:
-            InputError: where no frame could be used, or the camera hardly moved.
+            InputError: where no frame could be used, or the camera hardly moved, unless about a person.
         """
+        if isinstance(scanner, PersonScanner):
+            scanner.refuse(where)
+            return
         if not self.counts[ScanState.SCANNING]:
             what = "no frame shows enough depth"
             raise InputError(what, where=where, mend="Go nearer, or scan something that does not mirror.")
@@ -74,8 +79,10 @@ class ScanDiary:
             what = f"the camera moved {100 * self.way:.0f} cm only"
             raise InputError(what, where=where, mend="Carry it round the thing.")
 
-    def advice(self) -> list[str]:
+    def advice(self, scanner: Scanner | MovedScanner | None = None) -> list[str]:
         """Returns a sentence for each thing that would make the scan better."""
+        if isinstance(scanner, PersonScanner):
+            return scanner.advice(self.frames)
         total, said = max(self.frames, 1), []
         if self.counts[ScanState.LOST] > _OFTEN * total:
             lost = (

@@ -17,12 +17,13 @@ from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings
-from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState
+from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState, following
 from enliven.wire import Scan, ScanMessage, ScanPieceMessage
 from enliven_edge.scanning.checkpoints import Checkpoints
 from enliven_edge.scanning.diary import ScanDiary
 from enliven_edge.scanning.finish import Keep, finished
 from enliven_edge.scanning.growing import GrowingSurface
+from enliven_edge.scanning.person import FARTHEST, PersonScanner
 from enliven_edge.scanning.shown import ThingTold, shown_of
 from enliven_edge.scanning.standing import ScanPlace
 from enliven_edge.scanning.things import said_of_places
@@ -45,8 +46,8 @@ _LEAST_ALONE = 0.01
 Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
 _PHASE_AFTER: dict[str, Phase] = {"pause": "paused", "go on": "scanning", "done": "finishing"}
 """The phase that begins with an order, as soon as it is heard."""
-Cast = Callable[[Mesh, str], Any]
-"""Makes a character's actor of a mesh and its id."""
+Cast = Callable[[Mesh, str, Float], Any]
+"""Makes a character's actor of a mesh, its id and (5, 3) the ends of head, hands and feet, or (0, 3)."""
 
 
 @dataclass
@@ -61,10 +62,21 @@ class ScanRun:
 def scan_settings(order: Scan) -> ScanSettings:
     """Returns the settings of a scan that a viewer asked for."""
     volume = VolumeSettings(voxel=order.voxel)
-    if order.within is None:
+    within = FARTHEST if order.person else order.within
+    if within is None:
         return ScanSettings(volume=volume)
-    near = replace(volume, reach=min(volume.reach, order.within), far=order.within)
+    near = replace(volume, reach=within if order.person else min(volume.reach, within), far=within)
     return ScanSettings(volume=near, least_depth=_LEAST_ALONE)
+
+
+def _scanner_of(order: Scan) -> Scanner | MovedScanner:
+    """Returns what fuses the images of a scan."""
+    settings = scan_settings(order)
+    if order.person:
+        return PersonScanner(settings)
+    if order.turned:
+        return MovedScanner(following(settings))
+    return MovedScanner(settings) if order.moved else Scanner(settings)
 
 
 class LiveScan(threading.Thread):
@@ -83,8 +95,7 @@ class LiveScan(threading.Thread):
         super().__init__(name="scan", daemon=True)
         self.number, self.order, self.actor = number, order, None
         self._cast = cast
-        settings = scan_settings(order)
-        self._run = ScanRun(MovedScanner(settings) if order.moved else Scanner(settings), ScanDiary())
+        self._run = ScanRun(_scanner_of(order), ScanDiary(), ThingTold("person" if order.person else ""))
         self._checkpoints: Checkpoints[ScanRun] = Checkpoints()
         self._growing, self._place = GrowingSurface(number), ScanPlace()
         self._frame: DepthFrame | None = None
@@ -96,6 +107,7 @@ class LiveScan(threading.Thread):
         self._camera: Float | None = None
         self._told = self._shown = 0.0
         self._alone = False
+        self._ends = list[float]()
 
     def offer(self, frame: DepthFrame, *, waits: bool = False) -> bool:
         """Gives the newest image; one that was not looked at yet is passed over, or waited for a moment.
@@ -186,7 +198,8 @@ class LiveScan(threading.Thread):
         thing.take(added, time_ns)
         if thing.places != places:
             self._shown = 0.0  # The camera is in another room now: where that stands is told with it.
-        self._camera = added.scan.world_from_camera if added.state is ObjectState.RESTING else None
+        known = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
+        self._camera = added.scan.world_from_camera if known else None
         self._run.diary.add(added.told, time_ns)
         return added.told
 
@@ -204,11 +217,13 @@ class LiveScan(threading.Thread):
     def _finish(self, order: Scan) -> None:
         """Makes the character."""
         run, name = self._run, self.order.name or "scan"
-        run.diary.refuse("scan")
+        run.diary.refuse("scan", run.scanner)
         made = finished(run.scanner, self._meant(order), _TRIANGLES, name)
-        self.actor = self._cast(made.mesh, name)
+        ends = np.empty((0, 3)) if made.person is None else made.person.ends
+        self.actor = self._cast(made.mesh, name, ends)
+        self._ends = [x for end in self.actor.settings.ends for x in end] if len(ends) else []
         places = [] if order.whole else said_of_places(run.scanner)
-        self._note = _note([*places, *run.diary.advice()], made.said)
+        self._note = _note([*places, *run.diary.advice(run.scanner)], made.said)
         self.phase = "done"
 
     def _meant(self, order: Scan) -> Keep:
@@ -241,7 +256,8 @@ class LiveScan(threading.Thread):
             self._messages.append(self._message())
 
     def _message(self) -> ScanMessage:
-        diary, place = self._run.diary, self._place
+        diary, place, scanner = self._run.diary, self._place, self._run.scanner
+        missing = scanner.missing if isinstance(scanner, PersonScanner) else place.missing
         return ScanMessage(
             number=self.number,
             phase=self.phase,
@@ -251,7 +267,7 @@ class LiveScan(threading.Thread):
             way=diary.way,
             full=diary.full,
             undoable=self._checkpoints.seconds(self._now_ns),
-            missing=place.missing,
+            missing=missing,
             stage_from_scan=place.rows(),
             stage_from_camera=[] if self._camera is None else place.rows(self._camera),
             view=[] if self._camera is None else place.view,
@@ -261,6 +277,7 @@ class LiveScan(threading.Thread):
             thing=self._run.thing.word,
             seconds=self._run.thing.seconds,
             places=self._run.thing.places,
+            ends=self._ends if self.phase == "done" else [],
         )
 
 

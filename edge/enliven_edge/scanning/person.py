@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,13 @@ from enliven.scanning import (
 )
 from enliven_edge.tracking import Tracker
 
+FARTHEST = 3.5
+"""Metres beyond which a person is too far: a pixel is 6 mm wide there, and depth is off by 2 cm."""
+PERSON_VOXEL = 0.008
+"""Metres of a voxel's side that suits a person at two metres: a pixel and a Kinect's noise are as wide there,
+and in smaller voxels it is often not clear how they are turned."""
+_SIDES = 12
+"""Directions about a person, of 30 degrees each, that are told apart."""
 _FACING = np.deg2rad(50.0)
 """Radians of the turn from the first image up to which joints count: from behind, left and right may be
 exchanged."""
@@ -102,7 +111,13 @@ class PersonScanner(Scanner):
         self._joints: list[tuple[Float, Float]] = []
         self.absent = self.lost = 0
 
-    def add(self, frame: DepthFrame, up: Float | None = None) -> ScanStep:
+    def add(
+        self,
+        frame: DepthFrame,
+        up: Float | None = None,
+        without: Bool | None = None,
+        doubtful: Bool | None = None,
+    ) -> ScanStep:
         """Find the person in a frame, and fuse what shows them; see :meth:`Scanner.add`."""
         bodies = self._people.track(replace(frame, world_from_camera=None))
         body = self._meant(bodies)
@@ -111,11 +126,24 @@ class PersonScanner(Scanner):
             return ScanStep(ScanState.EMPTY, self._pose)
         pose = self._people.world_from_camera
         depth = np.where(own, frame.depth, 0).astype(frame.depth.dtype)
-        step = super().add(replace(frame, depth=depth, world_from_camera=pose), up)
+        step = super().add(replace(frame, depth=depth, world_from_camera=pose), up, without, doubtful)
         self.lost += step.state in (ScanState.LOST, ScanState.UNSURE)
         if step.state is ScanState.SCANNING and pose is not None:
             self._note(body, step.world_from_camera @ np.linalg.inv(pose))
         return step
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> PersonScanner:
+        """Copies what was scanned; the tracker, which knows where the person is now, is the same."""
+        made = type(self).__new__(type(self))
+        memo[id(self)], memo[id(self._people)] = made, self._people
+        made.__dict__.update({name: copy.deepcopy(value, memo) for name, value in vars(self).items()})
+        return made
+
+    @property
+    def missing(self) -> float:
+        """Share of the directions about the person from which they were not scanned yet, 0..1."""
+        angles = [np.arctan2(pose[0, 2], pose[2, 2]) for _, pose in self.poses]
+        return 1.0 - len({int(angle // (2 * np.pi / _SIDES)) % _SIDES for angle in angles}) / _SIDES
 
     def person(self) -> ScannedPerson:
         """Returns the person.
@@ -131,12 +159,12 @@ class PersonScanner(Scanner):
         # They are cut off above the rims of their soles, and what the cut took is given back to them.
         cut = replace(self.settings.cut_out, number=1, clearance=_RIM, hole=_CROWN)
         # Where no floor is seen they stand on the lowest of what is.
-        floor = Ground(_UP, 0.0 if self._on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
+        floor = Ground(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = parts_about(surface, floor, focus, cut)
         if not parts:
             mend = "Stand whole in view, and nearer."
             raise InputError("too little of the person was scanned", where="scan", mend=mend)
-        if self._on_floor:
+        if self.on_floor:
             mesh = cut_out(surface, floor, focus, cut)
         else:
             floor = Ground(_UP, float(parts[0].vertices[:, 1].min()), 0.0)
@@ -192,7 +220,7 @@ class PersonScanner(Scanner):
         return moved
 
     @property
-    def _on_floor(self) -> bool:
+    def on_floor(self) -> bool:
         """Whether the floor was seen, and they stand on it."""
         state = self._people.state
         return state is not None and state.floor_known
@@ -216,7 +244,7 @@ class PersonScanner(Scanner):
         rows = np.minimum(np.arange(height) * owner.shape[0] // height, owner.shape[0] - 1)
         columns = np.minimum(np.arange(width) * owner.shape[1] // width, owner.shape[1] - 1)
         own: Bool = (owner == index)[rows[:, None], columns]
-        return own | _feet(frame, body, pose) if self._on_floor else own
+        return own | _feet(frame, body, pose) if self.on_floor else own
 
     def _note(self, body: Body, object_from_room: Float) -> None:
         """Keeps where the joints are on the body, while it faces about as at first."""

@@ -8,9 +8,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven.scanning import DistanceVolume, Scanner, surface_of
+from enliven.scanning import DistanceVolume, Ground, Scanner, surface_of
 from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState
 from enliven.wire import ThingWord
+from enliven_edge.scanning.person import PersonScanner
 
 _NEWS = 4.0
 """Seconds of the sensor's clock for which it is said that a thing was found again."""
@@ -30,6 +31,7 @@ class ShownScan:
         shown_from_room: (4, 4) from that room to the frame of the surface.
         alone: whether the surface is the thing's alone, without a floor.
         places: the number of places in which the thing was found.
+        ground: the floor in the room's frame, where it is known though the surface does not show it.
     """
 
     volume: DistanceVolume
@@ -38,6 +40,7 @@ class ShownScan:
     shown_from_room: Float
     alone: bool
     places: int
+    ground: Ground | None = None
 
     def mesh(self) -> Mesh:
         """Returns the coarse surface in the room's frame."""
@@ -47,15 +50,15 @@ class ShownScan:
 
 def shown_of(scanner: Scanner | MovedScanner) -> ShownScan:
     """Returns what is shown of a scan: the room with the thing, from its first move on the thing alone."""
+    if isinstance(scanner, PersonScanner):
+        floor = Ground(np.array([0.0, 1.0, 0.0]), 0.0, 0.0) if scanner.on_floor else None
+        return ShownScan(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), True, 1, floor)
     if isinstance(scanner, Scanner):
         return ShownScan(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), False, 1)
-    now, model = scanner.now, scanner.model
+    model, identity = scanner.model, np.eye(4)
     volumes = scanner.rests[0].scanner.volumes if model is None else model.volumes
-    pose = None if now is None else now.object_from_room
-    room = None if now is None or pose is None else now.scanner
-    identity: Float = np.eye(4)
+    room, shown = scanner.place or (None, identity)
     places = len(scanner.rests)
-    shown = identity if pose is None else pose
     return ShownScan(volumes[0], volumes[1], room, shown, model is not None, places)
 
 
@@ -63,14 +66,14 @@ class ThingTold:
     """Where a thing is that is moved while it is scanned, in a word of :class:`enliven.wire.ScanMessage`.
 
     Attributes:
-        word: "" where it is not told apart from the room; else "stands", "carried", "settling", "sought" or
-            "found".
+        word: "" where it is not told apart from the room, "person" where one is scanned; else "stands",
+            "carried", "settling", "sought", "found", "turning" or "lost".
         seconds: of the sensor's clock for which it was, or is, looked for.
         places: in which it was found.
     """
 
-    def __init__(self) -> None:
-        self.word: ThingWord = ""
+    def __init__(self, word: ThingWord = "") -> None:
+        self.word = word
         self.seconds, self.places = 0.0, 1
         self._still_ns: int | None = None
         self._found_ns: int | None = None
@@ -88,7 +91,10 @@ class ThingTold:
             return
         self._still_ns = None
         if step.state is ObjectState.LOST:
-            self.word = "carried"
+            self.word = "lost" if step.followed is not None else "carried"
+            return
+        if step.state is ObjectState.FOLLOWED:
+            self.word = "turning"
             return
         new = self._found_ns is not None and 0 <= time_ns - self._found_ns < _NEWS * 1e9
         self.word = "found" if new else "stands"

@@ -48,9 +48,9 @@ class ScanPlace:
         if another:
             self._places, self._found = shown.places, False
         mesh, poses = surface_of(scanner.volumes[1]), [pose for _, pose in scanner.poses]
-        focus = focus_of(poses)
+        focus, ground = focus_of(poses), shown.ground
         try:
-            ground = find_ground(mesh, settings=scanner.settings.cut_out)
+            ground = ground or find_ground(mesh, settings=scanner.settings.cut_out)
         except InputError:
             ground = Ground(np.array([0.0, 1.0, 0.0]), -_CARRIED, 0.0)
         if shown.alone:

@@ -9,6 +9,11 @@ from enliven.meshes import Mesh
 from enliven.scanning import Scanner, find_ground, focus_of, levelled, parts_about, surface_of
 from enliven.scanning.objects import MovedScanner
 
+_NOT_SEEN_TO_TURN = (
+    "It was not seen to move: the mesh shows it as it stood. Let the floor about it and some of the room be "
+    "in view, and turn it once in ten seconds or more."
+)
+"""What is said where an object was to be followed while it turned, and did not."""
 _COARSE = 1
 """Number of the volume, with voxels of 16 mm, in which things are counted: it takes a tenth of a second."""
 
@@ -16,9 +21,12 @@ _COARSE = 1
 def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
     """Returns sentences about a scan's things: which of several was taken, and where it was found."""
     first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
-    said = [*_of_several(first), *said_of_places(scanner)]
-    if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1:
-        said[-1] += " Without --moved that is quicker."
+    # What moved is the thing then, whichever was looked at most.
+    told_by_moving = isinstance(scanner, MovedScanner) and scanner.followed
+    said = [*([] if told_by_moving else _of_several(first)), *said_of_places(scanner)]
+    if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:
+        turned = scanner.settings.moved.followed
+        said[-1] = _NOT_SEEN_TO_TURN if turned else f"{said[-1]} Without --moved that is quicker."
     return said
 
 
@@ -31,6 +39,10 @@ def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
         lost = sum(rest.count for rest in scanner.unplaced)
         where = f"{lost} images show where it may lie, but it was not found there; they are not in the mesh."
         said.append(f"{where} Show more of the sides that were seen before, and hold still once it stands.")
+    if scanner.followed:
+        said.append(f"What moved was followed in {scanner.followed} images, apart from the room.")
+    if len(scanner.rests) == 1 and scanner.followed:
+        return said
     if len(scanner.rests) == 1:
         said.append("It did not move: the mesh shows it as it stood.")
     else:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven_edge.extras import need
-from enliven_edge.landmarks import LandmarkSource, MonocularPoseEstimator, check_view
+from enliven_edge.landmarks import LandmarkSource, MediaPipeSettings, MonocularPoseEstimator, check_view
 from enliven_edge.sensors.base import Sensor
 
 _FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
+_MENDS = {
+    errno.EACCES: "Let your user use cameras (sudo usermod -aG video $USER), and log in again.",
+    errno.EBUSY: "Another program uses it: close that.",
+}
+"""What to do where the system refuses a camera, by its number of the error."""
 
 
 class WebcamSensor(Sensor):
@@ -49,6 +56,11 @@ class WebcamSensor(Sensor):
         check_view(view)
         self.name = f"webcam {device}"
         self._live = device.startswith("/dev/") or "=" in device
+        need("av", "film", "webcam")
+        if self._live:
+            _refuse_absent(device)
+            if source is None:
+                MediaPipeSettings(python, model).check()
         self._container = _opened(device, self._live)
         try:
             self._eye = MonocularPoseEstimator(view, height, tilt, body_height, python, model, source)
@@ -102,17 +114,29 @@ class WebcamSensor(Sensor):
         return self._first[0] + seconds - self._first[1]
 
 
+def _refuse_absent(device: str) -> None:
+    """Refuses a camera that is not there, and names those that are.
+
+    Raises:
+        ResourceError: where the system lists its cameras as files, and this one is not among them.
+    """
+    if not device.startswith("/dev/") or Path(device).exists():
+        return
+    others = ", ".join(str(path) for path in sorted(Path("/dev").glob("video*")))
+    mend = f"There are {others}: set device to one of them." if others else "Plug one in, or play a film."
+    raise ResourceError("there is no such camera", where=device, mend=mend)
+
+
 def _opened(device: str, live: bool) -> Any:
-    need("av", "film", "webcam")
+    """Returns the video of a camera or a film."""
     import av
 
     try:
         container = av.open(device, format=_FORMATS.get(sys.platform) if live else None)
     except (av.error.FFmpegError, OSError) as error:
         if live:
-            raise ResourceError(
-                f"it cannot be opened ({error})", where=device, mend="Check that no other program uses it."
-            ) from None
+            mend = _MENDS.get(error.errno or 0, "Check that it is a camera that no other program uses.")
+            raise ResourceError(f"it cannot be opened ({error.strerror})", where=device, mend=mend) from None
         raise InputError(f"it is no film that can be read ({error})", where=device) from None
     if not container.streams.video:
         container.close()

@@ -75,6 +75,8 @@ class HoldMemory:
         actor.aside = before.aside
         if before.growth != 1.0:
             actor.resize(before.growth)
+        if before.exaggeration is not None:
+            actor.exaggerate(before.exaggeration)
         met = self._met.get(before.character.id)
         if met is not None:
             actor.perform([met], 0)

@@ -54,18 +54,20 @@ class HandSizing:
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
         self._gestures: dict[str, _Gesture] = {}
-        self._told: dict[str, tuple[float, int]] = {}
+        self._told: dict[str, tuple[float, int, float | None]] = {}
         self._time_ns = 0
 
     def ask(self, order: Resize) -> None:
-        """Begins or ends a gesture, or sets a size.
+        """Begins or ends a gesture, sets a size, or how far soft parts swing.
 
         Raises:
             InputError: where there is no such character or performer, or its size cannot change.
         """
         name, who = self._meant(order)
         actor = self._stage.actors[name]
-        if order.do == "set":
+        if order.do == "exaggerate":
+            actor.exaggerate(order.exaggeration)
+        elif order.do == "set":
             self._gestures.pop(name, None)
             actor.resize(order.size, self._about(name, None), fade=True)
         elif name in self._gestures:
@@ -94,12 +96,12 @@ class HandSizing:
         said = []
         for name, actor in self._stage.actors.items():
             gesture = self._gestures.get(name)
-            now = actor.growth, -1 if gesture is None else gesture.body
-            before = self._told.get(name, (1.0, -1))
+            now = actor.growth, -1 if gesture is None else gesture.body, actor.exaggeration
+            before = self._told.get(name, (1.0, -1, None))
             moved = abs(now[0] / before[0] - 1.0) > (_TOLD if gesture is not None else 1e-9)
-            if moved or now[1] != before[1]:
+            if moved or now[1:] != before[1:]:
                 self._told[name] = now
-                said.append(SizeMessage(name, now[0], now[1]))
+                said.append(SizeMessage(name, *now))
         for name in self._told.keys() - self._stage.actors.keys():
             del self._told[name]
             said.append(SizeMessage(name, 1.0, -1))

@@ -30,6 +30,12 @@ class ContactSettings:
         low=0.0,
         high=1.0,
     )
+    sink: float = setting(
+        0.0,
+        "How much of its own sinking a foot that stands keeps; 1 where the floor is kept otherwise.",
+        low=0.0,
+        high=1.0,
+    )
     drop: float = setting(
         0.1,
         "How far the root may come down so that a foot reaches its place.",

@@ -72,15 +72,20 @@ class Handling:
         hidden: the window does not draw it.
         locked: it is neither picked nor edited.
         size: how many times its own size it stands on a stage, as performers' hands made it.
+        exaggeration: how far its soft parts swing past the motion there; None: as the stage's settings say.
     """
 
     hidden: bool = False
     locked: bool = False
     size: float = 1.0
+    exaggeration: float | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.size < float("inf"):
             raise InputError(f"its size is {self.size}", where="handling", mend="Give one above 0.")
+        if self.exaggeration is not None and not 0.0 <= self.exaggeration < float("inf"):
+            what = f"its exaggeration is {self.exaggeration}"
+            raise InputError(what, where="handling", mend="Give 0 or more.")
 
 
 FREE = Handling()

@@ -128,15 +128,20 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
-def with_feet_pinned(project: Project, shape: Shape, stepping: Sequence[SkeletonLimb] = ()) -> Project:
+def with_feet_pinned(
+    project: Project, shape: Shape, stepping: Sequence[SkeletonLimb] = (), level: bool = False
+) -> Project:
     """The project with the last joint but one of every leg, where its foot begins, held while it stands.
 
-    Legs that step reach the floor already: the body does not come down for them.
+    Legs that step reach the floor already: the body does not come down for them. Where the shape is kept on
+    the floor (``level``), feet keep their height and are held in their place along the floor only: an ankle
+    sinks as its foot rolls, and a foot that were held above would be off the floor.
     """
     for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair):
         leg = leg_of(limb)
         if len(leg) > 2:
-            how = ContactSettings(drop=0.0) if limb in stepping else None
+            drop = 0.0 if limb in stepping else ContactSettings.drop
+            how = ContactSettings(drop=drop, sink=float(level))
             project = pin_feet(project, shape.id, [leg[-1]], start=leg[0], settings=how)
     return project
 
@@ -189,11 +194,12 @@ def retarget(
     duration = max(layer.end(based.duration) for layer in layers)
     itself = plan.travel and _twins(clip.skeleton, shape.skeleton)
     stepping = legs_that_step(shape, clip, plan)
-    if plan.floor and stands(shape) and not itself:
+    level = plan.floor and stands(shape) and not itself
+    if level:
         project = stepped(project, shape.id, clip, based, plan)
         project = kept_on_floor(project, shape.id, based, duration, own_stride=not stepping)
     if plan.pin:
-        project = with_feet_pinned(project, shape, stepping)
+        project = with_feet_pinned(project, shape, stepping, level)
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)
 

@@ -223,7 +223,7 @@ def _bend(skeleton: Skeleton, step: _Step, performer: _Performer, turns: Float, 
     middle, side = bend_of(skeleton, chain)
     kept, none = skeleton.parents == chain[-1], np.zeros(len(turns))
     tree, bones = (skeleton.parents, skeleton.vectors[None]), (np.array(chain, np.int32), middle, side, kept)
-    pin_limb(*tree, *bones, 0.0, weights, goals, none, turns, joints)
+    pin_limb(*tree, *bones, 0.0, 0.0, weights, goals, none, turns, joints)
 
 
 def _even(headings: Float, count: int) -> Float:

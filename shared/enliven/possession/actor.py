@@ -32,6 +32,8 @@ class Actor:
     """Metres of the mesh as modelled for one of its rest space."""
     growth: float = 1.0
     """How many times its own size it is shown at."""
+    exaggeration: float | None = None
+    """How far soft parts swing past the motion, where that was asked for; None: as its settings say."""
     settings: Any
     """How it meets and follows its performers: a dataclass."""
     _candidate: tuple[int | None, str] = (None, "all")
@@ -96,6 +98,15 @@ class Actor:
         """
         mend = "Scale it in the project."
         raise InputError("it is as large as it was made", where=f"sizing {self.character.id!r}", mend=mend)
+
+    def exaggerate(self, exaggeration: float | None) -> None:
+        """Lets soft parts swing so far past the motion from now on; None: as its settings say.
+
+        Raises:
+            InputError: where nothing of it can swing.
+        """
+        where = f"exaggerating {self.character.id!r}"
+        raise InputError("no part of it can swing", where=where, mend="Choose a mesh that performers hold.")
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
         """Makes the cues show what this performer (None: the next one) would hold with these parts.

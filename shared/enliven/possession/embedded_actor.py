@@ -156,6 +156,11 @@ class EmbeddedActor(Actor):
             if fade:
                 self._easing.restart_fade()
 
+    def exaggerate(self, exaggeration: float | None) -> None:
+        """Lets soft parts swing so far past the motion from now on; None: as its settings say."""
+        self.exaggeration = exaggeration
+        self._swing.exaggerate(self.settings.exaggeration if exaggeration is None else exaggeration)
+
     def hand_over(self, former: int, body: Body) -> None:
         """Gives the hold of one performer to another, who goes on with it."""
         for hold in self.holds:

@@ -39,18 +39,27 @@ class FollowThrough:
     """
 
     def __init__(self, stiffness: Float | None, exaggeration: float) -> None:
-        self._share = np.zeros((0, 1))
+        self._softness: Float = np.zeros((0, 1))
         if stiffness is not None:
-            softness = np.clip(np.log(stiffness) / np.log(SOFTEST), 0.0, 1.0)
-            self._share = exaggeration * softness[:, None]
-        self._moves = bool(self._share.any())
+            self._softness = np.clip(np.log(stiffness) / np.log(SOFTEST), 0.0, 1.0)[:, None]
+        self._exaggeration = exaggeration
         self.restart()
+
+    def exaggerate(self, exaggeration: float) -> None:
+        """Swings so far from now on; what swings already goes on, unless nothing did."""
+        moved, self._exaggeration = self._moves, exaggeration
+        if not moved:
+            self.restart()
+
+    @property
+    def _moves(self) -> bool:
+        return bool(self._exaggeration and self._softness.any())
 
     def restart(self) -> None:
         """Begins anew with the next places, without any offset."""
         self._places: Float | None = None
         self._pace: Float | None = None
-        self._offset: Float = np.zeros((len(self._share), 3))
+        self._offset: Float = np.zeros((len(self._softness), 3))
         self._speed = self._offset
         self._time_ns = 0
 
@@ -66,7 +75,7 @@ class FollowThrough:
             self._pace = pace
         if self._places is None or seconds > 0:
             self._places, self._time_ns = np.array(positions), time_ns
-        shown = self._share * self._offset
+        shown = self._exaggeration * self._softness * self._offset
         length = np.linalg.norm(shown, axis=1, keepdims=True)
         return np.asarray(positions + shown * np.minimum(1.0, _FARTHEST / np.maximum(length, _FARTHEST)))
 

@@ -7,14 +7,14 @@ from enum import Enum
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA, Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.rotation import nearest_rotation
 from enliven.scanning.camera_tracker import Alignment, CameraTracker
-from enliven.scanning.depth_view import DepthPreparation, DepthView
+from enliven.scanning.depth_view import DepthPreparation, DepthView, only
 from enliven.scanning.ground import cut_out, find_ground, focus_of
 from enliven.scanning.keyframes import Keyframes
 from enliven.scanning.loops import ClosedWay, FrameHistory, closed_way
@@ -110,13 +110,36 @@ class Scanner:
         """Memory of all volumes, and of the images that are kept."""
         return sum(volume.megabytes for volume in self.volumes) + self.history.megabytes
 
-    def add(self, frame: DepthFrame, up: Float | None = None) -> ScanStep:
+    @property
+    def pose(self) -> Float:
+        """(4, 4) where the camera was in the newest image in which it was known."""
+        return self._pose
+
+    @property
+    def predicted(self) -> Float:
+        """(4, 4) where the camera is in the next image, if it goes on as it went."""
+        return np.asarray(self._pose @ np.linalg.inv(self._before) @ self._pose)
+
+    def add(
+        self,
+        frame: DepthFrame,
+        up: Float | None = None,
+        without: Bool | None = None,
+        doubtful: Bool | None = None,
+    ) -> ScanStep:
         """Find the camera of a frame, and fuse the image where that is sure.
 
         Args:
             up: (3,) unit vector, camera frame, that points up as its accelerometer feels it, or None.
+            without: (h, w) half-size pixels that show what moves by itself: the camera is found without them,
+                and nothing of them is fused; or None.
+            doubtful: (h, w) half-size pixels that show what may begin to move: the camera is found without
+                them where the others tell it surely, and they are fused as long as they are not ``without``;
+                or None.
         """
         view = self.view = self.prepared(frame)
+        if without is not None:
+            view, frame = only(view, ~without), _without(frame, without)
         if view.known < self.settings.least_depth:
             return ScanStep(ScanState.EMPTY, self._pose)
         if not self.poses:
@@ -127,7 +150,7 @@ class Scanner:
             return self._fuse(frame, view, self._pose, None, up)
         if self._state in (ScanState.LOST, ScanState.EMPTY):
             return self._sought(view, up)
-        found = self._tracked(view, up)
+        found = self._tracked(view, up, doubtful)
         self._state = ScanState.LOST if self._too_far(found, frame.time_ns) else self._judged(found)
         if self._state is ScanState.UNSURE:
             # What is known of the way is gone along, or a camera that moves on would not be found after it.
@@ -210,9 +233,13 @@ class Scanner:
             raise InputError(what, where=frame.sensor, mend="Scan with one camera, of one image size.")
         return self._camera[1].prepare(frame.depth, frame.colour if self.settings.volume.colour else None)
 
-    def _tracked(self, view: DepthView, up: Float | None) -> Alignment:
+    def _tracked(self, view: DepthView, up: Float | None, doubtful: Bool | None = None) -> Alignment:
         """Returns the pose of an image that follows the last one; from farther away where it must be."""
-        predicted = self._pose @ np.linalg.inv(self._before) @ self._pose
+        predicted = self.predicted
+        if doubtful is not None:
+            found = self.tracker.align(only(view, ~doubtful), predicted, up)
+            if self._judged(found) is ScanState.SCANNING:
+                return found
         found = self.tracker.align(view, predicted, up)
         if self._judged(found) is ScanState.LOST:
             others = (self.tracker.align(view, start, up, _LEVELS - 1) for start in (predicted, self._pose))
@@ -259,6 +286,13 @@ class Scanner:
             for volume in self.volumes:
                 volume.clean()
         return ScanStep(ScanState.SCANNING, pose, found, not self.full)
+
+
+def _without(frame: DepthFrame, own: Bool) -> DepthFrame:
+    """Returns a frame that knows no depth at some half-size pixels (h, w)."""
+    height, width = frame.depth.shape
+    wide = own.repeat(2, 0).repeat(2, 1)[:height, :width]
+    return replace(frame, depth=np.where(wide, 0, frame.depth).astype(frame.depth.dtype))
 
 
 def _fit(found: Alignment) -> float:

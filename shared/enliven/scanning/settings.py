@@ -193,6 +193,20 @@ class ObjectSettings:
     looks: int = setting(
         10, "Images of a rest with which the object is first sought in it.", low=2, high=1000
     )
+    followed: bool = setting(False, "Whether it is followed while it turns, on a turntable.")
+    unsure: float = setting(
+        0.25,
+        "Standard deviation of the camera's place about it beyond which it is not known how it is turned.",
+        unit="m",
+        low=1e-3,
+        high=2,
+    )
+    missed: int = setting(
+        15,
+        "Images one after the other in which it is not found, before it is sought at rest.",
+        low=1,
+        high=1000,
+    )
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from .envelope import (
     unpack_stream as unpack_stream,
 )
 from .fields import (
+    MAX_EXAGGERATION as MAX_EXAGGERATION,
     MAX_GROWTH as MAX_GROWTH,
     MAX_PART_BYTES as MAX_PART_BYTES,
     MAX_SENT_BYTES as MAX_SENT_BYTES,

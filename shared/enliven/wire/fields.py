@@ -22,6 +22,9 @@ Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 MAX_GROWTH = 4.0
 """How many times its own size a character may stand on a stage, and the inverse: from a cat to a house."""
 Growth = Annotated[float, Meta(ge=1 / MAX_GROWTH, le=MAX_GROWTH)]
+MAX_EXAGGERATION = 4.0
+"""How far soft parts may swing past the motion, in times of a mass on a spring: more looks like a fault."""
+Exaggeration = Annotated[float, Meta(ge=0.0, le=MAX_EXAGGERATION)]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """Finite: msgspec refuses NaN and infinities by the range."""
 Metres = Annotated[float, Meta(gt=0.0, le=100.0)]

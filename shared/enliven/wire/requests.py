@@ -13,6 +13,7 @@ from enliven.wire.fields import (
     MAX_SENT_BYTES,
     Count,
     Digest,
+    Exaggeration,
     Growth,
     Identity,
     Metres,
@@ -149,19 +150,22 @@ class RemoveCharacter(Order, frozen=True):
 
 
 class Resize(Order, frozen=True):
-    """Changes the size of a character (None: the one that is held, or would be) on the stage.
+    """Changes the size of a character (None: the one that is held, or would be) on the stage, or its swing.
 
     Attributes:
         do: "hands": the distance between a performer's hands multiplies its size from now on; asked again,
             or once they keep still, it stays. "end": it stays as it is. "set": it is of this size.
+            "exaggerate": its soft parts swing so far past the motion.
         body: for "hands", the performer; None: who holds it, else the first in view.
         size: for "set", how many times its own size.
+        exaggeration: for "exaggerate", how far; None: as the stage's settings say.
     """
 
-    do: Literal["hands", "end", "set"]
+    do: Literal["hands", "end", "set", "exaggerate"]
     character: Name | None = None
     body: Identity | None = None
     size: Growth = 1.0
+    exaggeration: Exaggeration | None = None
 
 
 class Scan(Order, frozen=True):
@@ -175,6 +179,8 @@ class Scan(Order, frozen=True):
         within: for "start", metres; what is farther is left out, and the thing may be turned.
         whole: for "done", keep all that was scanned, and not what stands on the floor.
         moved: for "start", the thing is turned and put down meanwhile; all its sides end in one mesh.
+        turned: for "start", the thing turns, on a turntable, and is followed while it moves.
+        person: for "start", a person before a camera that stands still, who turns once or holds still.
         box: for "done", keep what is in a box: six metres on the stage, its lowest corner and its highest.
         stage_from_scan: with a box, where the scan stood on the stage when the box was drawn.
     """
@@ -187,9 +193,13 @@ class Scan(Order, frozen=True):
     box: Annotated[list[Number], Meta(max_length=6)] = field(default_factory=list)
     stage_from_scan: Annotated[list[Number], Meta(max_length=12)] = field(default_factory=list)
     moved: bool = False
+    turned: bool = False
+    person: bool = False
 
     def __post_init__(self) -> None:
-        if self.moved and self.within is not None:
+        if self.person and (self.moved or self.turned or self.within is not None):
+            raise ValueError("a person is scanned alone: leave out moved, turned and within")
+        if (self.moved or self.turned) and self.within is not None:
             raise ValueError("a thing that is moved needs the floor about it: leave out within, or moved")
         if (len(self.box), len(self.stage_from_scan)) not in ((0, 0), (6, 12)):
             raise ValueError("a box has 6 numbers, and 12 of where the scan stood; or none of both")

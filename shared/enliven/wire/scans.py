@@ -16,7 +16,7 @@ Side = Annotated[int, Meta(ge=-(2**20), le=2**20)]
 Matrix = Annotated[list[Number], Meta(min_length=12, max_length=12)]
 """The upper three rows of a transform, row by row."""
 
-ThingWord = Literal["", "stands", "carried", "settling", "sought", "found"]
+ThingWord = Literal["", "stands", "carried", "settling", "sought", "found", "turning", "lost", "person"]
 """Where a thing is that is moved while it is scanned, see :class:`ScanMessage`."""
 
 
@@ -44,9 +44,13 @@ class ScanMessage(Struct, array_like=True, frozen=True):
         mend: what to do about it.
         thing: of a thing that is moved while it is scanned: it "stands", or lies; is "carried", or lost, and
             nothing is added; "settling": something stands still, and it is looked for in that; "sought": in
-            vain so far; was "found" just now. Else empty.
+            vain so far; was "found" just now; it is "turning" and followed, and what is seen of it is added;
+            or was "lost" meanwhile; or it is a "person", and what is missing are the sides not seen yet. Else
+            empty.
         seconds: for which it is looked for, or was until it was found.
         places: in which it was found so far; the surface is the thing alone from the first move on.
+        ends: of a person that is "done": fifteen metres on the stage, the ends of head, left and right hand,
+            left and right foot, where all were seen.
     """
 
     number: Count = 0
@@ -67,8 +71,11 @@ class ScanMessage(Struct, array_like=True, frozen=True):
     thing: ThingWord = ""
     seconds: Number = 0.0
     places: Count = 1
+    ends: Annotated[list[Number], Meta(max_length=15)] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        if len(self.ends) not in (0, 15):
+            raise ValueError("five ends have 15 numbers, or there are none")
         if len(self.stage_from_camera) not in (0, 12) or len(self.view) not in (0, 6):
             raise ValueError("a camera has 12 numbers and a view 6, or none")
 

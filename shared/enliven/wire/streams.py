@@ -14,6 +14,7 @@ from enliven.wire.fields import (
     MAX_TRANSFORM_BYTES,
     MAX_TRANSFORMS,
     Count,
+    Exaggeration,
     Growth,
     Identity,
     Name,
@@ -264,16 +265,18 @@ class StageMessage(Struct, array_like=True, frozen=True):
 
 
 class SizeMessage(Struct, array_like=True, frozen=True):
-    """How large a character stands on the stage, sent where that changed (topic "sizes").
+    """How large a character stands on the stage and how far it swings, where that changed (topic "sizes").
 
     Attributes:
         size: how many times its own size.
         body: the id of the performer who changes it by both hands; -1: it is not being changed.
+        exaggeration: how far soft parts swing past the motion; None: as the stage's settings say.
     """
 
     character: Name
     size: Growth
     body: Identity = -1
+    exaggeration: Exaggeration | None = None
 
 
 class CallMessage(Struct, array_like=True, frozen=True):

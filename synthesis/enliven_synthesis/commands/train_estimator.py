@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import tempfile
 from importlib import import_module
 from pathlib import Path
@@ -23,6 +24,10 @@ def train_estimator(
         Path | None,
         typer.Option(help="A network that this command made, to train on from instead of from nothing."),
     ] = None,
+    share: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="With --start, the share of what is learnt that is taken over."),
+    ] = 1.0,
     album: Annotated[
         Path | None,
         typer.Option(
@@ -33,14 +38,15 @@ def train_estimator(
 ) -> None:
     """Learn to see where the joints are in depth, from rendered people in random postures.
 
-    Nothing is downloaded and no recording is used. The defaults make the network that ships with enliven, in
+    Nothing is downloaded and no recording is used. The defaults make a network as it ships with enliven, in
     little more than an hour of two cores, with 5 GB of disk. A network that is there already is trained on
-    with --start, in less. It needs PyTorch: pip install "enliven-synthesis[training]".
+    with --start, in less; with a --share of what it learns it forgets less. It needs PyTorch:
+    pip install "enliven-synthesis[training]".
 
     \b
-      enliven train-estimator -o estimator.onnx                  the network that ships with enliven, again
+      enliven train-estimator -o estimator.onnx                  one like that which ships with enliven
       enliven train-estimator -o small.onnx --pictures 8000 --steps 500     a lesser one, in four minutes
-      enliven train-estimator --start estimator.onnx -o better.onnx --pictures 40000 --steps 2400
+      enliven train-estimator --start estimator.onnx -o better.onnx --pictures 40000 --steps 2400 --share 0.4
     """
     if output.suffix != ".onnx":
         raise InputError(
@@ -68,6 +74,7 @@ def train_estimator(
         KEPT_BACK,
         RATE_OF_START,
         TrainingSettings,
+        between,
         export,
         measure,
         quantise,
@@ -90,7 +97,10 @@ def train_estimator(
             )  # fmt: skip
         learning = progress.add_task("Learning", total=settings.steps)
         known = None if start is None else restored(start, dataset, KEPT_BACK)
+        before = None if known is None else copy.deepcopy(known)
         network = train(dataset, settings, lambda _step, _network: progress.advance(learning), known)
+        if before is not None:
+            network = between(before, network, share)
         whole, small = Path(spare) / "whole.onnx", Path(spare) / "small.onnx"
         export(network, whole)
         quantise(whole, small, dataset, KEPT_BACK)

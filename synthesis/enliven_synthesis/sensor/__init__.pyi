@@ -9,3 +9,4 @@ from .noise import DepthNoise as DepthNoise
 from .profile import SensorProfile as SensorProfile, load_profile as load_profile
 from .render import DepthRenderer as DepthRenderer
 from .studio import SyntheticSettings as SyntheticSettings, SyntheticStudio as SyntheticStudio
+from .turntable import TurntableWay as TurntableWay

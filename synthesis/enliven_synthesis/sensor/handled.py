@@ -13,6 +13,7 @@ from enliven.arrays import Float
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.turntable import TurntableWay
 
 _LIFT = 0.2
 """Metres by which a thing is lifted in the middle of a move."""
@@ -111,7 +112,9 @@ class HandledScan(HandheldScan):
         way: of the thing; all other arguments are those of a :class:`HandheldScan`.
     """
 
-    def __init__(self, thing: Mesh, way: HandledWay, *arguments: object, **named: object) -> None:
+    def __init__(
+        self, thing: Mesh, way: HandledWay | TurntableWay, *arguments: object, **named: object
+    ) -> None:
         super().__init__(thing, *arguments, **named)  # type: ignore[arg-type]
         self.way = way
 

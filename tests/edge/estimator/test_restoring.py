@@ -15,7 +15,7 @@ from enliven_edge.tracking.estimator.estimator import PoseEstimator
 from enliven_synthesis.training.dataset import Dataset, render_dataset
 from enliven_synthesis.training.pose_network import training
 from enliven_synthesis.training.pose_network.network import PoseNetwork
-from enliven_synthesis.training.pose_network.restoring import restored
+from enliven_synthesis.training.pose_network.restoring import between, restored
 from enliven_synthesis.training.pose_network.training import TrainingSettings, export, train
 
 ROUNDING = 2e-4
@@ -68,6 +68,20 @@ def test_the_shipped_network_comes_back_and_learns_on(dataset, monkeypatch):
     for start in (network, None):
         train(dataset, TrainingSettings(steps=1, batch=16), start=start)
     assert losses[0] < losses[1] - 1.0
+
+
+def test_between_two_networks_lie_the_two_and_all_on_the_way(dataset):
+    one, other = (PoseNetwork().eval() for _ in range(2))
+    batch = dataset.batch(np.arange(3))
+    for share, end in ((0.0, one), (1.0, other)):
+        made = outputs(between(one, other, share), batch)
+        for found, expected in zip(made, outputs(end, batch), strict=True):
+            np.testing.assert_allclose(found, expected, atol=ROUNDING, rtol=ROUNDING)
+    made = between(one, other, 0.25)
+    for (name, first), last in zip(one.named_parameters(), other.parameters(), strict=True):
+        part = made.get_parameter(name).detach()
+        torch.testing.assert_close(part, 0.75 * first.detach() + 0.25 * last.detach())
+        assert part.data_ptr() != last.data_ptr()
 
 
 @pytest.mark.parametrize("text", [b"", b"no network"])

@@ -18,8 +18,26 @@ def has_mediapipe() -> bool:
 
 @pytest.mark.skipif(has_mediapipe(), reason="mediapipe is here")
 def test_where_mediapipe_is_missing_it_is_said_with_what_to_do():
-    with pytest.raises(ResourceError, match=r"No module named 'mediapipe'.*extra 'colour'.*0\.10\.21"):
+    with pytest.raises(ResourceError, match=r"'mediapipe' is not installed.*extra 'colour'.*0\.10\.21"):
         MediaPipeSource()
+
+
+def test_a_mediapipe_without_a_model_is_told_where_it_goes(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "mediapipe").mkdir()
+    (tmp_path / "mediapipe" / "__init__.py").touch()
+    with pytest.raises(ResourceError, match=r"no model of a pose.*pose_landmarker\.task"):
+        MediaPipeSettings().check()
+    own = tmp_path / "state" / "enliven" / "pose_landmarker.task"
+    own.parent.mkdir(parents=True)
+    own.touch()
+    MediaPipeSettings().check()
+    assert MediaPipeSettings().model_file == own
+    own.unlink()
+    (tmp_path / "mediapipe" / "python" / "solutions").mkdir(parents=True)
+    MediaPipeSettings().check()
+    assert MediaPipeSettings().model_file is None, "an older one brings its own"
 
 
 def test_a_python_that_is_not_there_is_named():

@@ -34,7 +34,7 @@ def busy(monkeypatch):
         assert free.wait(PATIENCE)
 
     monkeypatch.setattr(ScanPlace, "look", look)
-    scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name: name)
+    scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name, ends: name)
     scan.start()
     yield scan, looks, free
     free.set()
@@ -89,7 +89,7 @@ def test_done_is_refused_in_words_and_it_can_go_on(busy):
 
 
 def test_a_box_of_the_stage_cuts_out_what_it_holds():
-    scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name: mesh)
+    scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name, ends: mesh)
     scan.start()
     take = take_of()
     told = list[ScanMessage]()

@@ -1,7 +1,9 @@
 """A chair is scanned as it stands, laid on its back by hands, and scanned on: one surface, undersides too."""
 
+import sys
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,10 +23,11 @@ from enliven.scanning.rigid import apart, inverse
 from enliven_edge.commands.scan import scan
 from enliven_edge.scanning import said_of_things
 from enliven_synthesis.sensor import HandheldPath, HandledScan, HandledWay, laid_on_its_back, load_profile
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform import PerformSession
-from enliven_viewer.studio.scan import ScanSession, advice_of
+from enliven_viewer.studio.scan import advice_of
 from enliven_viewer.studio.scan.session import VOXELS
+
+sys.path.insert(0, str(Path(__file__).parent))
+from scan_window import Begun, Window
 
 CHAIR = load_sample("chair")
 BACK = laid_on_its_back(CHAIR, (0.0, 0.15))
@@ -55,24 +58,6 @@ class Scanned:
     made: Mesh
 
 
-class Window:
-    """What a window does with the edge: its link, and its scan."""
-
-    def __init__(self, edge, folder):
-        self.editor = Editor()
-        self.editor.size = (800.0, 500.0)
-        self.perform = PerformSession(self.editor, folder)
-        self.perform.connect(str(edge.outlet.publisher.endpoint))
-        self.scan = ScanSession(self.editor, self.perform)
-
-    def poll(self):
-        self.perform.advance(0.01)
-        self.scan.advance()
-
-    def close(self):
-        self.perform.disconnect()
-
-
 @pytest.fixture(scope="module")
 def scanned(tmp_path_factory):
     take = HandledScan(CHAIR, WAY, load_profile("kinect1"), PATH, width=320)
@@ -94,8 +79,7 @@ def scanned(tmp_path_factory):
         edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
         scan.way, scan.name = "laid", "chair"
         patch.setitem(VOXELS, "thing", SETTINGS.volume.voxel)
-        scan.start()
-        edge.until(lambda: scan.said.phase == "scanning", "the beginning")
+        edge.until(Begun(scan), "the beginning")
         edge.show(frames, lambda: told.append((scan.said, advice_of(scan.said).text)))
         scanner = edge.edge.scans._scan._run.scanner
         grown, place = scan.surface

@@ -11,7 +11,7 @@ from sample_meshes.chair import make_chair
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError
 from enliven.person import Body, Joint
-from enliven.possession import ActorSettings, EmbeddedActor, standing_figure
+from enliven.possession import Actor, ActorSettings, EmbeddedActor, standing_figure
 from enliven.possession.placement import Placement
 from enliven.wire import MAX_GROWTH, Resize
 from enliven_edge.controls.base import orders
@@ -133,6 +133,31 @@ def test_a_placement_grows_about_a_place_and_back(one, other, seed):
     np.testing.assert_allclose(grown.to_world(points), expected, atol=1e-9)
     twice = grown.larger(other, about).to_world(points)
     np.testing.assert_allclose(twice, place.larger(one * other, about).to_world(points), atol=1e-8)
+
+
+def test_an_exaggeration_is_told_kept_by_the_next_revision_and_taken_back():
+    play = Play()
+    play.sizing.ask(Resize("exaggerate", "chair", exaggeration=2.5))
+    play.frames(person())
+    actor = play.stage.actors["chair"]
+    assert actor.exaggeration == 2.5 and [one.exaggeration for one in play.told] == [2.5]
+    later = EmbeddedActor(CHAIR, GRAPH, ActorSettings(exaggeration=0.5))
+    play.stage.put(later)
+    play.frames(person())
+    assert later.exaggeration == 2.5 and later._swing._exaggeration == 2.5
+    play.sizing.ask(Resize("exaggerate", "chair"))
+    play.frames(person())
+    assert later._swing._exaggeration == 0.5 and play.told[-1].exaggeration is None
+
+
+def test_what_has_no_soft_parts_refuses_to_swing():
+    class Stiff(EmbeddedActor):
+        exaggerate = Actor.exaggerate  # as of characters with bones, and puppets
+
+    play = Play()
+    play.stage.put(Stiff(CHAIR, GRAPH, ActorSettings()))
+    with pytest.raises(InputError, match=r"exaggerating 'chair': no part of it can swing\. Choose a mesh"):
+        play.sizing.ask(Resize("exaggerate", "chair", exaggeration=2.0))
 
 
 def test_the_word_scale_begins_and_ends_it_and_what_cannot_be_is_said():

@@ -108,6 +108,18 @@ def test_a_heel_rises_where_the_foot_stands_but_does_not_slide_or_sink():
             np.testing.assert_allclose(after[inside, joint, 1], expected, atol=1e-6)
 
 
+def test_a_foot_that_may_sink_keeps_its_height_and_is_held_along_the_floor_only():
+    project = walking(walk())
+    player = Player(pin_feet(project, "walker", FEET, settings=ContactSettings(sink=1.0)), "walker")
+    after, before = player.sample(TIMES)[1], Player(project, "walker").sample(TIMES)[1]
+    for name, found in player.contacts().items():
+        joint = NAMES.index(name)
+        for a, b, place in zip(found.starts, found.ends, found.places, strict=True):
+            inside = (a <= TIMES) & (b >= TIMES)
+            assert np.abs((after[inside, joint] - place)[:, [0, 2]]).max(initial=0) < 1e-6
+            np.testing.assert_allclose(after[inside, joint, 1], before[inside, joint, 1], atol=1e-6)
+
+
 @pytest.mark.parametrize("rise", [0.0, 1.0])
 def test_there_is_no_jump(rise):
     project = pin_feet(walking(walk()), "walker", FEET, settings=ContactSettings(rise=rise))

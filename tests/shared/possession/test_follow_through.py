@@ -62,6 +62,22 @@ def test_it_is_linear_in_the_motion_the_exaggeration_and_the_softness(seed, size
     np.testing.assert_allclose(shown(way, np.full(5, stiffness)) - way, softness * whole, atol=1e-9)
 
 
+@laws
+@given(SEEDS, st.floats(0.0, 4.0), st.floats(0.0, 4.0), st.integers(1, 58))
+def test_another_exaggeration_counts_from_its_frame_on(seed, first, then, at):
+    """The swing itself does not depend on it; what did not swing begins without any offset."""
+    way, stiffness = way_of(seed), np.geomspace(0.01, 2.0, 5)
+    swing, found = FollowThrough(stiffness, first), []
+    for k, places in enumerate(way):
+        if k == at:
+            swing.exaggerate(then)
+        found.append(swing(places, k * FRAME))
+    np.testing.assert_array_equal(found[:at], shown(way, stiffness, first)[:at])
+    after = FollowThrough(stiffness, then)
+    begun = [after(places, k * FRAME) for k, places in enumerate(way) if first or k >= at]
+    np.testing.assert_array_equal(found[at:], begun[-(len(way) - at) :])
+
+
 def test_a_stop_is_overshot_as_a_damped_spring_does_and_never_far():
     pace = np.concatenate([np.arange(30) / 30.0, np.full(60, 29 / 30)])
     way = np.zeros((90, 1, 3))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -144,6 +144,7 @@ BEFORE = images_of(*ROOM, noise=0.002)
     tall=st.floats(0.15, 0.7),
     seed=st.integers(0, 1000),
 )
+@example(at=(-0.18584285883112323, -0.04553671344240057), tall=0.6858024062925904, seed=652)
 def test_what_is_new_is_the_thing_wherever_it_stands(at, tall, seed):
     vertices, faces = joined(ROOM, standing(at, (0.25, tall, 0.2), FINE))
     vertices = vertices + np.random.default_rng(seed).normal(0, 0.001, vertices.shape)

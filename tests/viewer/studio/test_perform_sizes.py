@@ -15,6 +15,7 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.formats.project import project_of_mesh
 from enliven.formats.project.file import project_bytes, project_of
 from enliven.frames import BodyFrame
+from enliven.modeling.edits import handle_characters
 from enliven.person import Body, Joint
 from enliven.possession import ActorSettings, EmbeddedActor, standing_figure
 from enliven_edge.network.outlet import Outlet
@@ -111,3 +112,21 @@ def test_hands_scale_the_chair_it_is_kept_undone_and_set_anew(house: House) -> N
     assert house.workspace.actions.do("perform.its_own_size_again")
     house.until(lambda: house.actor.growth == 1.0)
     assert not editor.project.handling, "it is as if it had never been"
+
+
+def test_how_far_soft_spots_swing_is_dragged_undone_and_set_anew(house: House) -> None:
+    session, editor, actor = house.session, house.workspace.editor, house.actor
+    house.until(lambda: session.connected and session.performers and "chair" in session.standing)
+    assert actor.exaggeration is None, "as the stage's settings say"
+    editor.sketch(lambda project: handle_characters(project, ["chair"], exaggeration=3.0))
+    house.until(lambda: actor.exaggeration == 3.0)  # while it is dragged
+    editor.edit("swing", lambda project: handle_characters(project, ["chair"], exaggeration=2.5))
+    house.until(lambda: actor.exaggeration == 2.5)
+    assert project_of(project_bytes(editor.project)).handling["chair"].exaggeration == 2.5, "it is saved"
+    editor.undo()
+    house.until(lambda: actor.exaggeration is None)
+    editor.redo()
+    house.until(lambda: actor.exaggeration == 2.5)
+    # An edge that was started again has forgotten it.
+    actor.exaggerate(None)
+    house.until(lambda: actor.exaggeration == 2.5)

@@ -45,6 +45,7 @@ def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Pa
     said = json.loads(done.stdout.splitlines()[-1])
     assert said["done"], said.get("missing", said)
     assert said["lacks"].startswith("No stage is connected")
+    assert said["size"] == "room"
     assert said["grown"][1] > 1.3 * said["grown"][0] > 0
     assert said["words"].startswith(("Walk", "Hold it", "Good"))
     assert said["undone"][1] < said["undone"][0]
@@ -90,6 +91,13 @@ def view(angle: float, up: float = 0.8) -> list[float]:
         ({"thing": "settling", "seconds": 1.2}, "It is looked for, 1 s: walk round it slowly"),
         ({"thing": "sought", "seconds": 4.0}, "Not found yet: walk on, show what was seen before"),
         ({"thing": "found", "seconds": 1.5, "view": view(1.0)}, "Found again in 1.5 s: go round it"),
+        (
+            {"thing": "person", "tracking": "empty"},
+            "Stand one to three metres before the camera, whole in view",
+        ),
+        ({"thing": "person", "missing": 0.75}, "Turn on the spot, slowly: 25 of 100"),
+        ({"thing": "person", "tracking": "lost"}, "Turn back a little, then on, more slowly"),
+        ({"thing": "person", "missing": 0.0}, "All round: stand still"),
         ({"stage_from_camera": [], "view": view(1.0)}, "Point the camera at the thing"),
     ],
 )

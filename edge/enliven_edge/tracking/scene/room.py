@@ -29,6 +29,9 @@ _FILL_SHARE = 0.002
 """Share of the image by which the known part must have changed for the fill to be computed anew."""
 _FILL_AFTER = 6
 """Looks after which the fill is computed anew without such a change: known depths change too."""
+_TELLS = 0.05
+"""Share of the image that is known of the room from which it tells what was never seen: less is a fringe of a
+person before a hall too deep for the sensor, and the person would be taken for what lies about it."""
 _AT_ONCE = 0.1
 """Seconds at the start in which everything is learnt at once: the whole room is new."""
 _SEEN_FOR = 0.25
@@ -129,7 +132,10 @@ class RoomModel:
         if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
             known = int(np.count_nonzero(self.z))
             if abs(known - self._known) > _FILL_SHARE * self.z.size or self._stale > _FILL_AFTER:
-                self._fill_z = background_fill(self.z, view.camera.ray, view.world_from_camera, floor_band)
+                self._fill_z = np.zeros_like(self.z)
+                if known >= _TELLS * self.z.size:
+                    ray, pose = view.camera.ray, view.world_from_camera
+                    self._fill_z = background_fill(self.z, ray, pose, floor_band)
                 self._known, self._stale = known, 0
             self._stale += 1
             self._filled_ns = time_ns if known else None

@@ -16,11 +16,13 @@ def handle_characters(
     hidden: bool | None = None,
     locked: bool | None = None,
     size: float | None = None,
+    exaggeration: float | None = None,
 ) -> Project:
     """A project in which characters are hidden or shown, locked or free; None leaves that as it is.
 
     Args:
         size: how many times their own size they stand on a stage.
+        exaggeration: how far their soft parts swing past the motion there.
 
     Raises:
         InputError: where there is no such character.
@@ -34,6 +36,7 @@ def handle_characters(
             hidden=now.hidden if hidden is None else hidden,
             locked=now.locked if locked is None else locked,
             size=now.size if size is None else size,
+            exaggeration=now.exaggeration if exaggeration is None else exaggeration,
         )
     return replace(project, handling=handling)
 

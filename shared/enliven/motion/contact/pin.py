@@ -144,7 +144,7 @@ def _two_up(skeleton: Skeleton, joint: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def pin_limb(parents, vectors, chain, middle, side, kept, rise, weights, goals, drops, turns, joints):  # type: ignore[no-untyped-def]
+def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, goals, drops, turns, joints):  # type: ignore[no-untyped-def]
     """Kernel: brings the end of a limb to its goal, as much as ``weights`` (T,) says, and rebuilds what hangs
     on it.
 
@@ -153,6 +153,7 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, weights, goals, 
         chain: (K,) joints of the limb.
         kept: (N,) bones that keep their turn in the world.
         rise: how much of its own rise above the goal the foot keeps.
+        sink: how much of its own sinking below the goal.
         goals: (T, 3) metres.
         drops: (T,) metres that the whole has come down: a foot that is free goes where it went.
         turns: (T, N, 4) world turns, changed in place; joints: (T, N, 3) metres, too.
@@ -164,7 +165,8 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, weights, goals, 
         start, bend, end = chain[0], chain[middle], chain[-1]
         at = row(joints[t], end)
         w, free = weights[t], at[1] + drops[t]
-        high = goals[t, 1] + rise * max(free - goals[t, 1], 0.0)
+        above = free - goals[t, 1]
+        high = goals[t, 1] + rise * max(above, 0.0) + sink * min(above, 0.0)
         goal = (
             at[0] + w * (goals[t, 0] - at[0]),
             free + w * (high - free),

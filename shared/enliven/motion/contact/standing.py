@@ -93,7 +93,7 @@ class Standing:
             weights, goals = _held(pin, contacts, times)
             goals += on
             limb = (pin.chain, pin.middle, pin.side, pin.kept)
-            pin_limb(*tree, *limb, pin.settings.rise, weights, goals, drops, turns, joints)
+            pin_limb(*tree, *limb, pin.settings.rise, pin.settings.sink, weights, goals, drops, turns, joints)
         for (pin, _), ground in zip(self.pins, self.grounds, strict=False):
             _lift(pin, ground, times, tree, turns, joints)
 
@@ -155,7 +155,7 @@ def _lift(
     goals = joints[:, pin.chain[-1]] + lift[:, None] * [0.0, 1.0, 0.0]
     limb = (pin.chain, pin.middle, pin.side, pin.kept)
     up = np.asarray(lift > 0.0, np.float64)
-    pin_limb(*tree, *limb, 0.0, up, goals, np.zeros(len(times)), turns, joints)
+    pin_limb(*tree, *limb, 0.0, 0.0, up, goals, np.zeros(len(times)), turns, joints)
 
 
 def _held(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
@@ -176,7 +176,8 @@ def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Flo
     now = np.linalg.norm(end - start, axis=1)
     limb = np.linalg.norm(middle - start, axis=1) + np.linalg.norm(end - middle, axis=1)
     goal = goals.copy()
-    goal[:, 1] += pin.settings.rise * np.maximum(end[:, 1] - goals[:, 1], 0.0)
+    above = end[:, 1] - goals[:, 1]
+    goal[:, 1] += pin.settings.rise * np.maximum(above, 0.0) + pin.settings.sink * np.minimum(above, 0.0)
     goal = end + weights[:, None] * (goal - end)
     reach = limb * _STRETCH
     reach = reach + (1.0 - weights) * np.maximum(now - reach, 0.0)

@@ -31,6 +31,8 @@ _FOOT = 0.05
 """Metres about what is new within which it goes on: so near to a floor nothing is told apart."""
 _UNSEEN = 0.2
 """Metres about what is new up to which what was not seen before belongs to it: above the view."""
+_PATCH = 0.4
+"""Metres of the largest patch that lies farther from it and is kept too: more may be another thing."""
 _BELOW = 0.1
 """Metres about the lowest of what is new in which the plane is looked for on which it stands."""
 _ROUND = 0.15
@@ -130,8 +132,28 @@ def cut_what_is_new(
     # So near to what it stands on, nothing can be told apart: there it is what is above that, and beside it.
     low = (support.heights(above.vertices) < _FOOT) & (away < _FOOT)
     meant = (told >= 0) & np.isfinite(away) | low
-    cut = submesh(above, meant[above.faces].any(1))
+    kept = np.asarray(meant[above.faces].any(1))
+    cut = submesh(above, kept | _islands(above, ~kept, told >= 0))
     return set_down(cut, upright_frame(support, np.zeros(3)), s.clearance, s)
+
+
+def _islands(mesh: Mesh, left: Bool, free: Bool) -> Bool:
+    """Returns (F,) which of the faces that were left out lie in patches too small to be another thing.
+
+    Args:
+        left: (F,) the faces that were left out.
+        free: (V,) where no surface was seen before.
+    """
+    faces = mesh.faces[left]
+    label = np.asarray(shells(faces, len(mesh.vertices)))
+    low, high = np.full((label.max() + 1, 3), np.inf), np.full((label.max() + 1, 3), -np.inf)
+    np.minimum.at(low, label[faces.ravel()], mesh.vertices[faces.ravel()])
+    np.maximum.at(high, label[faces.ravel()], mesh.vertices[faces.ravel()])
+    small = np.asarray(((high - low) < _PATCH).all(1), np.bool_)
+    small[label[faces[~free[faces].all(1)].ravel()]] = False
+    found = np.zeros(len(mesh.faces), np.bool_)
+    found[left] = small[label[faces[:, 0]]]
+    return found
 
 
 def _large(mesh: Mesh, s: CutOutSettings) -> Mesh:

@@ -1,4 +1,6 @@
-from .moved_scanner import MovedScanner as MovedScanner, MovedStep as MovedStep, ObjectState as ObjectState
+from .follower import Followed as Followed, ObjectFollower as ObjectFollower
+from .moved_scanner import MovedScanner as MovedScanner, following as following
+from .moved_step import MovedStep as MovedStep, ObjectState as ObjectState
 from .object_model import ObjectModel as ObjectModel
 from .registration import Registration as Registration, Scanned as Scanned, registered as registered
 from .rest import ObjectRest as ObjectRest

@@ -10,6 +10,7 @@ from enliven.arrays import Float
 from enliven.meshes import Mesh
 from enliven.scanning.ground import largest
 from enliven.scanning.marching_cubes import surface_of
+from enliven.scanning.objects.follower import ObjectFollower
 from enliven.scanning.objects.registration import laid
 from enliven.scanning.objects.rest import ObjectRest
 from enliven.scanning.objects.surface_points import nearest_grid, sampled
@@ -34,15 +35,25 @@ _CLEANED = 90
 """Images after which blocks without a surface are given back."""
 
 
-def joined_object(rests: Sequence[ObjectRest], settings: ScanSettings) -> Mesh:
-    """Returns the surface of an object that was scanned at several rests, metres, the first one's world."""
+def joined_object(
+    rests: Sequence[ObjectRest], settings: ScanSettings, followers: Sequence[ObjectFollower] = ()
+) -> Mesh:
+    """Returns the surface of an object of all images at rests and between, metres, the first rest's world."""
     whole = DistanceVolume(settings.volume)
     for number, rest in enumerate(rests):
         if not rest.parts or rest.object_from_room is None:
             continue
-        pose = _bettered(rest, rest.object_from_room, surface_of(whole)) if number else rest.object_from_room
+        before = surface_of(whole) if number else None
+        pose = rest.object_from_room
+        if before is not None and len(before.faces):
+            pose = _bettered(rest, pose, before)
         for count, (view, room_from_camera) in enumerate(rest.views(rest.numbers)):
             whole.integrate(view, pose @ room_from_camera)
+            if count % _CLEANED == _CLEANED - 1:
+                whole.clean()
+    for follower in followers:
+        for count, (view, pose) in enumerate(follower.views()):
+            whole.integrate(view, pose)
             if count % _CLEANED == _CLEANED - 1:
                 whole.clean()
     return largest(surface_of(whole))

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float
+from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.scanning.ground import cut_out, find_ground, focus_of, whole_part
 from enliven.scanning.loops import FrameHistory
-from enliven.scanning.objects.free_space import SeenDepth
+from enliven.scanning.objects.follower import ObjectFollower
 from enliven.scanning.objects.joining import joined_object
+from enliven.scanning.objects.moved_step import MovedStep, ObjectState
 from enliven.scanning.objects.object_model import ObjectModel
 from enliven.scanning.objects.registration import Scanned, registered
-from enliven.scanning.objects.rest import ObjectRest
-from enliven.scanning.objects.surface_points import SurfacePoints
-from enliven.scanning.scanner import ScanState, ScanStep
+from enliven.scanning.objects.rest import ObjectRest, known_of
+from enliven.scanning.rigid import inverse
+from enliven.scanning.scanner import Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
 _AGAIN = 1.6
@@ -27,49 +28,18 @@ _TWICE = 2
 """Images one after the other that fit badly, with which what began to stand still ends: one is shaken."""
 _LARGER = 1.5
 """Times the size of what is known of the object beyond which a thing is another one: a wall, a person."""
+_LARGEST_VOXEL = 0.004
+"""Metres of the largest voxel with which an object is followed: the coarsest volume has voxels of 16 times
+that, and in larger ones too little of a thing half a metre high is known to find it again."""
+_KNOWN_AFTER = 10
+"""Images after which it is looked for what stands there, at most: it turns a second after the first one."""
 
 
-class ObjectState(Enum):
-    """What is known of the object in a frame."""
-
-    RESTING = "resting"
-    """It stands, and the image was fused into it; before it is first moved it is a part of the room."""
-    SETTLING = "settling"
-    """Something stands still; it is not known yet that it is the object, or how it lies."""
-    LOST = "lost"
-    """It is carried, covered, or elsewhere; nothing was fused into it."""
-
-
-@dataclass(frozen=True)
-class MovedStep:
-    """What became of a frame.
-
-    Attributes:
-        scan: of the room as it is since the object last came to rest; with the camera's pose in it.
-        state: see :class:`ObjectState`.
-        object_from_room: (4, 4) how the object lies in that room, or None while that is not known; the
-            object's frame is the first room.
-        rests: the number of rests at which it was found.
-        sought: how often it was looked for, in vain, in what stands still now.
-    """
-
-    scan: ScanStep
-    state: ObjectState
-    object_from_room: Float | None
-    rests: int
-    sought: int = 0
-
-    @property
-    def told(self) -> ScanStep:
-        """The scan's step, which is lost while the object is."""
-        return replace(self.scan, state=ScanState.LOST) if self.state is ObjectState.LOST else self.scan
-
-    @property
-    def object_from_camera(self) -> Float | None:
-        """(4, 4) the camera's pose in the object's frame, or None while that is not known."""
-        if self.object_from_room is None or self.scan.state is not ScanState.SCANNING:
-            return None
-        return np.asarray(self.object_from_room @ self.scan.world_from_camera)
+def following(settings: ScanSettings) -> ScanSettings:
+    """Returns the settings with which an object is followed while it moves; voxels are 4 mm at most."""
+    volume = replace(settings.volume, voxel=min(settings.volume.voxel, _LARGEST_VOXEL))
+    moved = replace(settings.moved, followed=True, known_after=min(settings.moved.known_after, _KNOWN_AFTER))
+    return replace(settings, volume=volume, moved=moved)
 
 
 class MovedScanner:
@@ -98,12 +68,16 @@ class MovedScanner:
         self._search, self._doubts, self._sought = 0.0, 0, 0
         self._known: tuple[int, Scanned] | None = None
         self.model: ObjectModel | None = None
+        self.followers: list[ObjectFollower] = []
+        self._follower: ObjectFollower | None = None
+        self._room: ObjectRest | None = None
 
     @property
     def megabytes(self) -> float:
         """Memory of all rests."""
         trial = [] if self._trial is None else [self._trial]
         model = 0.0 if self.model is None else self.model.megabytes
+        model += sum(follower.history.megabytes for follower in self.followers)
         return model + sum(rest.scanner.megabytes for rest in [*self.rests, *self.unplaced, *trial])
 
     def add(self, frame: DepthFrame, up: Float | None = None) -> MovedStep:
@@ -113,8 +87,12 @@ class MovedScanner:
             up: as of :meth:`Scanner.add`.
         """
         rest = self._now
+        if self._follower is not None:
+            followed = self._follow(frame, up)
+            if followed is not None:
+                return followed
         if rest is not None:
-            step = rest.scanner.add(frame, up)
+            step = rest.scanner.add(frame, up, doubtful=self._doubtful(rest, frame))
             if step.state is not ScanState.LOST:
                 if not rest.moved(step):
                     self._trial = None
@@ -122,12 +100,58 @@ class MovedScanner:
                     self._grow(rest, step)
                     return self._step(step, ObjectState.RESTING, rest)
                 self._end(rest)
+                if self.settings.moved.followed and self._begin(rest, step):
+                    return self._step(step, ObjectState.LOST, None)
         return self._try(frame, up)
+
+    def _doubtful(self, rest: ObjectRest, frame: DepthFrame) -> Bool | None:
+        """Returns (h, w) which pixels show what may begin to move: a camera must not go with it."""
+        if not self.settings.moved.followed or rest.ground is None:
+            return None
+        return rest.held(rest.scanner.prepared(frame), rest.scanner.predicted)
+
+    def _begin(self, rest: ObjectRest, step: ScanStep) -> bool:
+        """Begins to follow the object from where it stood; returns whether that is known."""
+        view = rest.scanner.view
+        if self.model is None or rest.object_from_room is None or view is None:
+            return False
+        pose = rest.object_from_room @ step.world_from_camera
+        self._room = rest
+        self._follower = ObjectFollower(self.model, rest, pose, self.settings)
+        self.followers.append(self._follower)
+        return True
+
+    def _follow(self, frame: DepthFrame, up: Float | None) -> MovedStep | None:
+        """Finds object and room in an image, each by itself; None where the object was lost for long."""
+        follower, room = self._follower, self._room
+        assert follower is not None and room is not None
+        view = room.scanner.prepared(frame)
+        found = follower.find(view, room.scanner.predicted)
+        step = room.scanner.add(frame, up, found.own)
+        follower.take(frame, view, found, step.world_from_camera)
+        if follower.missed > self.settings.moved.missed:
+            self._follower = None
+            return None
+        pose = found.object_from_camera @ inverse(step.world_from_camera)
+        state = ObjectState.FOLLOWED if found.sure else ObjectState.LOST
+        return MovedStep(step, state, pose if found.sure else None, len(self.rests), followed=found)
 
     def close_loops(self) -> None:
         """Close the camera's way at each rest, as :meth:`Scanner.close_loops` does."""
         for rest in self.rests:
             rest.scanner.close_loops()
+
+    @property
+    def place(self) -> tuple[Scanner, Float] | None:
+        """The scan of the room and (4, 4) how the object lies in it now; None while that is not known."""
+        if self._follower is not None and self._room is not None:
+            if self._follower.missed:
+                return None
+            room = self._room.scanner
+            return room, np.asarray(self._follower.pose @ inverse(room.pose))
+        if self._now is None or self._now.object_from_room is None:
+            return None
+        return self._now.scanner, self._now.object_from_room
 
     @property
     def now(self) -> ObjectRest | None:
@@ -162,17 +186,26 @@ class MovedScanner:
         first, whole = self.rests[0], self.surface()
         ground = find_ground(whole, settings=self.settings.cut_out)
         self._place_all()
-        if len(self.rests) == 1:
+        if len(self.rests) == 1 and not self.followed:
             focus = focus_of([pose for _, pose in first.scanner.poses])
             return cut_out(whole, ground, focus, self.settings.cut_out)
-        return whole_part(self.joined(), ground, self.settings.cut_out)
+        mesh = self.joined()
+        if not len(mesh.faces):
+            mend = "Let it stand for a second before it is turned, and turn it more slowly."
+            raise InputError("the thing moved all the time, and was not followed", where="scan", mend=mend)
+        return whole_part(mesh, ground, self.settings.cut_out)
 
     def joined(self) -> Mesh:
         """Returns the surface of the object from all rests, metres, the world of the first one."""
         self._place_all()
         for rest in self.rests:
             rest.look(0)
-        return joined_object(self.rests, self.settings)
+        return joined_object(self.rests, self.settings, self.followers)
+
+    @property
+    def followed(self) -> int:
+        """The number of images in which it was followed while it moved."""
+        return sum(len(follower.poses) for follower in self.followers)
 
     def _try(self, frame: DepthFrame, up: Float | None) -> MovedStep:
         """Scans anew what may stand still again, and looks for the object in it."""
@@ -206,9 +239,12 @@ class MovedScanner:
         rest.end()
         self._now = None
         if self.model is None:
-            rest.look(0)
             self.model = ObjectModel(self.settings)
-            self.model.take(rest)
+            if self.settings.moved.followed and not rest.stood_still():
+                self.model.begin(rest)
+            else:
+                rest.look(0)
+                self.model.take(rest)
 
     def _grow(self, rest: ObjectRest, step: ScanStep) -> None:
         """Fuses an image into what is known of the object alone."""
@@ -248,21 +284,10 @@ class MovedScanner:
     def _scanned(self) -> Scanned | None:
         """Returns what is known of the object, of all rests at which it was found; None where nothing is."""
         if self._known is None or self._known[0] != len(self.rests):
-            points, normals, views = list[Float](), list[Float](), list[SeenDepth]()
-            for rest in self.rests:
-                rest.look(0)
-                pose = rest.object_from_room
-                if pose is None or not rest.parts:
-                    continue
-                own = rest.scanned()
-                moved = own.surface.moved(pose)
-                points.append(moved.points)
-                normals.append(moved.normals)
-                views += [replace(v, frame_from_camera=pose @ v.frame_from_camera) for v in own.views]
-            if not points:
+            known = known_of(self.rests)
+            if known is None:
                 return None
-            surface = SurfacePoints(np.concatenate(points), np.concatenate(normals))
-            self._known = len(self.rests), Scanned(surface, views)
+            self._known = len(self.rests), known
         return self._known[1]
 
     def _step(self, step: ScanStep, state: ObjectState, rest: ObjectRest | None) -> MovedStep:

@@ -33,6 +33,21 @@ class ObjectModel:
         """Memory of the volumes."""
         return sum(volume.megabytes for volume in self.volumes)
 
+    @property
+    def size(self) -> float:
+        """Metres, the diagonal of the box of what is known; 0 where nothing is."""
+        return float(np.linalg.norm(np.ptp(self._box, axis=0))) if np.isfinite(self._box).all() else 0.0
+
+    @property
+    def middle(self) -> Float:
+        """(3,) metres, the middle of that box."""
+        return np.asarray(self._box.mean(0))
+
+    def reaches(self, points: Float, margin: float) -> Bool:
+        """Returns (...) which points (..., 3), its own frame, lie in the box of what is known, or near it."""
+        inside = (points > self._box[0] - margin) & (points < self._box[1] + margin)
+        return np.asarray(inside.all(-1))
+
     def take(self, rest: ObjectRest) -> None:
         """Fuse images of a rest at which it is known how the object lies."""
         pose = rest.object_from_room
@@ -43,23 +58,40 @@ class ObjectModel:
         self._box = np.array([np.minimum(self._box[0], low), np.maximum(self._box[1], high)])
         numbers = rest.numbers
         for view, room_from_camera in rest.views(numbers[:: -(-len(numbers) // _IMAGES)]):
-            self._fuse(view, pose @ room_from_camera)
+            self.fuse(view, pose @ room_from_camera)
+
+    def begin(self, rest: ObjectRest) -> None:
+        """Fuse the newest image of a rest alone: the object never stood still in it."""
+        view = rest.scanner.view
+        if view is not None and rest.object_from_room is not None and rest.parts:
+            pose = rest.scanner.poses[-1][1]
+            own = only(view, rest.held(view, pose))
+            rest.images = 0
+            self.grow(own.points[own.worth > 0] @ pose[:3, :3].T + pose[:3, 3])
+            self.fuse(own, rest.object_from_room @ pose)
 
     def add(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> None:
         """Fuse a new image of a rest: of the points in the object's box those above the floor."""
         if rest.object_from_room is not None and rest.ground is not None:
             own = self._own(view, rest, room_from_camera)
-            self._fuse(only(view, own), rest.object_from_room @ room_from_camera)
+            self.fuse(only(view, own), rest.object_from_room @ room_from_camera)
 
     def _own(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> Bool:
         """Returns (h, w) which points of a view are the object's."""
         assert rest.ground is not None and rest.object_from_room is not None
         room = view.points @ room_from_camera[:3, :3].T + room_from_camera[:3, 3]
         own = room @ rest.object_from_room[:3, :3].T + rest.object_from_room[:3, 3]
-        inside = ((own > self._box[0] - _MARGIN) & (own < self._box[1] + _MARGIN)).all(-1)
         above = rest.ground.heights(room) > self.settings.cut_out.clearance
-        return np.asarray((view.worth > 0) & inside & above)
+        return np.asarray((view.worth > 0) & self.reaches(own, _MARGIN) & above)
 
-    def _fuse(self, view: DepthView, object_from_camera: Float) -> None:
+    def grow(self, points: Float) -> None:
+        """Let the box reach to points (N, 3) that were seen to be its own."""
+        if len(points):
+            self._box = np.array(
+                [np.minimum(self._box[0], points.min(0)), np.maximum(self._box[1], points.max(0))]
+            )
+
+    def fuse(self, view: DepthView, object_from_camera: Float) -> None:
+        """Average a view into it, of which only the object's points have worth."""
         for volume in self.volumes:
             volume.integrate(view, object_from_camera)

@@ -7,6 +7,7 @@ input has there, and the scale and the shift that undo them.
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,23 @@ _SAMPLES = 768
 """Training samples that the normalisations are measured on: hundreds of cells each make it plenty."""
 _FORMERLY = {".branch.": ".way."}
 """Parts of names of the network that were others in networks exported earlier."""
+
+
+def between(one: PoseNetwork, other: PoseNetwork, share: float) -> PoseNetwork:
+    """Returns the network with weights between two, of which the second was trained on from the first.
+
+    What is learnt of rare samples is kept with a part of the way, what was known of all others is forgotten
+    less (Wortsman et al., "Robust fine-tuning of zero-shot models", CVPR 2022, equation 1).
+
+    Args:
+        share: 0 to 1, of the second network.
+    """
+    made, first, second = copy.deepcopy(other), one.state_dict(), other.state_dict()
+    for name, value in second.items():
+        if value.is_floating_point():
+            second[name] = torch.lerp(first[name], value, share)
+    made.load_state_dict(second)
+    return made
 
 
 def restored(path: Path, dataset: Dataset, first: int) -> PoseNetwork:

@@ -219,6 +219,18 @@ def view_of(z):
     return FrameView(0, z, world_points(z, camera.ray, mount), camera, mount)
 
 
+def test_a_fringe_that_was_learnt_alone_tells_nothing_of_what_was_never_seen():
+    """Before a hall too deep for the sensor a person's own feet would make all of the person the room."""
+    for known, expected in ((1, UNSEEN), (20, UNLIKELY)):
+        room, fringe = RoomModel((8, 8)), np.zeros((8, 8))
+        fringe.ravel()[-known:] = 2.0
+        learn(room, fringe, 0.05)
+        z = np.zeros((8, 8))
+        z[2:4, 3] = 2.02
+        kind = room.classify(view_of(z), near=0.3, far=8.0, floor_band=-5.0)
+        assert (kind[2:4, 3] == expected).all()
+
+
 def test_every_pixel_is_told_apart():
     room = RoomModel((8, 8))
     somebody = np.zeros((8, 8), bool)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven.document import RigBase
-from enliven_viewer.studio.panels.fields import character_name, told
+from enliven.document import FREE, Project, RigBase
+from enliven.modeling.edits import handle_characters
+from enliven.wire import MAX_EXAGGERATION
+from enliven_viewer.studio.panels.fields import character_name, slider, told
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.outliner import draw_numbers
@@ -93,8 +95,24 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
         workspace.actions.do("paint.both_sides")
     workspace.remember("both sides")
     told(workspace.actions.tip(workspace.actions["paint.both_sides"]))
+    one = workspace.editor.chosen()
+    if one is not None and one.mesh is not None and one.kind == "graph":
+        _swing(workspace, one.id)
     action_button(workspace, "paint.clear", 2 * _HALF)
     quiet("Performers feel it as soon as they hold it. Soft spots swing past what they do.")
+
+
+def _swing(workspace: Workspace, name: str) -> None:
+    """How far soft spots swing past what a performer does, felt on the stage while it is dragged."""
+    project = workspace.editor.draft or workspace.editor.project
+    given = project.handling.get(name, FREE).exaggeration
+    far = 1.0 if given is None else given
+
+    def change(project: Project, wanted: float) -> Project:
+        return handle_characters(project, [name], exaggeration=wanted)
+
+    slider(workspace, "swing of soft spots", far, 0.0, MAX_EXAGGERATION, "swing %.1f", change)
+    told("How far soft spots swing past the motion. 0: not at all. 1: as a mass on a spring")
 
 
 def _several(workspace: Workspace) -> None:

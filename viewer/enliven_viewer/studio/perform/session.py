@@ -71,12 +71,16 @@ class PerformSession:
         Raises:
             InputError: where that is no address.
         """
-        client = EdgeClient([address.strip()], "enliven window")
+        self._follow(address.strip(), settings)
+        self.addresses.remember(address.strip())
+
+    def _follow(self, address: str, settings: PlaybackSettings | None = None) -> None:
+        """Follow the edge at an address in the place of another."""
+        client = EdgeClient([address], "enliven window")
         self.disconnect()
         self._client, feed = client, EdgeFeed(client)
         feed.heard, feed.restarted = self._heard, self._began_again
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
-        self.addresses.remember(address.strip())
 
     def join(self, address: str, settings: PlaybackSettings | None = None) -> None:
         """Follow one edge more: who performs there is seen, and recorded, beside the others.
@@ -119,7 +123,7 @@ class PerformSession:
             ResourceError: where the edge's program is not installed.
         """
         edge = NearbyEdge(*words)
-        self.connect(str(edge.endpoint))
+        self._follow(str(edge.endpoint))
         self._nearby = edge
         if self.live is not None:
             self.live.near = True
@@ -241,7 +245,8 @@ class PerformSession:
     def _watch_edge(self) -> None:
         """Notice an edge of this machine that could not be started, or has ended."""
         if self._nearby is not None and not self.connected and (why := self._nearby.ended) is not None:
-            self.editor.toasts.complain(EnlivenError(why, where="the stage on this machine"))
+            what, _, mend = why.removeprefix("enliven: ").partition(". ")
+            self.editor.toasts.complain(EnlivenError(what, where="the stage on this machine", mend=mend))
             self.disconnect()
 
     def _began_again(self) -> None:

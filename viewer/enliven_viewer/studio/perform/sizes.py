@@ -1,9 +1,11 @@
-"""How large characters stand on the stage: what hands do becomes an edit, and undo reaches the stage."""
+"""How large characters stand on the stage, and how far they swing: edits, of which undo reaches the stage."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection
+
+import numpy as np
 
 from enliven.document import FREE
 from enliven.modeling.edits import handle_characters
@@ -30,7 +32,7 @@ class StageSizes:
         self._editor = editor
         self.words: tuple[str, str] | None = None
         self._told: dict[str, SizeMessage] = {}
-        self._asked: dict[str, tuple[float, float]] = {}
+        self._asked: dict[tuple[str, str], tuple[float | None, float]] = {}
         self._words_until = 0.0
 
     @property
@@ -54,6 +56,8 @@ class StageSizes:
             if said.character in standing:
                 self._told[said.character] = said
         self._say(before)
+        for name in standing:
+            self._swing(name, client)
         if self._editor.draft is not None:
             return
         for name in standing:
@@ -62,7 +66,8 @@ class StageSizes:
             if name in before and before[name].body >= 0:
                 self._keep(name)
             elif abs(self.of(name) / self.wanted(name) - 1.0) > _SAME:
-                self._ask(name, client)
+                size = self.wanted(name)
+                self._ask(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
         """Forget what the edge told: the link is closed."""
@@ -108,15 +113,24 @@ class StageSizes:
             over_locks=True,
         )
 
-    def _ask(self, name: str, client: EdgeClient) -> None:
-        """Ask for the project's size; not again before the edge may have answered, nor after it refused."""
-        size, now = self.wanted(name), time.monotonic()
-        asked, when = self._asked.get(name, (0.0, -_AGAIN))
-        if asked != size or now - when > _AGAIN:
-            self._asked[name] = size, now
-            client.ask(Resize("set", name, size=size), lambda answer: self._answered(name, size, answer))
+    def _swing(self, name: str, client: EdgeClient) -> None:
+        """Ask for how far soft parts swing where the project, or what is dragged just now, says otherwise."""
+        project = self._editor.draft or self._editor.project
+        told = self._told[name].exaggeration if name in self._told else None
+        wanted = project.handling.get(name, FREE).exaggeration
+        if name in project.characters and wanted != told:
+            self._ask(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
 
-    def _answered(self, name: str, size: float, answer: Answer) -> None:
+    def _ask(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
+        """Ask for what the project says; not before the edge may have answered, nor after it refused."""
+        key, now = (order.do, order.character or ""), time.monotonic()
+        asked, when = self._asked.get(key, (np.nan, -_AGAIN))
+        if asked != wanted or now - when > _AGAIN:
+            self._asked[key] = wanted, now
+            client.ask(order, lambda answer: self._answered(order, wanted, answer))
+
+    def _answered(self, order: Resize, wanted: float | None, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self._asked[name] = size, float("inf")
-            self._editor.toasts.say(f"{name} stays as large as it is on the stage", answer.reason)
+            self._asked[order.do, order.character or ""] = wanted, float("inf")
+            what = "stays as large as it is" if order.do == "set" else "swings as before"
+            self._editor.toasts.say(f"{order.character} {what} on the stage", answer.reason)

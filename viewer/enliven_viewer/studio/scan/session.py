@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import Literal
 
@@ -22,9 +23,11 @@ from enliven_viewer.studio.viewport import Point
 
 Size = Literal["thing", "small", "room"]
 Kept = Literal["thing", "box", "all"]
-Way = Literal["round", "laid", "turned"]
+Way = Literal["round", "laid", "spun", "turned", "person"]
 VOXELS: dict[Size, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
 """Metres of a voxel's side by what is scanned: a cup, a chair, a room."""
+_PERSON = 0.008
+"""Metres of a voxel's side of a person at two metres: in smaller ones it is often unclear how they turned."""
 _WITHIN = 1.5
 """Metres from a camera that stands still within which a thing is turned."""
 _ABOVE = 0.012
@@ -33,6 +36,8 @@ _WORDS = 0.5
 """Metres of the picture above it for the words."""
 _FRAMED = 8
 """Images from which on it is brought into the picture: the middle of what is looked at is known."""
+_STANDS = 1.0
+"""Seconds for which a person stands still, after the last side came into view, to become a character."""
 _OFF = ScanMessage()
 
 
@@ -48,7 +53,9 @@ class ScanSession:
         said: how the scan goes, as the edge tells it.
         size: what is to be scanned.
         way: "round": the camera is carried round it; "laid": and it is laid on its back or side meanwhile;
-            "turned": it is turned before a camera that stands still.
+            "spun": it turns on a turntable, and is followed apart from the room;
+            "turned": it is turned before a camera that stands still;
+            "person": a person turns before it, and becomes a character as soon as all sides were seen.
         keeps: what stands on the floor, what is in the box, or all that was scanned.
         box: the box that the artist drags.
         name: the character that it becomes; empty: the edge finds a name.
@@ -66,6 +73,7 @@ class ScanSession:
         self._growing = GrowingMesh()
         self._wanted: tuple[int, str] | None = None
         self._framed = -1
+        self._round: float | None = None
 
     @property
     def active(self) -> bool:
@@ -127,7 +135,9 @@ class ScanSession:
             return
         within = _WITHIN if self.way == "turned" else None
         name = self.name.strip() or None
-        self._ask(Scan("start", name, VOXELS[self.size], within, moved=self.way == "laid"))
+        laid, spun, person = (self.way == way for way in ("laid", "spun", "person"))
+        voxel = _PERSON if person else VOXELS[self.size]
+        self._ask(Scan("start", name, voxel, within, moved=laid, turned=spun, person=person))
 
     def pause(self) -> None:
         """Pause it, or go on."""
@@ -207,6 +217,7 @@ class ScanSession:
         client.take(SCAN_PIECE)
         before = self.said
         self.said = client.latest(SCAN).get("", _OFF)
+        self._end_when_round()
         self._growing.take(client.latest(SCAN_PIECE), self.said.number)
         if self.active and self.said.number != before.number:
             self.shown = True
@@ -218,6 +229,16 @@ class ScanSession:
             self._wanted = self.said.number, self.said.character
         if self._wanted is not None:
             self._keep(client.characters.get(self._wanted[1]), self._wanted[1])
+
+    def _end_when_round(self) -> None:
+        """Make a character of a person a moment after the last side was seen: the keys are out of reach."""
+        if self.said.thing != "person" or self.said.phase != "scanning" or self.said.missing > 0:
+            self._round = None
+        elif self._round is None:
+            self._round = time.monotonic()
+        elif time.monotonic() - self._round > _STANDS:
+            self._round = None
+            self.done()
 
     def _frame(self, bounds: Float) -> None:
         """Bring what grows into the picture."""
@@ -239,6 +260,8 @@ class ScanSession:
         mesh = Mesh(np.asarray(scanned.vertices, float), scanned.faces, name, scanned.colours)
         made = project_of_mesh(mesh, name)
         one = made.characters[name]
+        if self.said.ends:
+            one = one.with_changes(ends=np.array(self.said.ends).reshape(5, 3))
         known = name in self.editor.project.characters
         word = "add to the scan" if known else "scan"
         if not self.editor.edit(

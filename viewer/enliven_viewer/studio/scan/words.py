@@ -51,8 +51,10 @@ def advice_of(said: ScanMessage) -> Advice:
         return Advice(said.note or "It cannot be made", "bad")
     if said.phase != "scanning":
         return Advice("")
-    if said.thing in ("carried", "settling", "sought"):
+    if said.thing in ("carried", "settling", "sought", "lost"):
         return Advice(_moved(said), "wait")
+    if said.thing == "person":
+        return _person(said)
     if said.tracking in _TRACKED:
         text, mood = _TRACKED[said.tracking]
         return Advice(text, "bad" if mood == "bad" else "wait")
@@ -62,15 +64,30 @@ def advice_of(said: ScanMessage) -> Advice:
         return Advice("Point the camera at the thing", "wait")
     if said.thing == "found":
         return Advice(f"Found again in {max(said.seconds, 0.1):.1f} s: go round it", "good", arrow=True)
+    if said.thing == "turning":
+        return Advice("It is followed: go on turning it" if said.view else "All round: press Done")
     if not said.view:
         return Advice("All round: press Done", "good")
     return Advice(_way(said), "good", arrow=True)
+
+
+def _person(said: ScanMessage) -> Advice:
+    """Returns what to tell a person who turns before the camera."""
+    if said.tracking in ("", "empty"):
+        return Advice("Stand one to three metres before the camera, whole in view", "wait")
+    if said.tracking != "scanning":
+        return Advice("Turn back a little, then on, more slowly", "wait")
+    if said.missing <= 0:
+        return Advice("All round: stand still")
+    return Advice(f"Turn on the spot, slowly: {100 * (1 - said.missing):.0f} of 100")
 
 
 def _moved(said: ScanMessage) -> str:
     """Returns what to do with a thing of which it is not known where it lies."""
     if said.thing == "carried":
         return "Taken up, or lost: lay it down, and go round it"
+    if said.thing == "lost":
+        return "It is not found: turn it back a little, and more slowly"
     if said.thing == "settling":
         return f"It is looked for, {said.seconds:.0f} s: walk round it slowly"
     return "Not found yet: walk on, show what was seen before"

@@ -119,6 +119,10 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
         workspace.ask("perform")
     workspace.remember("recording of yours")
     told("What a camera recorded, or a motion capture (.bvh): it plays over and over")
+    if imgui.button("A webcam", _WHOLE):
+        workspace.attempt(lambda: perform.connect_nearby("--sensor", "webcam"))
+    workspace.remember("webcam")
+    told("A plain camera in place of a depth camera: bodies from its picture, by MediaPipe; experimental")
     if imgui.button("A made-up person", _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
     workspace.remember("made-up person")

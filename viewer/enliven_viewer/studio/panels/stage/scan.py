@@ -19,7 +19,7 @@ _LARGE = 34.0
 """Pixels of the words over the picture: read from three metres away, with a camera in the hands."""
 _SIZES: dict[Size, str] = {
     "small": "Something small: a cup, a shoe",
-    "thing": "A chair, a lamp, a person",
+    "thing": "A chair, a lamp",
     "room": "A room, or a large thing",
 }
 _WAYS: dict[Way, tuple[str, str]] = {
@@ -28,9 +28,17 @@ _WAYS: dict[Way, tuple[str, str]] = {
         "It is laid down otherwise, too",
         "Go round it once, lay it on its back or side, take your hands off, and go round again",
     ),
+    "spun": (
+        "It turns, the room is in view",
+        "Let it stand for a second, then turn it on a turntable, slowly; it is followed",
+    ),
     "turned": (
         "The camera stands still, it is turned",
-        "On a turntable, in the hands, or a person who turns once; the wall well behind, 1.5 m away",
+        "On a turntable or in the hands; the wall well behind, 1.5 m away",
+    ),
+    "person": (
+        "A person turns round",
+        "One to three metres away, whole in view, arms off the sides; once round in five seconds or more",
     ),
 }
 _KEPT: dict[Kept, str] = {
@@ -67,10 +75,15 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
             imgui.pop_text_wrap_pos()
         quiet(lacking.partition(". ")[2])
     heading("What is it?")
-    for size, words in _SIZES.items():
-        if imgui.radio_button(words, scan.size == size):
-            scan.size = size
-        workspace.remember(f"scan {size}")
+    imgui.set_next_item_width(-1)
+    opened = imgui.begin_combo("##scan size", _SIZES[scan.size])
+    workspace.remember("scan size")
+    if opened:
+        for size, words in _SIZES.items():
+            if imgui.selectable(words, scan.size == size)[0]:
+                scan.size = size
+            workspace.remember(f"scan {size}")
+        imgui.end_combo()
     heading("How?")
     for way, (words, more) in _WAYS.items():
         if imgui.radio_button(words, scan.way == way):
@@ -106,7 +119,8 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(share, ImVec2(-1, 10), "")
     told(f"{100 * share:.0f} of 100 parts of what is about the middle were seen")
-    quiet("Yellow lines: seen too little yet. The arrow leads to where most is missing.")
+    arrow = "" if said.thing == "person" else " The arrow leads to where most is missing."
+    quiet(f"Yellow lines: seen too little yet.{arrow}")
     if said.note:
         quiet(said.note)
     if said.mend:
@@ -125,7 +139,8 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     workspace.remember("scan undo")
     told(f"Takes the last {said.undoable:.0f} seconds back: a hand came into view, or the camera slipped")
     imgui.end_disabled()
-    _keeping(workspace, scan)
+    if said.thing != "person":
+        _keeping(workspace, scan)
     with tinted((*GOOD[:3], 0.5), imgui.Col_.button):
         if imgui.button("It becomes a character...###done" if making else "\uf00c  Done###done", _TALL):
             workspace.actions.do("scan.done")

@@ -1,0 +1,43 @@
+"""How far the points of an image are from a surface that was fused: what of the image is of that surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.kernels import njit
+from enliven.scanning.alignment import look_up
+from enliven.scanning.depth_view import DepthView
+from enliven.scanning.threads import in_pieces
+from enliven.scanning.volume import DistanceVolume
+
+_ROWS = 16
+"""Rows of points that a thread takes at a time."""
+
+
+def distances_in(volume: DistanceVolume, view: DepthView, world_from_camera: Float) -> Float32:
+    """Returns (h, w) metres of a view's points before a volume's surface, NaN where nothing is known.
+
+    Args:
+        world_from_camera: (4, 4) pose of the camera in the volume's world.
+    """
+    found = np.full(view.worth.shape, np.nan, np.float32)
+    in_pieces(_distances, len(found), _ROWS, view.point_arrays, world_from_camera, volume.field, found)
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _distances(points, pose, field, found, first, last):  # type: ignore[no-untyped-def]
+    """Fills some rows of (h, w) distances; those of points without worth stay as they are."""
+    here, cache = np.empty(4), np.empty(4, np.int64)
+    cache[0], cache[1] = -1, np.int64(1) << 40
+    for v in range(first, last):
+        for u in range(found.shape[1]):
+            if points.worth[v, u] == 0.0:
+                continue
+            px, py, pz = points.places[v, u, 0], points.places[v, u, 1], points.places[v, u, 2]
+            x = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * pz + pose[0, 3]
+            y = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * pz + pose[1, 3]
+            z = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz + pose[2, 3]
+            if look_up(field, x, y, z, here, cache):
+                found[v, u] = here[0]

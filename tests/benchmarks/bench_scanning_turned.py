@@ -1,0 +1,73 @@
+"""A chair on a turntable, followed apart from the room: how far it and its mesh are from the truth.
+
+The images are a Kinect's, rendered; chair, turn and room are known. A second and a half of the chair as it
+stands and the whole turn are scanned at fifteen images a second.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from chair_on_turntable import ROOM, STILL, THING, WAY
+from figure import Figure
+from scipy.spatial import cKDTree
+
+from enliven.meshes import Mesh
+from enliven.scanning.decimation import distances
+from enliven.scanning.objects import MovedScanner, ObjectState, following, sampled
+from enliven.scanning.objects.registration import laid
+from enliven.scanning.objects.surface_points import nearest_grid
+from enliven.scanning.rigid import apart, inverse
+from enliven.scanning.settings import ScanSettings
+from enliven_synthesis.sensor import HandledScan, load_profile
+
+IMAGES, EVERY = 405, 2
+"""Images at thirty a second of the turn and of a second and a half before it; which of them are scanned."""
+NEAR = 0.01
+"""Metres within which a point of the truth counts as scanned."""
+
+
+def figures() -> Iterator[Figure]:
+    """The chair's place, the camera's in the room, the share of the images, and the mesh."""
+    take, scanner = _take(), MovedScanner(following(ScanSettings()))
+    off, room, took, followed = list[float](), list[float](), list[float](), 0
+    for index in range(0, IMAGES, EVERY):
+        frame = take.frame(index)
+        frame = frame if index else replace(frame, world_from_camera=take.pose(0))
+        start = time.perf_counter()
+        step = scanner.add(frame)
+        took.append(time.perf_counter() - start)
+        room.append(apart(step.scan.world_from_camera, take.pose(index))[0])
+        followed += step.state in (ObjectState.FOLLOWED, ObjectState.RESTING)
+        if step.object_from_camera is not None:
+            true = inverse(take.thing_pose(index)) @ take.pose(index)
+            off.append(apart(step.object_from_camera, true)[0])
+    yield Figure("scanning.turntable_ms", 1e3 * float(np.median(took)), "ms")
+    yield Figure("scanning.turntable_p99_ms", 1e3 * float(np.quantile(took, 0.99)), "ms")
+    yield Figure("scanning.turntable_followed", followed / len(took), "of the images")
+    yield Figure("scanning.turntable_mm", 1e3 * float(np.median(off)), "mm of the camera about the chair")
+    yield Figure("scanning.turntable_room_mm", 1e3 * max(room), "mm of the camera in the room, the most")
+    yield from _mesh(scanner.thing())
+
+
+def _take() -> HandledScan:
+    """The images."""
+    return HandledScan(THING, WAY, load_profile("kinect1"), STILL, room=ROOM, width=640)
+
+
+def _mesh(made: Mesh) -> Iterator[Figure]:
+    """How far the mesh is from the chair, laid onto it, and how much of the chair it shows."""
+    middle = np.mean(THING.bounds, axis=0) * [1, 0, 1]
+    truth = replace(THING, vertices=THING.vertices - middle)
+    grid = nearest_grid(sampled(truth, 60_000), 0.006, 0.1)
+    ((pose,), _) = laid(grid, sampled(made, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
+    made = replace(made, vertices=made.vertices @ pose[:3, :3].T + pose[:3, 3])
+    error = distances(truth, sampled(made, 20_000).points)
+    yield Figure("scanning.surface_mm_turntable", 1e3 * float(error.mean()), "mm")
+    yield Figure("scanning.surface_mm_turntable_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
+    tree = cKDTree(sampled(made, 200_000).points)
+    there = tree.query(sampled(truth, 20_000).points)[0] < NEAR
+    yield Figure("scanning.completeness_turntable", float(there.mean()), "of the surface, within 1 cm")

@@ -1,0 +1,74 @@
+"""A person who turns before a still camera becomes a character of the window, over the wire."""
+
+import copy
+import sys
+from contextlib import ExitStack, closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scanning_edge import ScanningEdge
+
+from enliven.scanning import ScanState
+from enliven.wire import Scan
+from enliven_viewer.studio.scan import advice_of
+
+sys.path.insert(0, str(Path(__file__).parent))
+from scan_window import Begun, Window
+from turning import TurningPerson
+
+STILL, TURNED = 4, 62
+"""Images before they turn, and in which they turn once, by 5.8 degrees each."""
+
+
+def test_who_turned_once_is_a_character_by_themself_that_knows_its_ends(tmp_path):
+    scene = TurningPerson(640)
+    images = [scene.frame(n, max(n - STILL, 0) * np.radians(5.8)) for n in range(STILL + TURNED + 6)]
+    told = []
+    with closing(ScanningEdge()) as edge, ExitStack() as ends:
+        edge.viewer()
+        window = ends.enter_context(closing(Window(edge, tmp_path)))
+        edge.followers.append(window)
+        scan = window.scan
+        edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
+        scan.way, scan.name = "person", "me"
+        edge.until(Begun(scan), "the beginning")
+        words = [advice_of(scan.said).text]
+        edge.show(images, lambda: told.append((scan.said, advice_of(scan.said).text)))
+        scanner = edge.edge.scans._scan._run.scanner
+        edge.until(lambda: "me" in window.editor.project.characters, "the character, without a key")
+    assert words == ["Stand one to three metres before the camera, whole in view"]
+    assert all(one.thing == "person" for one, _ in told)
+    missing = [one.missing for one, _ in told]
+    assert (np.diff(missing) <= 0).all() and missing[-1] == 0.0 and scanner.missing == 0.0
+    assert any(text.startswith("Turn on the spot, slowly: 5") for _, text in told)
+    assert told[-1][1] == "All round: stand still"
+    made = window.editor.project.characters["me"]
+    low, high = made.mesh.bounds
+    assert low[1] == pytest.approx(0.0, abs=1e-3) and high[1] == pytest.approx(1.73, abs=0.06)
+    away = np.linalg.norm(made.ends[:, None] - made.mesh.vertices, axis=2).min(1)
+    assert away.max() < 0.08, "head, hands and feet lie at its surface"
+    head, left, right, *feet = made.ends
+    assert head[1] > 1.6 and left[0] > right[0] and max(foot[1] for foot in feet) < 0.2
+
+
+def test_a_copy_is_scanned_on_by_itself_with_the_same_tracker():
+    from enliven.scanning import ScanSettings, VolumeSettings
+    from enliven_edge.scanning import PersonScanner
+
+    scene = TurningPerson(320)
+    volume = VolumeSettings(voxel=0.016, reach=3.5, far=3.5)
+    one = PersonScanner(ScanSettings(volume=volume, least_depth=0.01))
+    for n in range(4):
+        one.add(scene.frame(n))
+    other = copy.deepcopy(one)
+    fused = len(one.poses)
+    assert other.add(scene.frame(4)).state is ScanState.SCANNING
+    assert len(one.poses) == fused and len(other.poses) == fused + 1
+    assert other._people is one._people
+
+
+def test_a_person_and_something_that_is_moved_are_refused():
+    for other in ({"moved": True}, {"turned": True}, {"within": 1.5}):
+        with pytest.raises(ValueError, match="a person is scanned alone"):
+            Scan("start", person=True, **other)

@@ -1,0 +1,30 @@
+"""What an edge of this machine says when it cannot start reaches the window."""
+
+import time
+
+import pytest
+from patience import PATIENCE
+
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform import PerformSession
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--sensor", "webcam", "--set", "device=/dev/video99"), "/dev/video99: there is no such camera"),
+        (("--sensor", "kinekt"), "kinekt"),
+    ],
+)
+def test_why_a_camera_of_this_machine_does_not_start_is_said(tmp_path, words, said):
+    editor = Editor()
+    perform = PerformSession(editor, tmp_path)
+    perform.connect_nearby(*words)
+    assert not perform.known, "its address is another one the next time"
+    deadline = time.monotonic() + PATIENCE
+    while perform.live is not None:
+        assert time.monotonic() < deadline, "the edge never ended"
+        perform.advance(0.01)
+        time.sleep(0.02)
+    (toast,) = (toast for toast in editor.toasts.shown if toast.bad)
+    assert said in toast.text and toast.mend and "enliven:" not in toast.text
