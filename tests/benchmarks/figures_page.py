@@ -1,16 +1,43 @@
-"""The table of docs/figures.md, made of the figures of one whole run."""
+"""The table of docs/figures.md, made of the figures that one machine measured on one day."""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import re
+from collections.abc import Collection
 from datetime import date
 from pathlib import Path
 
 from figure import Figure
 
 PAGE = Path(__file__).parents[2] / "docs" / "figures.md"
+DAY = Path(__file__).parents[2] / "out" / "bench_day.json"
+"""What this machine has measured today, by benchmark: one call may measure a part of it."""
+
+
+def gathered(
+    benchmark: str, figures: list[Figure], machine: str, day: date, kept: Path = DAY
+) -> dict[str, list[Figure]]:
+    """Keeps a benchmark's figures; returns those of all that this machine measured on this day."""
+    stamp = {"machine": machine, "day": day.isoformat()}
+    before = json.loads(kept.read_text()) if kept.exists() else {}
+    of_day = before["figures"] if {key: before.get(key) for key in stamp} == stamp else {}
+    of_day[benchmark] = [vars(figure) for figure in figures]
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    kept.write_text(json.dumps({**stamp, "figures": of_day}, indent=1) + "\n")
+    return {name: [Figure(**figure) for figure in measured] for name, measured in of_day.items()}
+
+
+def write_when_whole(of_day: dict[str, list[Figure]], known: Collection[str], page: Path = PAGE) -> list[str]:
+    """Writes the table once every benchmark was measured; returns the names of those that were not."""
+    missing = [name for name in known if name not in of_day]
+    if not missing:
+        figures = [figure for measured in of_day.values() for figure in measured]
+        text = written(page.read_text(encoding="utf-8"), figures, this_machine(), date.today())
+        page.write_text(text, encoding="utf-8")
+    return missing
 
 
 def written(page: str, figures: list[Figure], machine: str, day: date) -> str:

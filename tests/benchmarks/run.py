@@ -1,6 +1,7 @@
 """Runs the benchmarks: all of them, or the one that is named. Prints a line a figure, adds it to bench.json.
 
-A run of all writes the table of docs/figures.md.
+Once all have been measured on one machine on one day, by one call or by several, the table of docs/figures.md
+is written.
 
 A benchmark is a file bench_NAME.py here with ``figures() -> Iterator[Figure]``; bench_NAME_MORE.py belongs to
 it and runs with it.
@@ -22,7 +23,7 @@ sys.path[:0] = [
 ]
 
 from figure import Figure  # noqa: E402
-from figures_page import PAGE, this_machine, written  # noqa: E402
+from figures_page import PAGE, gathered, this_machine, write_when_whole  # noqa: E402
 
 RESULT = HERE.parents[1] / "bench.json"
 
@@ -35,15 +36,16 @@ def main(names: list[str]) -> int:
     if unknown:
         print(f"no benchmark called {', '.join(unknown)}; known: {', '.join(known)}", file=sys.stderr)
         return 2
-    figures: list[Figure] = []
+    missing: list[str] = []
     for name in dict.fromkeys(key for found in asked.values() for key in found) or known:
+        figures = []
         for figure in _module(known[name]).figures():
             print(figure, flush=True)
             _keep(figure)
             figures.append(figure)
-    if not names:
-        page = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(written(page, figures, this_machine(), date.today()), encoding="utf-8")
+        missing = write_when_whole(gathered(name, figures, this_machine(), date.today()), known)
+    said = f"not measured here today, so {PAGE.name} is as it was: {', '.join(missing)}"
+    print(said if missing else f"{PAGE.name} is written", file=sys.stderr)
     return 0
 
 

@@ -25,6 +25,21 @@ def test_every_setting_of_a_page_has_a_sentence():
             assert line.rstrip(" |").endswith((".", ")", "?")), line
 
 
+def test_what_one_machine_measures_in_parts_on_one_day_makes_the_table(tmp_path):
+    kept, page, known = tmp_path / "out" / "day.json", tmp_path / "figures.md", ["arap", "road"]
+    page.write_text("before <!-- figures --> old <!-- end --> after", encoding="utf-8")
+    day, machine = date(2026, 11, 21), "two cores"
+    late, frame = Figure("road.late", 7.0, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)
+    of_day = figures_page.gathered("road", [late], machine, day, kept)
+    assert figures_page.write_when_whole(of_day, known, page) == ["arap"] and " old " in page.read_text()
+    of_day = figures_page.gathered("arap", [frame], machine, day, kept)
+    assert of_day == {"road": [late], "arap": [frame]}
+    assert figures_page.write_when_whole(of_day, known, page) == []
+    assert "| `road.late` | 7 ms |" in page.read_text() and " old " not in page.read_text()
+    for other in (("road", [late], "four cores", day), ("road", [late], machine, date(2026, 11, 22))):
+        assert figures_page.gathered(*other, kept) == {"road": [late]}, "figures of two machines or days"
+
+
 def test_a_whole_run_of_benchmarks_writes_the_table_of_figures():
     page = figures_page.PAGE.read_text(encoding="utf-8")
     made = [Figure("road.late", 7.125, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)]
