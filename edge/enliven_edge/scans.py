@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 import numpy as np
 
-from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import DepthFrame, Frame
 from enliven.meshes import Mesh
@@ -20,7 +18,7 @@ from enliven_edge.stage import Stage, cast_mesh
 
 if TYPE_CHECKING:
     from enliven.possession import Actor
-    from enliven_edge.scanning import LiveScan
+    from enliven_edge.scanning import Cast, LiveScan, ScannedPerson
 
 _GAP = 0.4
 """Metres of floor between what was scanned and what stands on the stage already."""
@@ -39,7 +37,7 @@ class Told(Protocol):
 class _Beginning(threading.Thread):
     """Loads what a scan needs, which an edge that never scans does not load, while the frames go on."""
 
-    def __init__(self, number: int, order: Scan, cast: Callable[[Mesh, str, Float], Actor]) -> None:
+    def __init__(self, number: int, order: Scan, cast: Cast) -> None:
         super().__init__(name="beginning of a scan", daemon=True)
         self._begun = number, order, cast
         self.scan: LiveScan | None = None
@@ -137,14 +135,15 @@ class Scans:
         named = msgspec.structs.replace(order, name=name)
         self._beginning = _Beginning(self._number, named, self._caster())
 
-    def _caster(self) -> Callable[[Mesh, str, Float], Actor]:
+    def _caster(self) -> Cast:
         """Returns what makes the actor of a scanned mesh, ready for its first frame."""
         nodes, settings = self._settings.nodes, self._settings.actor
 
-        def made(mesh: Mesh, name: str, ends: Float) -> Actor:
+        def made(mesh: Mesh, name: str, person: ScannedPerson | None) -> Actor:
             aside = np.array([self._aside(mesh, name), 0.0, 0.0])
-            mesh, known = replace(mesh, vertices=mesh.vertices + aside), ends + aside if len(ends) else None
-            actor = cast_mesh(mesh, name, nodes, settings, fit=False, ends=known)
+            mesh = replace(mesh, vertices=mesh.vertices + aside)
+            known = {} if person is None else {"ends": person.ends + aside, "joints": person.bones + aside}
+            actor = cast_mesh(mesh, name, nodes, settings, fit=False, **known)
             actor.warm_up()
             return actor
 

@@ -54,7 +54,8 @@ def _actor_of(project: Project, one: RigBase, order: PutCharacter, settings: Edg
         if nodes > _MOST_NODES:
             mend = f"Give it {_MOST_NODES} at most."
             raise InputError(f"it has {nodes} nodes", where=one.where, mend=mend)
-        return cast_mesh(one.mesh, one.id, nodes, settings.actor, fit=order.fit, ends=one.ends)
+        known = {"ends": one.ends, "joints": one.joints}
+        return cast_mesh(one.mesh, one.id, nodes, settings.actor, fit=order.fit, **known)
     if isinstance(one, Shape):
         from enliven_edge.stage.rig import RigActor
 

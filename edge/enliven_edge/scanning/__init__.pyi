@@ -16,7 +16,7 @@ from .kept_scans import (
     refuse_unseen as refuse_unseen,
     scan_first as scan_first,
 )
-from .live_scan import LiveScan as LiveScan
+from .live_scan import Cast as Cast, LiveScan as LiveScan
 from .missing import NextView as NextView, next_view as next_view
 from .person import (
     FARTHEST as FARTHEST,

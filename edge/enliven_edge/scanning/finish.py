@@ -180,10 +180,11 @@ def _write(made: Made, path: Path) -> None:
     from enliven.formats.project import project_of_mesh, write_project
 
     project = project_of_mesh(made.mesh, path.stem)
-    if made.person is not None and len(made.person.ends):
-        # Whoever takes hold of it need not look for head, hands and feet.
+    if made.person is not None:
+        # Limb drives limb by these, and nothing has to be found in the mesh.
         (one,) = project.characters.values()
-        project = project.with_characters(one.with_changes(ends=made.person.ends))
+        known = one.with_changes(ends=made.person.ends, joints=made.person.bones)
+        project = project.with_characters(known)
     write_project(path, project)
 
 

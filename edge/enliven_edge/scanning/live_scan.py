@@ -23,7 +23,7 @@ from enliven_edge.scanning.checkpoints import Checkpoints
 from enliven_edge.scanning.diary import ScanDiary
 from enliven_edge.scanning.finish import Keep, finished
 from enliven_edge.scanning.growing import GrowingSurface
-from enliven_edge.scanning.person import FARTHEST, PersonScanner
+from enliven_edge.scanning.person import FARTHEST, PersonScanner, ScannedPerson
 from enliven_edge.scanning.shown import ThingTold, shown_of
 from enliven_edge.scanning.standing import ScanPlace
 from enliven_edge.scanning.things import said_of_places
@@ -46,8 +46,8 @@ _LEAST_ALONE = 0.01
 Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
 _PHASE_AFTER: dict[str, Phase] = {"pause": "paused", "go on": "scanning", "done": "finishing"}
 """The phase that begins with an order, as soon as it is heard."""
-Cast = Callable[[Mesh, str, Float], Any]
-"""Makes a character's actor of a mesh, its id and (5, 3) the ends of head, hands and feet, or (0, 3)."""
+Cast = Callable[[Mesh, str, ScannedPerson | None], Any]
+"""Makes a character's actor of a mesh, its id and the person that it shows."""
 
 
 @dataclass
@@ -107,7 +107,7 @@ class LiveScan(threading.Thread):
         self._camera: Float | None = None
         self._told = self._shown = 0.0
         self._alone = False
-        self._ends = list[float]()
+        self._ends, self._joints = list[float](), list[float]()
 
     def offer(self, frame: DepthFrame, *, waits: bool = False) -> bool:
         """Gives the newest image; one that was not looked at yet is passed over, or waited for a moment.
@@ -219,9 +219,10 @@ class LiveScan(threading.Thread):
         run, name = self._run, self.order.name or "scan"
         run.diary.refuse("scan", run.scanner)
         made = finished(run.scanner, self._meant(order), _TRIANGLES, name)
-        ends = np.empty((0, 3)) if made.person is None else made.person.ends
-        self.actor = self._cast(made.mesh, name, ends)
-        self._ends = [x for end in self.actor.settings.ends for x in end] if len(ends) else []
+        self.actor = self._cast(made.mesh, name, made.person)
+        if made.person is not None:
+            told = self.actor.settings
+            self._ends, self._joints = ([x for one in many for x in one] for many in (told.ends, told.joints))
         places = [] if order.whole else said_of_places(run.scanner)
         self._note = _note([*places, *run.diary.advice(run.scanner)], made.said)
         self.phase = "done"
@@ -278,6 +279,7 @@ class LiveScan(threading.Thread):
             seconds=self._run.thing.seconds,
             places=self._run.thing.places,
             ends=self._ends if self.phase == "done" else [],
+            joints=self._joints if self.phase == "done" else [],
         )
 
 

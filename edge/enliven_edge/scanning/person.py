@@ -14,7 +14,8 @@ from enliven.camera import rays
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
-from enliven.person import Body, Joint
+from enliven.person import PARENTS, Body, Joint
+from enliven.possession import standing_figure
 from enliven.scanning import (
     Ground,
     Scanner,
@@ -68,6 +69,9 @@ _LIMBS = {
 _ENDS = (Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
 """The joints at the ends by which a mesh is held limb by limb, in the order of :class:`ActorSettings`."""
 
+_TRUNK = (Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
+"""The joints without which it is not known where the others are: hip and neck first."""
+
 
 @dataclass(frozen=True)
 class ScannedPerson:
@@ -89,6 +93,19 @@ class ScannedPerson:
             return np.empty((0, 3))
         ends[0, 1] = self.mesh.bounds[1, 1]
         return ends
+
+    @property
+    def bones(self) -> Float:
+        """(20, 3) all joints, those that were not seen as of a person who stands; (0, 3) without a trunk."""
+        joints, (hip, neck) = self.joints.copy(), self.joints[[Joint.HIP_CENTER, Joint.SHOULDER_CENTER]]
+        if not np.isfinite(joints[list(_TRUNK)]).all():
+            return np.empty((0, 3))
+        figure = standing_figure()
+        size = np.linalg.norm(neck - hip) / np.linalg.norm(figure[_TRUNK[1]] - figure[_TRUNK[0]])
+        for joint in np.flatnonzero(~np.isfinite(joints).all(1)):
+            parent = PARENTS[joint]
+            joints[joint] = joints[parent] + size * (figure[joint] - figure[parent])
+        return joints
 
 
 class PersonScanner(Scanner):

@@ -13,7 +13,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph, character_from, graph_of
 from enliven.meshes import Axis, Mesh
-from enliven.possession import ActorSettings, EmbeddedActor, prepared
+from enliven.possession import ActorSettings, EmbeddedActor, as_moved, prepared
 from enliven.samples import load_sample
 
 log = logging.getLogger(__name__)
@@ -65,12 +65,14 @@ def cast_mesh(
     *,
     fit: bool = True,
     ends: Float | None = None,
+    joints: Float | None = None,
 ) -> EmbeddedActor:
     """Returns the actor of a mesh, as :func:`cast` does; without ``fit`` the mesh is taken as modelled.
 
     Args:
         ends: (5, 3) metres of the mesh as given, the ends of head, left and right hand, left and right foot
             where they are known; else the settings' are taken.
+        joints: (20, 3) metres of the mesh as given, of the person that it shows, where they are known.
 
     Raises:
         InputError: for a mesh that cannot be used.
@@ -78,9 +80,13 @@ def cast_mesh(
     settings, size = settings or ActorSettings(), 1.0
     at = [] if ends is None else [int(np.linalg.norm(mesh.vertices - end, axis=1).argmin()) for end in ends]
     if fit:
-        mesh, size = prepared(mesh, settings, at)
+        given = mesh.vertices
+        mesh, size = prepared(mesh, settings, at, joints)
+        joints = joints if joints is None else as_moved(joints, given, mesh.vertices[: len(given)])
     if at:
         settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
+    if joints is not None and len(joints):
+        settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
     character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
     actor = EmbeddedActor(character, graph_of(character), settings, size)
     for doubt in actor.likeness.doubts if actor.likeness else ():

@@ -6,6 +6,6 @@ from .embedded_actor import EmbeddedActor as EmbeddedActor
 from .highlights import Cues as Cues, State as State, cues_of as cues_of
 from .likeness import find_person_in_mesh as find_person_in_mesh
 from .placement import facing as facing, turn_about_y as turn_about_y
-from .preparing import prepared as prepared
+from .preparing import as_moved as as_moved, prepared as prepared
 from .replaying import replay as replay, settings_of as settings_of
 from .standing import standing_figure as standing_figure

@@ -91,6 +91,11 @@ class ActorSettings:
         "The ends of head, left hand, right hand, left foot and right foot, [x, y, z] each in "
         "metres of the mesh as it is cast; none: they are found.",
     )
+    joints: tuple[tuple[float, float, float], ...] = setting(
+        (),
+        "The 20 joints of a person who was scanned, in their order, [x, y, z] each in metres of the "
+        "mesh as it is cast; none: they are found by the ends.",
+    )
     embedded: EmbeddedSettings = setting(EmbeddedSettings, "The deformation's weights.")
     observed: ObservedSettings = setting(ObservedSettings, "How the surface follows what is seen.")
     limbs: SelfContactSettings = setting(SelfContactSettings, "How the mesh's limbs keep out of each other.")

@@ -6,10 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
+from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
+from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.person import Body
+from enliven.person import Body, J
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.carrying import CarriedPlacement, Carrying
 from enliven.possession.likeness import BodyInMesh, find_body_in_mesh
@@ -45,6 +47,8 @@ class PlacementRules:
         meets = meets and own.place == "meet" and own.scaled == "mesh"
         if not mapped and not meets:
             return None
+        if own.joints:
+            return BodyInMesh.known(_twenty(own.joints, self._character.id))
         mesh = Mesh(self._character.vertices.astype(np.float64), self._character.faces, self._character.id)
         found = find_body_in_mesh(mesh, self._graph, np.array(own.ends, np.float64))
         return found if mapped or found.certain or own.ends else None
@@ -98,3 +102,15 @@ class PlacementRules:
         if self.settings.scaled == "nobody":
             return self.size
         return self.settings.height_ratio * body.height / self.height
+
+
+def _twenty(joints: tuple[tuple[float, float, float], ...], character: str) -> Float:
+    """Returns joints as (20, 3) metres.
+
+    Raises:
+        InputError: for another number of them.
+    """
+    if len(joints) != J:
+        mend = f"Name all {J} in their order, or none."
+        raise InputError(f"there are {len(joints)} joints, expected {J}", where=character, mend=mend)
+    return np.array(joints, np.float64)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from enliven.arrays import Float
 from enliven.meshes import Mesh, fit_height, refine
 from enliven.person import Joint
 from enliven.possession.actor_settings import ActorSettings
@@ -23,7 +24,9 @@ _LONGEST_EDGE = 0.04
 """Metres: longer edges are split, as a triangle must be narrower than a limb to bend with it."""
 
 
-def prepared(mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = ()) -> tuple[Mesh, float]:
+def prepared(
+    mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = (), joints: Float | None = None
+) -> tuple[Mesh, float]:
     """Returns an upright mesh as it goes on stage, and how many metres as modelled are one metre of it.
 
     One that meets its performer is scaled to a person's height, moved to where a standing person fits into
@@ -32,13 +35,17 @@ def prepared(mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = ()) -> t
 
     Args:
         ends: the vertices at the ends of head, left and right hand, left and right foot, if they are known.
+        joints: (20, 3) metres of the mesh, of the person that it shows, if they are known.
     """
     if settings.place == "fixed":
         return mesh, 1.0
-    size = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT
+    size, given = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT, mesh.vertices
     mesh = fit_height(mesh, _HEIGHT)
     if settings.stand == "fitted":
-        person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
+        if joints is not None and len(joints):
+            person = BodyInMesh.known(as_moved(joints, given, mesh.vertices))
+        else:
+            person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
         if person is not None and (person.certain or len(ends)):
             mesh = _around_figure(mesh, person)
             log.info("%s: moved so that a standing person's back is in its own", mesh.name)
@@ -46,6 +53,14 @@ def prepared(mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = ()) -> t
             mesh, fit = fit_standing_person(mesh)
             log.info("%s: moved to where a standing person fits into it (%.0f %%)", mesh.name, 100 * fit)
     return refine(mesh, _LONGEST_EDGE), size
+
+
+def as_moved(points: Float, before: Float, after: Float) -> Float:
+    """Returns points (N, 3) moved, turned and scaled as the vertices (V, 3) of a mesh were."""
+    about = before.mean(0)
+    return np.asarray(
+        after.mean(0) + (points - about) @ np.linalg.lstsq(before - about, after - after.mean(0))[0]
+    )
 
 
 def _around_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:

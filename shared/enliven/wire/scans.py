@@ -51,6 +51,7 @@ class ScanMessage(Struct, array_like=True, frozen=True):
         places: in which it was found so far; the surface is the thing alone from the first move on.
         ends: of a person that is "done": fifteen metres on the stage, the ends of head, left and right hand,
             left and right foot, where all were seen.
+        joints: of the same sixty, its twenty joints, where its trunk was seen.
     """
 
     number: Count = 0
@@ -72,10 +73,11 @@ class ScanMessage(Struct, array_like=True, frozen=True):
     seconds: Number = 0.0
     places: Count = 1
     ends: Annotated[list[Number], Meta(max_length=15)] = field(default_factory=list)
+    joints: Annotated[list[Number], Meta(max_length=60)] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        if len(self.ends) not in (0, 15):
-            raise ValueError("five ends have 15 numbers, or there are none")
+        if len(self.ends) not in (0, 15) or len(self.joints) not in (0, 60):
+            raise ValueError("five ends have 15 numbers and 20 joints 60, or there are none")
         if len(self.stage_from_camera) not in (0, 12) or len(self.view) not in (0, 6):
             raise ValueError("a camera has 12 numbers and a view 6, or none")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from enliven.arrays import Float
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
-from enliven_synthesis.sensor.turntable import TurntableWay
 
 _LIFT = 0.2
 """Metres by which a thing is lifted in the middle of a move."""
@@ -105,16 +105,24 @@ class FollowingPath(HandheldPath):
         return plain.world_from_camera(time)
 
 
+class MovingThing(Protocol):
+    """Where a thing is at each time in seconds, and the arms that hold it."""
+
+    def world_from_thing(self, time: float) -> Float:
+        """Returns the (4, 4) pose of the thing."""
+
+    def arms(self, time: float) -> list[Mesh]:
+        """Returns the arms, world."""
+
+
 class HandledScan(HandheldScan):
-    """A scan by a carried camera of a thing that is moved by hands meanwhile.
+    """A scan by a carried camera of a thing that is moved meanwhile.
 
     Args:
         way: of the thing; all other arguments are those of a :class:`HandheldScan`.
     """
 
-    def __init__(
-        self, thing: Mesh, way: HandledWay | TurntableWay, *arguments: object, **named: object
-    ) -> None:
+    def __init__(self, thing: Mesh, way: MovingThing, *arguments: object, **named: object) -> None:
         super().__init__(thing, *arguments, **named)  # type: ignore[arg-type]
         self.way = way
 
@@ -154,14 +162,19 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(vertices, np.concatenate(faces).astype(np.int32), meshes[0].name, colours)
 
 
-def arm_mesh(hand: Float, shoulder: Float) -> Mesh:
-    """Returns an arm from a closed hand (3,) on; its surface is a row of rings, closed at both ends."""
+def arm_mesh(hand: Float, shoulder: Float, thick: float = 1.0) -> Mesh:
+    """Returns an arm from a closed hand (3,) on; its surface is a row of rings, closed at both ends.
+
+    Args:
+        thick: times as thick as an arm; 4 for a trunk.
+    """
     along = rotation.unit(shoulder - hand)
     turn = rotation.to_matrix(rotation.swing(np.array([0.0, 0.0, 1.0]), along))
     length = float(np.linalg.norm(shoulder - hand))
     angles = np.linspace(0.0, math.pi, 7)[:-1]
-    rings = [(-_HAND * math.cos(a), max(_HAND * math.sin(a), 1e-4)) for a in angles if a < 2.4]
-    rings += [(1.4 * _HAND, _WRIST), (length, _WRIST), (length + 1e-3, 1e-4)]
+    fist, wrist = thick * _HAND, thick * _WRIST
+    rings = [(-fist * math.cos(a), max(fist * math.sin(a), 1e-4)) for a in angles if a < 2.4]
+    rings += [(1.4 * fist, wrist), (length, wrist), (length + 1e-3, 1e-4)]
     around = 2.0 * math.pi * np.arange(_AROUND) / _AROUND
     points = np.concatenate(
         [np.stack([r * np.cos(around), r * np.sin(around), np.full(_AROUND, z)], 1) for z, r in rings]

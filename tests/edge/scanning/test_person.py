@@ -22,6 +22,8 @@ from enliven_edge.stage import cast_mesh
 
 STILL, IMAGES = 5, 24
 """Images before they turn, and in all: 5.8 degrees from one to the next, 104 in all."""
+HALF = 14
+"""Images of one who holds still: half of them, with joints."""
 
 
 def scanner():
@@ -63,24 +65,48 @@ def test_who_turns_is_followed_and_stands_upright_on_the_floor(scanned, scene):
     assert made.advice(IMAGES) == []
 
 
-def test_the_mesh_is_possessed_at_once_limb_by_limb(scanned):
-    person = scanned[0].person()
-    assert person.ends.shape == (5, 3)
-    actor = cast_mesh(person.mesh, "me", settings=ActorSettings(how="mapped"), ends=person.ends)
-    joints = person.joints.copy()
+@pytest.mark.parametrize("half", [False, True], ids=["turned", "half"])
+def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, scene, half):
+    made = scanned[0]
+    if half:
+        made = scanner()
+        for n in range(HALF):
+            made.add(scene.frame(n))
+    person = made.person()
+    actor = cast_mesh(person.mesh, "me", settings=ActorSettings(how="mapped"), joints=person.bones)
+    # The mesh stands on the stage about the middle, as large as a person: so do its bones.
+    grown = 1.75 / np.ptp(person.mesh.vertices[:, 1])
+    arms = [np.diff(of[[4, 5, 6]], axis=0) for of in (actor.likeness.joints, grown * person.joints)]
+    np.testing.assert_allclose(*(np.linalg.norm(arm, axis=1) for arm in arms), rtol=1e-6)
+    joints = np.where(np.isfinite(person.joints), person.joints, person.bones)
     body = Body(1, joints, np.ones(20), stature=1.75)
     raised = joints.copy()
     shoulder = joints[Joint.SHOULDER_LEFT]
     for joint in (Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT):
         away = joints[joint] - shoulder
         raised[joint] = shoulder + np.linalg.norm(away) * np.array([1.0, 0.0, 0.0])
-    hands = [np.linalg.norm(actor.graph.positions - end, axis=1).argmin() for end in actor.settings.ends[1:3]]
+    ends = actor.likeness.joints[[Joint.HAND_LEFT, Joint.HAND_RIGHT]]
+    hands = [np.linalg.norm(actor.graph.positions - end, axis=1).argmin() for end in ends]
+    back = person.mesh.vertices[:, 2].min() - person.joints[Joint.SPINE, 2]
+    assert (back > -0.06) == half, "who holds still has no back, and their bones lie where they were seen"
     before = actor.perform([body], 0).positions[hands]
     actor.possess(body)
     for n in range(1, 40):
         after = actor.perform([replace(body, joints=raised)], n * 33_333_333).positions[hands]
     lifted = (after - before)[:, 1]
     assert lifted[0] > 0.3 and abs(lifted[1]) < 0.1, "the mesh raises its left hand as they do"
+
+
+def test_what_was_not_seen_of_a_person_is_as_of_one_who_stands(scanned):
+    person = scanned[0].person()
+    assert np.isfinite(person.joints[Joint.KNEE_LEFT]).all()
+    hidden = person.joints.copy()
+    hidden[[Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT]] = np.nan
+    bones = replace(person, joints=hidden).bones
+    assert np.linalg.norm(bones - person.bones, axis=1).max() < 0.35 and np.isfinite(bones).all()
+    assert abs(bones[Joint.FOOT_LEFT, 1] - person.bones[Joint.FOOT_RIGHT, 1]) < 0.12
+    hidden[Joint.SHOULDER_CENTER] = np.nan
+    assert replace(person, joints=hidden).bones.shape == (0, 3), "it is not known where its bones are"
 
 
 def test_the_command_writes_a_project_that_knows_its_ends(images, tmp_path):
@@ -90,6 +116,8 @@ def test_the_command_writes_a_project_that_knows_its_ends(images, tmp_path):
     (one,) = read_project(tmp_path / "me.enliven").characters.values()
     assert one.ends.shape == (5, 3) and one.ends[0, 1] > 1.6 and one.ends[3:, 1].max() < 0.2
     assert one.ends[1, 0] > one.ends[2, 0], "their left is at +X, for they face +Z"
+    heights = one.joints[[Joint.HEAD, Joint.HIP_CENTER, Joint.KNEE_LEFT, Joint.KNEE_RIGHT], 1]
+    assert one.joints.shape == (20, 3) and (heights > [1.4, 0.8, 0.35, 0.35]).all(), "and its bones"
     run("--recording", recording, "-o", tmp_path / "me.glb", "--person", "--voxel", 16)
     assert load_mesh(tmp_path / "me.glb").mesh.bounds[1, 1] == pytest.approx(1.73, abs=0.06)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scanning_edge import ScanningEdge
 
+from enliven.person import Joint
 from enliven.scanning import ScanState
 from enliven.wire import Scan
 from enliven_viewer.studio.scan import advice_of
@@ -17,13 +18,13 @@ sys.path.insert(0, str(Path(__file__).parent))
 from scan_window import Begun, Window
 from turning import TurningPerson
 
-STILL, TURNED = 4, 62
-"""Images before they turn, and in which they turn once, by 5.8 degrees each."""
+STILL, TURNED, STEP = 3, 62, 5.8
+"""Images before they turn, and in which they turn once, by so many degrees each."""
 
 
 def test_who_turned_once_is_a_character_by_themself_that_knows_its_ends(tmp_path):
     scene = TurningPerson(640)
-    images = [scene.frame(n, max(n - STILL, 0) * np.radians(5.8)) for n in range(STILL + TURNED + 6)]
+    images = [scene.frame(n, max(n - STILL, 0) * np.radians(STEP)) for n in range(STILL + TURNED + 6)]
     told = []
     with closing(ScanningEdge()) as edge, ExitStack() as ends:
         edge.viewer()
@@ -35,6 +36,9 @@ def test_who_turned_once_is_a_character_by_themself_that_knows_its_ends(tmp_path
         edge.until(Begun(scan), "the beginning")
         words = [advice_of(scan.said).text]
         edge.show(images, lambda: told.append((scan.said, advice_of(scan.said).text)))
+        assert scan.said.phase == "scanning", "they stood still for less than a second of the camera's clock"
+        edge.until(lambda: scan.said.missing == 0.0, "all sides in the window")
+        edge.show(images[-1:])
         scanner = edge.edge.scans._scan._run.scanner
         edge.until(lambda: "me" in window.editor.project.characters, "the character, without a key")
     assert words == ["Stand one to three metres before the camera, whole in view"]
@@ -48,6 +52,7 @@ def test_who_turned_once_is_a_character_by_themself_that_knows_its_ends(tmp_path
     assert low[1] == pytest.approx(0.0, abs=1e-3) and high[1] == pytest.approx(1.73, abs=0.06)
     away = np.linalg.norm(made.ends[:, None] - made.mesh.vertices, axis=2).min(1)
     assert away.max() < 0.08, "head, hands and feet lie at its surface"
+    assert made.joints.shape == (20, 3) and np.linalg.norm(made.joints[Joint.HAND_LEFT] - made.ends[1]) < 0.15
     head, left, right, *feet = made.ends
     assert head[1] > 1.6 and left[0] > right[0] and max(foot[1] for foot in feet) < 0.2
 

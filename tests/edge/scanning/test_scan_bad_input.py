@@ -18,6 +18,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.meshes import load_mesh
 from enliven_edge.scanning import ScanDiary
 from enliven_synthesis.sensor import HandheldPath
+from enliven_synthesis.sensor.handheld import STUDIO
 from enliven_synthesis.sensor.scene import Box
 
 
@@ -107,6 +108,19 @@ def test_nothing_to_cut_out_is_said_and_what_a_sensor_saw_is_kept(tmp_path):
     assert len(load_mesh(made).mesh.faces) > 1000
 
 
+def test_of_two_things_the_one_that_is_looked_at_is_taken_and_the_other_may_be_chosen(tmp_path):
+    low = Box((-0.85, 0.0, -0.2), (-0.5, 0.3, 0.2))
+    both = recorded(tmp_path / "both.mcap", last=60, room=(*STUDIO, low))
+    words = ["--recording", both, "--voxel", 8, "--no-keep"]
+    said = run(*words, "-o", tmp_path / "first.glb")
+    assert re.search(r"2 things stand there \(1: .*, 2: .* cm\); number 1 was taken, see --thing", said)
+    run(*words, "-o", tmp_path / "second.glb", "--thing", 2)
+    tall, short = (load_mesh(tmp_path / f"{name}.glb").mesh.bounds[1, 1] for name in ("first", "second"))
+    assert tall == pytest.approx(0.5, abs=0.04) and short == pytest.approx(0.3, abs=0.04)
+    with pytest.raises(InputError, match=r"no thing number 3 where the camera looked; 2 stand there"):
+        run(*words, "-o", tmp_path / "third.glb", "--thing", 3)
+
+
 def test_a_recording_without_colours_makes_a_mesh_without_and_says_so(carried, tmp_path):
     said = run("--recording", carried, "-o", tmp_path / "plain.glb", "--voxel", 16)
     assert "The camera gave no colours, so the mesh has none" in said
@@ -121,6 +135,7 @@ def test_a_full_memory_ends_the_scan_and_all_until_then_is_kept(carried, tmp_pat
     assert len(load_mesh(made).mesh.faces) > 10_000
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to whole groups of processes")
 def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
     add = ScanDiary.add
 
@@ -130,9 +145,13 @@ def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
             os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(ScanDiary, "add", interrupted)
-    said = run("--recording", carried, "-o", tmp_path / "part.glb", "--voxel", 16)
+    before = signal.getsignal(signal.SIGINT)
+    # A camera that never ends.
+    camera = ["--sensor", "replay", "--set", f"path={carried}", "--set", "loop=true", "--set", "speed=0"]
+    said = run(*camera, "-o", tmp_path / "part.glb", "--voxel", 16)
     assert "of 8 frames" in said and len(load_mesh(tmp_path / "part.glb").mesh.faces) > 100
     assert (tmp_path / "part.scan.mcap").stat().st_size > 10_000
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def full_disk(monkeypatch, folder, of_all=False):

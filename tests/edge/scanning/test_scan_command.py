@@ -1,16 +1,12 @@
 """``enliven scan``: a carried camera's recording becomes a mesh; what cannot be is refused in words."""
 
-import os
 import re
-import signal
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from PIL import Image
-from typer.testing import CliRunner
 
 from enliven.errors import InputError
 from enliven.formats.project import read_project
@@ -18,39 +14,16 @@ from enliven.frames import BodyFrame
 from enliven.meshes import Mesh, load_mesh
 from enliven.recording import Recorder
 from enliven.scanning import Alignment, ScanState, ScanStep
-from enliven_edge.commands.scan import scan
 from enliven_edge.scanning import ScanDiary, sheet_of
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "synthesis"))
-from test_handheld import box_mesh
-
-from enliven_synthesis.sensor.scene import Box
-
-app = typer.Typer(pretty_exceptions_enable=False)
-app.command()(scan)
-PATH = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.25, height=(0.8, 1.0), turns=1.0, seconds=6.0)
-"""Once round in six seconds: a fifth of a metre a second."""
-THING = box_mesh(Box((-0.2, 0.0, -0.15), (0.2, 0.5, 0.15)))
-
-
-def run(*words) -> str:
-    result = CliRunner().invoke(app, [str(word) for word in words])
-    if isinstance(result.exception, InputError):
-        raise result.exception
-    assert result.exit_code == 0, result.output
-    return result.output
+sys.path.insert(0, str(Path(__file__).parent))
+from carrying import THING, recorded, run
 
 
 @pytest.fixture(scope="module")
 def carried(tmp_path_factory):
     """A recording of a camera that was carried round a box."""
-    path = tmp_path_factory.mktemp("scan") / "carried.mcap"
-    take = HandheldScan(THING, load_profile("kinect1"), PATH, width=320, colour=True)
-    with Recorder(path) as recorder:
-        for index in range(0, take.frames, 2):
-            recorder.write_frame(take.frame(index))
-    return path
+    return recorded(tmp_path_factory.mktemp("scan") / "carried.mcap", step=2, width=320, colour=True)
 
 
 def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
@@ -105,34 +78,6 @@ def test_what_cannot_be_scanned_is_refused(carried, tmp_path):
         recorder.write_frame(BodyFrame([], 0, "none"))
     with pytest.raises(InputError, match="no depth images"):
         run("--recording", tmp_path / "bodies.mcap", "-o", tmp_path / "other.glb")
-
-
-def test_a_camera_that_stands_still_is_refused(tmp_path):
-    take = HandheldScan(THING, load_profile("kinect1"), PATH, width=320)
-    with Recorder(tmp_path / "still.mcap") as recorder:
-        for _ in range(3):
-            recorder.write_frame(take.frame(0))
-    with pytest.raises(InputError, match="the camera moved 0 cm"):
-        run("--recording", tmp_path / "still.mcap", "-o", tmp_path / "still.glb", "--voxel", 8)
-    assert not (tmp_path / "still.glb").exists()
-
-
-@pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to whole groups of processes")
-def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
-    made, add = tmp_path / "part.glb", ScanDiary.add
-
-    def interrupted(diary, step, time_ns):
-        add(diary, step, time_ns)
-        if diary.frames == 30:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    monkeypatch.setattr(ScanDiary, "add", interrupted)
-    before = signal.getsignal(signal.SIGINT)
-    # A camera that never ends.
-    camera = ["--sensor", "replay", "--set", f"path={carried}", "--set", "loop=true", "--set", "speed=0"]
-    said = run(*camera, "-o", made, "--voxel", 8)
-    assert "of 30 frames" in said and made.stat().st_size > 1000
-    assert signal.getsignal(signal.SIGINT) is before
 
 
 def step(state, place=0.0, room=True):

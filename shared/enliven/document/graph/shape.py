@@ -32,7 +32,8 @@ class GraphShape(RigBase):
         parts: what the nodes play; their numbers of nodes sum to N. A part rides on one before it.
         over: what was performed over that, the outermost first.
         ends: (5, 3) metres at rest, the ends of head, left and right hand, left and right foot, where an
-            artist named them; else none.
+            artist named them or a scan found them; else none.
+        joints: (20, 3) metres at rest, the joints of a person who was scanned; else none.
 
     Raises:
         InputError: where the parts do not fit together.
@@ -46,9 +47,10 @@ class GraphShape(RigBase):
     parts: tuple[GraphPart, ...]
     over: tuple[GraphLayer, ...] = ()
     ends: Float = field(default_factory=lambda: np.empty((0, 3)))
+    joints: Float = field(default_factory=lambda: np.empty((0, 3)))
 
     def __post_init__(self) -> None:
-        freeze(self, "positions", "ends")
+        freeze(self, "positions", "ends", "joints")
         object.__setattr__(self, "edges", frozen(np.reshape(self.edges, (-1, 2)), np.int32))
         object.__setattr__(self, "parts", tuple(self.parts))
         object.__setattr__(self, "over", tuple(self.over))
@@ -100,7 +102,7 @@ class GraphShape(RigBase):
     def at_rest(self, mesh: Mesh | None) -> tuple[GraphShape, tuple[PoseStream, ...]]:
         """A possessed mesh that stands still; its skin is made anew from the mesh on the stage."""
         shape, stream = graph_shape_at_rest(self.id, self.positions, self.edges, mesh or self.mesh)
-        return shape.with_changes(ends=self.ends), (stream,)
+        return shape.with_changes(ends=self.ends, joints=self.joints), (stream,)
 
     @property
     def starts(self) -> tuple[int, ...]:
@@ -176,6 +178,8 @@ def _problem_of(shape: GraphShape) -> str:
         return "an edge names a node that is not there"
     if shape.ends.shape not in ((0, 3), (5, 3)) or not np.isfinite(shape.ends).all():
         return f"ends {shape.ends.shape}, expected five places or none"
+    if shape.joints.shape not in ((0, 3), (20, 3)) or not np.isfinite(shape.joints).all():
+        return f"joints {shape.joints.shape}, expected twenty places or none"
     vertices = (len(shape.mesh.vertices), 4)
     if shape.skin.indices.shape != vertices or shape.skin.weights.shape != vertices:
         return f"the skin is {shape.skin.indices.shape}, expected {vertices}"

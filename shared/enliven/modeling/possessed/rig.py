@@ -24,6 +24,7 @@ from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
 from enliven.modeling.rig import Player, Posed, RigEdits
 from enliven.modeling.rigged import Axes, moved_mesh
+from enliven.person import MIRROR
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 _OTHER_SIDE = [0, 2, 1, 4, 3]
@@ -97,10 +98,10 @@ class GraphRig(RigEdits):
             for part in shape.parts
         )
         mesh = replace(shape.mesh, vertices=larger(shape.mesh.vertices))
-        ends = larger(shape.ends)
+        ends, joints = larger(shape.ends), larger(shape.joints)
         over = tuple(replace(layer, size=layer.size * factor) for layer in shape.over)
         return shape.with_changes(
-            positions=larger(shape.positions), mesh=mesh, parts=parts, over=over, ends=ends
+            positions=larger(shape.positions), mesh=mesh, parts=parts, over=over, ends=ends, joints=joints
         )
 
     def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
@@ -121,6 +122,8 @@ class GraphRig(RigEdits):
         positions = centre + axes.vectors(shape.positions - centre)
         ends = centre + axes.vectors(shape.ends - centre)
         ends = ends[_OTHER_SIDE] if len(ends) else ends
+        joints = centre + axes.vectors(shape.joints - centre)
+        joints = joints[list(MIRROR)] if len(joints) else joints
         over = tuple(
             replace(
                 layer,
@@ -129,7 +132,9 @@ class GraphRig(RigEdits):
             )
             for layer in shape.over
         )
-        return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), over=over, ends=ends)
+        return shape.with_changes(
+            positions=positions, mesh=mesh, parts=tuple(parts), over=over, ends=ends, joints=joints
+        )
 
     def as_graph(
         self, project: Project, shape: GraphShape, times: Float, stream_id: str

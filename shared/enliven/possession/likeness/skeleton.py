@@ -21,7 +21,8 @@ class BodyInMesh:
         joints: (20, 3) metres, rest space; NaN where the mesh has nothing like it.
         yaw: radians about +Y from +Z to the mesh's front.
         human: whether the mesh is built as a person is: a head, two arms, two legs and an upright trunk.
-        ends: (5, 3) metres, ends of head, left and right hand, left and right foot; empty if not human.
+        ends: (5, 3) metres, ends of head, left and right hand, left and right foot; empty if not human or
+            not looked for.
         doubts: a sentence about each thing that is as good as undecided.
         strangeness: 0 for a person of usual proportions who stands upright, more the less it is like one.
     """
@@ -32,6 +33,16 @@ class BodyInMesh:
     ends: Float = field(default_factory=lambda: np.empty((0, 3)))
     doubts: tuple[str, ...] = ()
     strangeness: float = 0.0
+
+    @classmethod
+    def known(cls, joints: Float) -> BodyInMesh:
+        """Returns the skeleton of a person whose joints (20, 3) are known, metres, rest space."""
+        lefts = (
+            joints[[Joint.HIP_LEFT, Joint.SHOULDER_LEFT]] - joints[[Joint.HIP_RIGHT, Joint.SHOULDER_RIGHT]]
+        )
+        left = lefts.sum(0)
+        # Who faces +Z has the left side at +X.
+        return cls(joints, float(np.arctan2(-left[2], left[0])), human=True)
 
     @property
     def certain(self) -> bool:

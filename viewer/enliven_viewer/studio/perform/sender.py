@@ -106,4 +106,6 @@ class StageSender:
 def _stands_alike(one: RigBase, sent: RigBase) -> bool:
     """Whether an edit of a possessed mesh changed what it plays alone: the stage has it at rest."""
     kinds = isinstance(one, GraphShape) and isinstance(sent, GraphShape)
-    return kinds and all(getattr(one, each) is getattr(sent, each) for each in (*one.drawn_by, "ends"))
+    return kinds and all(
+        getattr(one, each) is getattr(sent, each) for each in (*one.drawn_by, "ends", "joints")
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import Literal
 
@@ -36,8 +35,9 @@ _WORDS = 0.5
 """Metres of the picture above it for the words."""
 _FRAMED = 8
 """Images from which on it is brought into the picture: the middle of what is looked at is known."""
-_STANDS = 1.0
-"""Seconds for which a person stands still, after the last side came into view, to become a character."""
+_STANDS_NS = 1_000_000_000
+"""Nanoseconds of the sensor's clock for which a person stands still, after the last side came into view, to
+become a character: a slow edge sees as many images of it as a quick one."""
 _OFF = ScanMessage()
 
 
@@ -73,7 +73,7 @@ class ScanSession:
         self._growing = GrowingMesh()
         self._wanted: tuple[int, str] | None = None
         self._framed = -1
-        self._round: float | None = None
+        self._round_ns: int | None = None
 
     @property
     def active(self) -> bool:
@@ -233,11 +233,11 @@ class ScanSession:
     def _end_when_round(self) -> None:
         """Make a character of a person a moment after the last side was seen: the keys are out of reach."""
         if self.said.thing != "person" or self.said.phase != "scanning" or self.said.missing > 0:
-            self._round = None
-        elif self._round is None:
-            self._round = time.monotonic()
-        elif time.monotonic() - self._round > _STANDS:
-            self._round = None
+            self._round_ns = None
+        elif self._round_ns is None:
+            self._round_ns = self.said.time_ns
+        elif self.said.time_ns - self._round_ns > _STANDS_NS:
+            self._round_ns = None
             self.done()
 
     def _frame(self, bounds: Float) -> None:
@@ -260,8 +260,8 @@ class ScanSession:
         mesh = Mesh(np.asarray(scanned.vertices, float), scanned.faces, name, scanned.colours)
         made = project_of_mesh(mesh, name)
         one = made.characters[name]
-        if self.said.ends:
-            one = one.with_changes(ends=np.array(self.said.ends).reshape(5, 3))
+        ends, joints = (np.array(told).reshape(-1, 3) for told in (self.said.ends, self.said.joints))
+        one = one.with_changes(ends=ends, joints=joints)
         known = name in self.editor.project.characters
         word = "add to the scan" if known else "scan"
         if not self.editor.edit(

@@ -142,7 +142,7 @@ class EndsTool(Tool):
 
     def _name(self, shape: GraphShape, ends: Float, told: str) -> None:
         def named(project: Project) -> Project:
-            return project.with_characters(shape.with_changes(ends=ends))
+            return project.with_characters(shape.with_changes(ends=ends, joints=np.empty((0, 3))))
 
         self.editor.edit(told, named)
 

@@ -1,0 +1,56 @@
+"""Things that were not tuned on, carried round with a Kinect's noise: how far surface and camera are off.
+
+A stool, a bear of round parts and a plant with leaves 2 mm thick are rendered at 640 x 480 from a hand's
+path, ten images a second; shape and path are known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from figure import Figure
+from scanned_things import THINGS
+from scipy.spatial import cKDTree
+
+from enliven.meshes import Mesh
+from enliven.scanning import Scanner, ScanState
+from enliven.scanning.decimation import distances
+from enliven.scanning.objects import sampled
+from enliven.scanning.rigid import apart
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+
+PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
+EVERY = 3
+"""Images of which one is scanned."""
+NEAR = 0.005
+"""Metres within which a point of the truth counts as scanned."""
+
+
+def figures() -> Iterator[Figure]:
+    """The camera's error, the surface's, and how much of the truth is there, of each thing."""
+    for name, make in THINGS.items():
+        take, scanner = HandheldScan(make(), load_profile("kinect1"), PATH), Scanner()
+        off, lost = list[float](), 0
+        for index in range(0, take.frames, EVERY):
+            frame = take.frame(index)
+            step = scanner.add(frame if index else replace(frame, world_from_camera=take.pose(0)))
+            lost += step.state is not ScanState.SCANNING
+            off.append(apart(step.world_from_camera, take.pose(index))[0])
+        scanner.close_loops()
+        yield Figure(f"scanning.off_mm_{name}", 1e3 * float(np.median(off)), "mm of the camera")
+        yield Figure(f"scanning.left_out_{name}", float(lost), "images")
+        yield from _surface(name, take.thing, scanner.surface())
+
+
+def _surface(name: str, truth: Mesh, whole: Mesh) -> Iterator[Figure]:
+    """How far the scan about the thing is from it, above the floor, and how much of it is there."""
+    low, high = truth.bounds
+    inside = ((whole.vertices > low - [0.05, -0.02, 0.05]) & (whole.vertices < high + 0.05)).all(1)
+    made = whole.with_faces(inside[whole.faces].all(1))
+    error = distances(truth, sampled(made, 20_000).points)
+    yield Figure(f"scanning.surface_mm_{name}", 1e3 * float(error.mean()), "mm")
+    yield Figure(f"scanning.surface_mm_{name}_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
+    there = cKDTree(sampled(made, 400_000).points).query(sampled(truth, 20_000).points)[0] < NEAR
+    yield Figure(f"scanning.completeness_{name}", float(there.mean()), "of the surface, undersides included")
