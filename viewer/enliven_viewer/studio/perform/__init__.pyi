@@ -1,4 +1,4 @@
-from .actions import NO_STAGE as NO_STAGE, perform_actions as perform_actions, pressed as pressed
+from .actions import NO_STAGE as NO_STAGE, perform_actions as perform_actions
 from .holders import Holder as Holder
 from .inset import (
     WIDER as WIDER,

@@ -63,6 +63,11 @@ class PerformSession:
         self._nearby: NearbyEdge | None = None
         self._framed: tuple[str, ...] = ()
 
+    @property
+    def keys_of(self) -> str:
+        """The workspace whose own keys count; none in *Play* without a stage, where the project plays."""
+        return "" if self.room == "Play" and self.live is None else self.room
+
     # The link ---------------------------------------------------------------------------------------------
 
     def connect(self, address: str, settings: PlaybackSettings | None = None) -> None:

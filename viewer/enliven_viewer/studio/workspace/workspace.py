@@ -15,7 +15,7 @@ from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.numbers import Figures
 from enliven_viewer.studio.outliner import Outliner, outliner_actions
-from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
+from enliven_viewer.studio.perform import PerformSession, perform_actions
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.scan import ScanSession, scan_actions
@@ -84,6 +84,7 @@ class Workspace:
         self.actions.add(ghost_action(self.ghosts), curve_action(self.curves))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
+        self.actions.room = lambda: self.perform.keys_of
         self.scan = ScanSession(editor, self.perform)
         self.input.over = self.scan
         self.actions.add(*scan_actions(self.scan))
@@ -92,7 +93,7 @@ class Workspace:
         self.actions.add(*outliner_actions(self.outliner))
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: (
-            pressed(self.perform, key) or self.curves.type(key) or self.timeline.rows.type(key)
+            self.actions.press(key, own=True) or self.curves.type(key) or self.timeline.rows.type(key)
         )
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
