@@ -79,10 +79,13 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
             if time.monotonic() - asked > AGAIN and perform.connected:
                 ask()
                 asked = time.monotonic()
+                said["asked"] = [what, workspace.actions.recent[:2]]
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
                 edge = perform.live and perform.live.document.edge.message
                 now = [perform.connected, perform.recording.phase, perform.standing, perform.holders, edge]
+                now += [perform.room, perform.meant, workspace.asking, workspace.actions.recent]
+                now.append(imgui.get_io().want_text_input)
                 said["missing"] = [what, perform.sender.states, toasts, now]
                 raise TimeoutError(what)
             ctx.yield_()

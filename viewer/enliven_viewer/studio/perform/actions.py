@@ -202,6 +202,15 @@ PERFORM_ACTIONS = (
         ("Graph of the meshes", "g", lambda live: live.switch("graph")),
         ("Performers' skeletons", "s", lambda live: live.switch("body", "reveal", "cues")),
     ),
+    PerformAction(
+        "Close to the limb that takes hold",
+        "c",
+        lambda session: session.close_up.toggle(),
+        _HERE,
+        on=lambda session: session.close_up.on,
+        about="The view goes there while a pose chooses, with the side beside it, and back once it is held.",
+        group="See",
+    ),
     *_several("Playing back", _HERE, ("Back to what is live", "l", lambda live: live.playhead.go_live())),
     *_several(
         "Playing back",
