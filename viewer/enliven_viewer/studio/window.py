@@ -169,6 +169,7 @@ class StudioWindow:
             self.workspace.store.autosave_now()
             raise
         finally:
+            self.workspace.sound.stop()
             self.workspace.perform.disconnect()
 
     def close(self) -> None:
@@ -254,6 +255,7 @@ class StudioWindow:
         editor.advance(elapsed)
         perform = self.workspace.perform
         perform.advance(elapsed)
+        self.workspace.sound.follow()
         scan = self.workspace.scan
         scan.advance()
         self._draw_source()
