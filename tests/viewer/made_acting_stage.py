@@ -9,7 +9,7 @@ import numpy as np
 from made_studio_puppets import project_with
 from strokes import limb
 
-from enliven.document import graph_shape_at_rest
+from enliven.document import SOUND_RATE, Sound, graph_shape_at_rest
 from enliven.document.project import Project
 from enliven.formats.project import write_project
 from enliven.modeling.edits import paint_character, scale_character
@@ -92,6 +92,9 @@ def ready_for(workspace: Workspace, action: Action) -> None:
         workspace.outliner.lock("star", on=True)
     if action.id.startswith("clip."):
         editor.scrub(0.5)
+    if action.id.startswith("sound."):
+        hum = Sound("hum", np.zeros(SOUND_RATE, np.int16), begin=0.1)
+        editor.edit("a sound", lambda project: project.with_sounds(hum))
     if action.id.startswith("takes."):
         editor.edit("two takes", two_takes)
     if action.id == "clip.blend":

@@ -16,6 +16,7 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from coarse_pixels import coarse_pixels
+from deeds import by_key, by_menu
 from strokes import limb
 
 from enliven.modeling.edits import cut_character, handle_characters, scale_character
@@ -23,9 +24,7 @@ from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.live import PARTS
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.actions import KEYS
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.actions import PERFORM_ACTIONS
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -35,6 +34,13 @@ PATIENCE = 150.0
 """Seconds in which anything has happened: kernels may have to be compiled first."""
 CLICKS = 3
 """Times that an entry of a menu is clicked: a slow picture closes a menu under the pointer now and then."""
+RECORDING = (
+    "perform.record_or_end_the_recording",
+    "perform.record_again_from_where_it_began",
+    "perform.record_beside_what_was_recorded_last",
+)
+TAKE_OFF = "perform.take_the_chosen_character_from_the_stage"
+"""These are done last, one after the other: they change what is recorded, and what stands there."""
 AGAIN = 5.0
 """Seconds after which an artist asks again: an edge that compiles is silent, and refuses."""
 PAUSE = 0.02
@@ -67,15 +73,19 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     editor, perform = workspace.editor, workspace.perform
 
     def until(done: Callable[[], object], what: str, ask: Callable[[], object] = lambda: None) -> None:
+        said["waits for"] = what
         end, asked = time.monotonic() + PATIENCE, -AGAIN
         while not done():
             if time.monotonic() - asked > AGAIN and perform.connected:
                 ask()
                 asked = time.monotonic()
+                said["asked"] = [what, workspace.actions.recent[:2]]
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
                 edge = perform.live and perform.live.document.edge.message
                 now = [perform.connected, perform.recording.phase, perform.standing, perform.holders, edge]
+                now += [perform.room, perform.meant, workspace.asking, workspace.actions.recent]
+                now.append(imgui.get_io().want_text_input)
                 said["missing"] = [what, perform.sender.states, toasts, now]
                 raise TimeoutError(what)
             ctx.yield_()
@@ -141,7 +151,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
     layered(ctx, window, until, recording)
     ctx.item_click("perform/arm  ·  held##stands arm")
-    said["each"] = each_action(ctx, window)
+    said["each"] = each_action(ctx, window, until)
     click("room Play")
     shot("play")
     said["done"] = True
@@ -178,33 +188,40 @@ def layered(
     said["layered"], said["shown once"] = counts, seen
 
 
-def each_action(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> dict[str, list[str]]:
+def each_action(
+    ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Callable
+) -> dict[str, list[str]]:
     """Do every action on a stage once from its menu and once by its key; returns those that were refused."""
     workspace, refused = window.workspace, dict[str, list[str]]()
-    performing = [one for one in workspace.actions if one.id.startswith("perform.")]
-    keyed = {f"perform.{one.id.partition('.')[2]}": one for one in PERFORM_ACTIONS if one.rooms}
-    for action in performing:
-        for way in ("menu", "key"):
-            if "record_" in action.id or "take_the" in action.id:
-                continue  # these were done before: they change what is recorded, or what stands there
-            workspace.perform.room = "Play"
-            workspace.actions.recent.clear()
-            workspace.editor.select(character="arm")
-            if "own_size" in action.id:
-                larger = lambda project: handle_characters(project, ["arm"], size=1.2)  # noqa: E731
-                workspace.editor.edit("size", larger)
-            if reason := action.why_not():
-                refused.setdefault(action.id, []).append(f"{way}: {reason}")
-            elif way == "menu":
-                for _ in range(CLICKS):
-                    ctx.menu_click(f"##MainMenuBar/{action.menu}/{action.label}")
-                    if workspace.actions.recent:
-                        break
-                if workspace.actions.recent != [action.id]:
-                    refused.setdefault(action.id, []).append(f"menu: {workspace.actions.recent}")
-            elif action.id in keyed:
-                ctx.key_press(int(KEYS[keyed[action.id].key]))
+    recording = workspace.perform.recording
+    stage = [one for one in workspace.actions if one.id.startswith("perform.")]
+    last = [one for one in stage if one.id in RECORDING or one.id == TAKE_OFF]
+    alone = [one for one in stage if one not in last]
+    steps = [(one, way) for one in alone for way in (by_menu, by_key)[: 1 + bool(one.keys)]]
+    record, again, beside = (workspace.actions[one] for one in RECORDING)
+    steps += [(record, by_menu), (record, by_key), (again, by_menu), (record, by_key)]
+    steps += [(beside, by_menu), (record, by_key), (beside, by_key), (record, by_menu)]
+    steps.append((workspace.actions[TAKE_OFF], by_menu))
+    for action, way in steps:
+        workspace.perform.room = (action.rooms or ("Play",))[-1]
+        workspace.actions.recent.clear()
+        workspace.editor.select(character="arm")
+        if "own_size" in action.id:
+            larger = lambda project: handle_characters(project, ["arm"], size=1.2)  # noqa: E731
+            workspace.editor.edit("size", larger)
+        elif action.id in RECORDING:
+            workspace.editor.marked = None
+            if recording.phase != "idle":
+                until(lambda: recording.recorder.seconds > 0.4, "something that is recorded")
+        why_not = action.why_not()
+        for _ in range(CLICKS):
+            way(ctx, action)
             ctx.yield_(1)
+            if workspace.actions.recent:
+                break
+        if workspace.actions.recent != [action.id]:
+            said = f"{way.__name__}: {why_not or workspace.actions.recent}"
+            refused.setdefault(action.id, []).append(said)
     return refused
 
 

@@ -19,9 +19,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from coarse_pixels import coarse_pixels
+from deeds import by_key, by_menu, press
 from made_acting_stage import NEEDS, acting_stage, ready_for
 
-from enliven_viewer.studio.actions import KEYS, Action
+from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.picture.viewport import Viewport
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -88,26 +89,6 @@ def drawn_seldom() -> Callable[[], None]:
 
     Viewport.draw = seldom  # type: ignore[method-assign]
     return lambda: setattr(Viewport, "draw", draw)
-
-
-def by_menu(ctx: imgui.test_engine.TestContext, action: Action) -> None:
-    """Click an action in its menu."""
-    ctx.menu_click(f"##MainMenuBar/{action.menu}/{action.label}")
-
-
-def by_key(ctx: imgui.test_engine.TestContext, action: Action) -> None:
-    """Press the first key of an action."""
-    press(ctx, action.keys[0])
-
-
-def press(ctx: imgui.test_engine.TestContext, key: str) -> None:
-    """Press a key by its name."""
-    *modifiers, name = key.split("+")
-    chord = int(KEYS[name])
-    for modifier in modifiers:
-        chord |= int(getattr(imgui.Key, f"mod_{modifier}"))
-    ctx.key_press(chord)
-    ctx.yield_()
 
 
 def picture(ctx: imgui.test_engine.TestContext, name: str) -> None:

@@ -9,9 +9,10 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
-from typing import Literal, cast, get_args
+from typing import Literal, get_args
 
 from enliven.errors import InputError
+from enliven.person import parts_named
 from enliven.wire import Browse, Lock, Order, Possess, Release, Resize
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.stage import Stage
@@ -19,8 +20,10 @@ from enliven_edge.stage import Stage
 Call = Literal["record", "stop", "again"]
 Word = Literal[
     "possess", "join", "extend", "release", "next", "previous", "follow", "lock", "unlock",
-    "scale", "record", "stop", "again",
+    "scale", "parts", "record", "stop", "again",
 ]  # fmt: skip
+Command = str
+"""A word; those that take hold, and "parts", may name parts of the body after it: "possess left arm"."""
 
 WORDS: tuple[Word, ...] = get_args(Word)
 CALLS: tuple[Call, ...] = get_args(Call)
@@ -33,24 +36,42 @@ _MODES: dict[str, Literal["alone", "join", "extend"]] = {
     "join": "join",
     "extend": "extend",
 }
+_CHOOSES = "parts"
+"""The command that chooses what the next hold takes, which the mesh shows at once."""
+_WITH_PARTS = (*_MODES, _CHOOSES)
+"""The commands after which parts of the body may be named."""
 
 
-def checked_map(given: Mapping[str, str], where: str) -> dict[str, Word]:
+def checked_map(given: Mapping[str, str], where: str) -> dict[str, Command]:
     """Returns the map from a control's keys to commands after checking every command.
 
     Raises:
-        InputError: for an unknown word, with the nearest known one.
+        InputError: for an unknown word or part of the body, with the nearest known one.
     """
-    for key, word in given.items():
-        if word not in WORDS:
-            near = difflib.get_close_matches(word, WORDS, n=1)
-            mend = f"Did you mean {near[0]!r}?" if near else f"Known: {', '.join(WORDS)}."
-            raise InputError(f"{key!r} means {word!r}, which is no command", where=where, mend=mend)
-    return {key: cast(Word, word) for key, word in given.items()}
+    return {key: _checked(key, " ".join(said.split()), where) for key, said in given.items()}
 
 
-def orders(word: Word, stage: Stage) -> list[Order]:
+def _checked(key: str, said: str, where: str) -> Command:
+    """Returns the command of a key, or refuses it."""
+    word, _, parts = said.partition(" ")
+    if word in WORDS and (word in _WITH_PARTS or not parts):
+        if parts:
+            try:
+                parts_named(parts)
+            except InputError as error:
+                raise InputError(f"{key!r}: {error.what}", where=where, mend=error.mend) from None
+        elif word == _CHOOSES:
+            mend = 'Such as "parts legs".'
+            raise InputError(f"{key!r} means parts of the body, and names none", where=where, mend=mend)
+        return said
+    near = difflib.get_close_matches(said, WORDS, n=1)
+    mend = f"Did you mean {near[0]!r}?" if near else f"Known: {', '.join(WORDS)}."
+    raise InputError(f"{key!r} means {said!r}, which is no command", where=where, mend=mend)
+
+
+def orders(said: Command, stage: Stage) -> list[Order]:
     """Returns the orders that a command means: those of a viewer that names no character; none for a call."""
+    word, _, parts = said.partition(" ")
     if word in CALLS:
         return []
     if word in ("lock", "unlock"):
@@ -63,8 +84,10 @@ def orders(word: Word, stage: Stage) -> list[Order]:
         return [Resize("hands")]
     if word in _STEPS:
         return [Browse(step=_STEPS[word])]
+    if word == _CHOOSES:
+        return [Possess(parts=parts, mode="preview")]
     mode = _MODES[word]
-    return [Possess(one.character, one.body, one.parts, mode) for one in stage.takings(mode)]
+    return [Possess(one.character, one.body, parts or one.parts, mode) for one in stage.takings(mode)]
 
 
 log = logging.getLogger(__name__)
@@ -143,12 +166,12 @@ class ControlReader:
     """
 
     def __init__(
-        self, name: str, device: Device, words: Mapping[str, Word], debounce: float, retry: float
+        self, name: str, device: Device, words: Mapping[str, Command], debounce: float, retry: float
     ) -> None:
         self.name = name
         self._device, self._words, self._retry = device, dict(words), retry
         self._debouncer = Debouncer(debounce)
-        self._said: deque[Word] = deque(maxlen=_WAITING)
+        self._said: deque[Command] = deque(maxlen=_WAITING)
         self._strangers: set[str] = set()
         self._there = False
         self._stopped = threading.Event()
@@ -160,7 +183,7 @@ class ControlReader:
         """Whether its device is present and read: earlier presses are lost."""
         return self._there
 
-    def poll(self) -> list[Word]:
+    def poll(self) -> list[Command]:
         """Returns the commands since the last call, the oldest first; never waits."""
         said = []
         while self._said:

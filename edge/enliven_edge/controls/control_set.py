@@ -10,7 +10,7 @@ from typing import cast
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import Order
 from enliven_edge.closing import Closing
-from enliven_edge.controls.base import CALLS, WORDS, Call, ControlReader, Device, Word, checked_map, orders
+from enliven_edge.controls.base import CALLS, WORDS, Call, Command, ControlReader, Device, checked_map, orders
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
 from enliven_edge.stage import Stage
@@ -84,7 +84,7 @@ def open_controls(settings: Mapping[str, ControlSettings], folder: Path | None =
     )
 
 
-def words_of(name: str, settings: ControlSettings) -> dict[str, Word]:
+def words_of(name: str, settings: ControlSettings) -> dict[str, Command]:
     """Returns the command of each of a control's keys; without a map the keys are the commands.
 
     Raises:
@@ -93,7 +93,9 @@ def words_of(name: str, settings: ControlSettings) -> dict[str, Word]:
     if settings.kind == "voice" and not settings.map:
         mend = 'Such as "puppet let it go" = "release".'
         raise InputError("a voice needs phrases", where=f"controls.{name}.map", mend=mend)
-    return checked_map(settings.map or {word: word for word in WORDS}, f"controls.{name}.map")
+    return checked_map(
+        settings.map or {word: word for word in WORDS if word != "parts"}, f"controls.{name}.map"
+    )
 
 
 def device_of(name: str, settings: ControlSettings, folder: Path | None = None) -> Device:

@@ -22,6 +22,8 @@ _FEW = 4
 """Waiting orders up to which a viewer may use the reserve: a person gives one at a time, a flood many."""
 _OWED = 15
 """Frames of time at most that are owed after a slow order: half a second, or the next one seems unheard."""
+_STEP = 1 / 30
+"""Seconds of a frame that the budget is meant for: a longer one brings more, so that a slow edge answers."""
 _SAVED = 50
 """Frames of unused time that are saved up, so that a few orders in one frame need not wait."""
 
@@ -32,15 +34,16 @@ class CommandQueue:
     Those of viewers that have gone come last.
 
     Args:
-        budget: seconds a call of :meth:`work`, beside some that earlier calls did not need. A command that
-            takes longer is carried out, and the calls after it do nothing until that is made up for, or some
-            have passed.
+        budget: seconds for each frame of usual length between two calls of :meth:`work`, beside some that
+            earlier calls did not need. A command that takes longer is carried out, and the calls after it do
+            nothing until that is made up for, or some have passed.
     """
 
     def __init__(self, budget: float) -> None:
         self._shares = [budget * (1 - _RESERVED), budget * _RESERVED]
         self._budgets = [_SAVED * share for share in self._shares]
         self._waiting: dict[Connection, deque[Command]] = {}
+        self._worked = time.monotonic()
 
     def add(self, command: Command) -> None:
         """Adds a command; an older command of its viewer on the same subject is refused."""
@@ -56,8 +59,10 @@ class CommandQueue:
 
     def work(self, do: Callable[[Command], None]) -> None:
         """Carries out commands as far as the time budget allows."""
+        now = time.monotonic()
+        frames, self._worked = min(max((now - self._worked) / _STEP, 1.0), _SAVED), now
         self._budgets = [
-            min(budget + share, _SAVED * share)
+            min(budget + frames * share, _SAVED * share)
             for budget, share in zip(self._budgets, self._shares, strict=True)
         ]
         while (found := self._next()) is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -13,7 +14,15 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph, character_from, graph_of
 from enliven.meshes import Axis, Mesh
-from enliven.possession import ActorSettings, EmbeddedActor, as_moved, prepared
+from enliven.possession import (
+    ActorSettings,
+    BodyInMesh,
+    EmbeddedActor,
+    as_moved,
+    find_person_in_mesh,
+    prepared,
+    seeks_person,
+)
 from enliven.samples import load_sample
 
 log = logging.getLogger(__name__)
@@ -87,12 +96,22 @@ def cast_mesh(
         settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
     if joints is not None and len(joints):
         settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
-    character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
-    actor = EmbeddedActor(character, graph_of(character), settings, size)
+    seeks = seeks_person(settings) and not settings.joints
+    with ThreadPoolExecutor(1) as beside:  # the search takes as long as the graph does, most of it in kernels
+        person = beside.submit(_person_in, mesh, settings) if seeks else None
+        character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
+        found = None if person is None else person.result
+        actor = EmbeddedActor(character, graph_of(character), settings, size, person=found)
     for doubt in actor.likeness.doubts if actor.likeness else ():
         mend = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
         log.warning("%s: %s %s", name, doubt, mend)
     return actor
+
+
+def _person_in(mesh: Mesh, settings: ActorSettings) -> BodyInMesh | None:
+    """Returns the person that an actor of the mesh finds in it, which has its vertices as they are sent."""
+    sent = replace(mesh, vertices=mesh.vertices.astype(np.float32).astype(np.float64))
+    return find_person_in_mesh(sent, np.array(settings.ends, np.float64))
 
 
 def parts_for(spec: str) -> str:

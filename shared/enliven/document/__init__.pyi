@@ -49,10 +49,12 @@ from .keys import (
 from .project import (
     CameraMark as CameraMark,
     FREE as FREE,
+    SOUND_RATE as SOUND_RATE,
     Handling as Handling,
     Marker as Marker,
     Project as Project,
     same as same,
+    Sound as Sound,
 )
 from .naming import unused as unused
 from .props import BALL as BALL, BOX as BOX, Props as Props

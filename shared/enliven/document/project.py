@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from enliven.arrays import Int16
 from enliven.document.body_take import BodyTake
 from enliven.document.clip import Clip
 from enliven.document.graph import GraphShape, PoseStream
@@ -88,6 +89,35 @@ class Handling:
             raise InputError(what, where="handling", mend="Give 0 or more.")
 
 
+SOUND_RATE = 32_000
+"""Samples a second of sounds: what is performed along is recognised by half, and this halves a project."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sound:
+    """A sound that is performed along; exports do not ask.
+
+    Attributes:
+        id: its name.
+        samples: (N,) int16, one channel of :data:`SOUND_RATE`.
+        begin: seconds of the project's time.
+    """
+
+    id: str
+    samples: Int16
+    begin: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.samples.ndim != 1 or self.samples.dtype != np.int16 or not 0.0 <= self.begin < float("inf"):
+            mend = "Give samples of 16 bits, one channel, and a begin from 0 on."
+            raise InputError("it is no sound", where=f"sound {self.id!r}", mend=mend)
+
+    @property
+    def end(self) -> float:
+        """Seconds of the project's time."""
+        return self.begin + len(self.samples) / SOUND_RATE
+
+
 FREE = Handling()
 """A character that is seen, and can be edited."""
 
@@ -104,6 +134,7 @@ class Project:
         markers: moments with names, in the order in which they were made.
         handling: the characters that are hidden or locked, and how.
         views: camera bookmarks.
+        sounds: what is performed along.
 
     Raises:
         InputError: where a character plays a take that is not there.
@@ -116,6 +147,7 @@ class Project:
     markers: Mapping[str, Marker] = field(default_factory=dict)
     handling: Mapping[str, Handling] = field(default_factory=dict)
     views: Mapping[str, CameraMark] = field(default_factory=dict)
+    sounds: Mapping[str, Sound] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for part in fields(self):
@@ -150,6 +182,10 @@ class Project:
     def with_bodies(self, *takes: BodyTake) -> Project:
         """A project with these takes of tracked bodies added."""
         return replace(self, bodies={**self.bodies, **{take.id: take for take in takes}})
+
+    def with_sounds(self, *sounds: Sound) -> Project:
+        """A project with these sounds added, or put in the place of those of the same id."""
+        return replace(self, sounds={**self.sounds, **{one.id: one for one in sounds}})
 
     def character(self, character_id: str, rig: type[R] = RigBase) -> R:  # type: ignore[assignment]
         """The character of an id.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -40,6 +40,7 @@ class EmbeddedActor(Actor):
     Args:
         size: metres of the mesh as modelled for one of its rest space.
         height: metres of the mesh at rest, which its scale on the stage is told by; None measures it.
+        person: waits for the person in the mesh, who is looked for beside; None looks when it is needed.
     """
 
     settings: ActorSettings
@@ -51,13 +52,14 @@ class EmbeddedActor(Actor):
         settings: ActorSettings | None = None,
         size: float = 1.0,
         height: float | None = None,
+        person: Callable[[], BodyInMesh | None] | None = None,
     ) -> None:
         self.character, self.graph = character, graph
         self.settings = settings or ActorSettings()
         self.holds: list[EmbeddedHold] = []
         self.size = size
         height = height or float(np.ptp(character.vertices[:, 1])) or 1.0
-        self._rules = PlacementRules(self.settings, character, graph, height, size)
+        self._rules = PlacementRules(self.settings, character, graph, height, size, person)
         self._placement = AS_MODELLED
         self._placed = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None

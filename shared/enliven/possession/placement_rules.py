@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -14,9 +15,15 @@ from enliven.meshes import Mesh
 from enliven.person import Body, J
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.carrying import CarriedPlacement, Carrying
-from enliven.possession.likeness import BodyInMesh, find_body_in_mesh
+from enliven.possession.likeness import BodyInMesh, find_body_in_mesh, find_person_in_mesh
 from enliven.possession.mapped import Mapped
 from enliven.possession.placement import AS_MODELLED, Placement, beside, under
+
+
+def seeks_person(settings: ActorSettings) -> bool:
+    """Whether a mesh that is stepped into is moved limb by limb where it is built as a person is."""
+    meets = settings.meets and settings.how == "inside" and settings.follow == "skeleton"
+    return meets and settings.place == "meet" and settings.scaled == "mesh"
 
 
 class PlacementRules:
@@ -25,6 +32,7 @@ class PlacementRules:
     Args:
         height: metres of the rest mesh.
         size: metres of the mesh as modelled for one of its rest space.
+        person: waits for the person in the mesh, or None, who is looked for beside; where not given, looks.
     """
 
     def __init__(
@@ -34,24 +42,25 @@ class PlacementRules:
         graph: DeformationGraph,
         height: float,
         size: float,
+        person: Callable[[], BodyInMesh | None] | None = None,
     ) -> None:
         self.settings, self.height, self.size = settings, height, size
+        self._person = person
         self._character, self._graph = character, graph
 
     @cached_property
     def likeness(self) -> BodyInMesh | None:
         """A person's skeleton in the mesh, where limb drives limb; None where bones hold what is near."""
-        own = self.settings
-        mapped = own.how == "mapped"
-        meets = own.meets and own.how == "inside" and own.follow == "skeleton"
-        meets = meets and own.place == "meet" and own.scaled == "mesh"
-        if not mapped and not meets:
+        own, ends = self.settings, np.array(self.settings.ends, np.float64)
+        if own.how != "mapped" and not seeks_person(own):
             return None
         if own.joints:
             return BodyInMesh.known(_twenty(own.joints, self._character.id))
         mesh = Mesh(self._character.vertices.astype(np.float64), self._character.faces, self._character.id)
-        found = find_body_in_mesh(mesh, self._graph, np.array(own.ends, np.float64))
-        return found if mapped or found.certain or own.ends else None
+        if own.how == "mapped":
+            return find_body_in_mesh(mesh, self._graph, ends)
+        person = find_person_in_mesh(mesh, ends) if self._person is None else self._person()
+        return person if person is not None and (person.certain or own.ends) else None
 
     def waiting_place(self, body: Body, farther: float = 0.0) -> Placement:
         """Returns where the mesh waits once the first performer is in view, so many metres to the left."""

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.wire import CALLS
-from enliven_edge.controls.base import WORDS
+from enliven_edge.controls.base import WORDS, checked_map
 from enliven_edge.controls.control_set import Controls, open_controls
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings
@@ -171,6 +172,41 @@ def test_every_word_does_what_a_viewer_would_ask_for(outlet, caplog):
     assert body == 2 and len(limbs) == 4 and set(shown) <= set(limbs), "legs, and the arms as before"
 
 
+def test_parts_are_named_by_a_word(outlet):
+    say = Say()
+    house = House(outlet, Controls([say]))
+
+    def said(*words: str) -> list[str]:
+        say.words = list(words)
+        house.edge._listen()
+        house.step()
+        return [limb for _, limbs in house.driven for limb in limbs]
+
+    house.step()
+    assert len(said("possess left arm")) == 1 and len(said("release", "possess arms")) == 2
+    assert len(said("extend legs")) == 4, "the arms as before, and the legs"
+    said("release")
+    said("parts legs")
+    assert house.actor.candidate[1] == "legs", "what the next hold takes, which is shown"
+    shown = house.shown
+    assert said("possess") == shown and len(shown) == 2
+
+
+@pytest.mark.parametrize(
+    ("said", "mend"),
+    [
+        ("possess left foo", "Did you mean left foot"),
+        ("release legs", "Did you mean 'release'"),
+        ("parts", "Such as"),
+        ("posess", "Did you mean 'possess'"),
+    ],
+)
+def test_a_command_that_cannot_be_meant_is_refused(said, mend):
+    with pytest.raises(InputError) as refused:
+        checked_map({"A": said}, "controls.pedal.map")
+    assert mend in refused.value.mend
+
+
 def test_what_an_edge_cannot_do_is_said_and_it_goes_on(outlet, caplog):
     caplog.set_level(logging.WARNING)
     say = Say()
@@ -219,7 +255,7 @@ def test_lamps_show_the_stage_and_its_health(outlet):
 
 
 def test_all_words_are_known_to_somebody():
-    assert len(set(WORDS)) == 13
+    assert len(set(WORDS)) == 14
 
 
 def test_what_is_for_windows_is_told_to_them(outlet):

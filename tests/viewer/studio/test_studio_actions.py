@@ -124,18 +124,24 @@ def test_what_was_done_last_is_offered_first(stage: Workspace) -> None:
     assert finding.marked == 0
 
 
+ROOMS: dict[str, tuple[str, ...]] = {"d": ("Here",), "e": ("Here", "There"), "f": ("There",)}
+
+
 def table(folder: Path, done: list[str]) -> ActionTable:
-    """Three actions, one without a key."""
+    """Three actions whose keys count everywhere, one without a key; three with keys of their workspaces."""
     made = ActionTable(Toasts(6.0), Preferences(folder))
-    for name, keys in (("a", ("x",)), ("b", ("ctrl+y", "z")), ("c", ())):
-        made.add(Action(name, "Menu", name.upper(), keys, lambda name=name: done.append(name)))
+    keys = {"a": ("x",), "b": ("ctrl+y", "z"), "c": (), "d": ("x",), "e": ("f5",), "f": ("x",)}
+    for name, own in keys.items():
+        rooms = ROOMS.get(name, ())
+        deed = lambda name=name: done.append(name)  # noqa: E731
+        made.add(Action(name, "Menu", name.upper(), own, deed, rooms=rooms))
     return made
 
 
 keys = st.sampled_from(["x", "ctrl+y", "z", "f5", "shift+left"])
 deeds = st.one_of(
-    st.tuples(st.just("give"), st.sampled_from("abc"), keys),
-    st.tuples(st.just("free"), st.sampled_from("abc"), st.just("")),
+    st.tuples(st.just("give"), st.sampled_from("abcdef"), keys),
+    st.tuples(st.just("free"), st.sampled_from("abcdef"), st.just("")),
     st.just(("own_keys", "", "")),
 )
 
@@ -147,21 +153,35 @@ def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factor
     for name, action, key in todo:
         getattr(actions, name)(*(one for one in (action, key) if one))
         if name == "give":
-            assert actions.holder(key).id == action
+            assert all(actions.holder(key, room).id == action for room in ROOMS.get(action, ("",)))
         elif name == "own_keys":
             assert not actions.changed and actions.holder("x").id == "a"
-    held = [key for action in actions for key in actions.keys_of(action)]
-    assert len(held) == len(set(held))
     again = table(folder, done)
     assert [again.keys_of(one) for one in again] == [actions.keys_of(one) for one in actions]
-    for key in held:
-        done.clear()
-        assert again.press(key) and done == [actions.holder(key).id]
+    for room in ("", "Here", "There"):
+        here = [one for one in actions if (room in one.rooms if room else not one.rooms)]
+        held = [key for action in here for key in actions.keys_of(action)]
+        assert len(held) == len(set(held)), "a key has one meaning in a workspace"
+        again.room = lambda room=room: room
+        for key in held:
+            done.clear()
+            assert again.press(key, own=bool(room)) and done == [actions.holder(key, room).id]
+
+
+def test_keys_of_a_workspace_are_free_in_the_others(tmp_path) -> None:
+    done = list[str]()
+    actions = table(tmp_path, done)
+    for room in ("", "Here", "There"):
+        actions.room = lambda room=room: room
+        assert actions.press("x", own=True) is bool(room) and actions.press("x")
+    assert done == ["a", "d", "a", "f", "a"]
+    actions.give("e", "x")
+    assert [actions.keys_of(actions[one]) for one in "adef"] == [("x",), (), ("x",), ()]
 
 
 def test_an_action_that_takes_anothers_key_or_name_is_refused(tmp_path) -> None:
     actions = table(tmp_path, [])
-    for name, key in (("a", "f9"), ("d", "z")):
+    for name, key in (("a", "f9"), ("g", "z")):
         with pytest.raises(InputError):
             actions.add(Action(name, "Menu", "D", (key,), list))
 

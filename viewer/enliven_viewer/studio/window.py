@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 from enliven.arrays import UInt8
 from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
+from enliven_viewer.render import Scene
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions import KEYS, held_keys
@@ -39,12 +40,15 @@ from enliven_viewer.studio.panels.stage import (
     draw_rooms,
     draw_scan,
     draw_scan_over,
+    draw_side_view,
+    place_of_side_view,
 )
 from enliven_viewer.studio.perform import PerformerInset
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.places import Area, Places, places_in
 from enliven_viewer.studio.tools import MapTool, PaintTool
+from enliven_viewer.studio.viewport import StandingCharacter
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.window import Place, is_minimised, toggle_full_screen
 
@@ -165,6 +169,7 @@ class StudioWindow:
             self.workspace.store.autosave_now()
             raise
         finally:
+            self.workspace.sound.stop()
             self.workspace.perform.disconnect()
 
     def close(self) -> None:
@@ -250,6 +255,7 @@ class StudioWindow:
         editor.advance(elapsed)
         perform = self.workspace.perform
         perform.advance(elapsed)
+        self.workspace.sound.follow()
         scan = self.workspace.scan
         scan.advance()
         self._draw_source()
@@ -258,8 +264,11 @@ class StudioWindow:
         renderer = self._viewport.renderer
         renderer.look = editor.look
         renderer.resize(size)
+        stage = [one for one in editor.seen if one.id not in perform.hidden and not scan.active]
+        live = None if self._hides_live else scan.beside(perform.scene)
+        self._draw_side(stage, live)
         self._viewport.draw(
-            [one for one in editor.seen if one.id not in perform.hidden and not scan.active],
+            stage,
             editor.lens,
             editor.selection,
             self.workspace.input.tool.overlay(),
@@ -267,7 +276,7 @@ class StudioWindow:
             ghosts=self.workspace.ghosts.picture(),
             meshes=editor.show_meshes,
             bones=editor.show_bones and perform.room in ("Animate", "Model"),
-            live=None if self._hides_live else scan.beside(perform.scene),
+            live=live,
             growing=scan.surface,
         )
         bottom = self._framebuffer_size()[1] - round((area.y + area.height) * scale)
@@ -288,6 +297,20 @@ class StudioWindow:
         self._source.renderer.resize((max(round(wide * scale), 1), max(round(high * scale), 1)))
         self._source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
 
+    def _draw_side(self, stage: Sequence[StandingCharacter], live: Scene | None) -> None:
+        """Draw the limb that is about to be held from the side; performing needs no picture of a take."""
+        place = place_of_side_view(self.workspace, self.places.viewport)
+        lens = self.workspace.perform.close_up.lens(place.width, place.height)
+        if lens is None or self._source is None:
+            return
+        scale = imgui.get_io().display_framebuffer_scale.y
+        self._source.renderer.look = self.workspace.editor.look
+        self._source.renderer.resize(
+            (max(round(place.width * scale), 1), max(round(place.height * scale), 1))
+        )
+        selection = self.workspace.editor.selection
+        self._source.draw(stage, lens, selection, self.workspace.input.tool.overlay(), bones=False, live=live)
+
     def _draw_performer(self) -> None:
         view = self.workspace.performer
         view.follow()
@@ -307,6 +330,8 @@ class StudioWindow:
             self._panels(places)
             if not self._hides_live:
                 draw_inset(self.workspace, places.viewport, self._inset)
+            if self.workspace.perform.close_up.box is not None and self._source is not None:
+                draw_side_view(self.workspace, places.viewport, self._source.renderer.picture.texture.glo)
             draw_live(self.workspace, places.viewport, self.pace)
             draw_scan_over(self.workspace, places.viewport)
         asking = self.workspace.asking  # Escape closes the dialogue, and not what is behind it as well

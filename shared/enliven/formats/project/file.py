@@ -42,6 +42,8 @@ _FREE_BYTES = 1 << 28
 _MOST_RATIO = 20
 """Further bytes that a file may unpack to for each byte that it has: motion packs to a third, so this leaves
 room."""
+_LEVEL = 1
+"""How hard zip tries: 3 % larger than by its usual 6, in a quarter of the time: an edit on a stage waits."""
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """Date of every zip entry, the earliest that zip can store: equal projects make equal files."""
 
@@ -72,12 +74,13 @@ def project_bytes(project: Project) -> bytes:
     header = {"format": _FORMAT, "version": VERSION, "made_by": __version__}
     header["project"] = packed(project, arrays)
     out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        archive.writestr(_entry(_HEADER), json.dumps(header, ensure_ascii=False, separators=(",", ":")))
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        text = json.dumps(header, ensure_ascii=False, separators=(",", ":"))
+        archive.writestr(_entry(_HEADER), text, compresslevel=_LEVEL)
         for name, array in arrays.items():
             numbers = io.BytesIO()
             np.save(numbers, array, allow_pickle=False)
-            archive.writestr(_entry(f"{_ARRAYS}{name}.npy"), numbers.getvalue())
+            archive.writestr(_entry(f"{_ARRAYS}{name}.npy"), numbers.getvalue(), compresslevel=_LEVEL)
     return out.getvalue()
 
 

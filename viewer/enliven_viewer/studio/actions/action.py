@@ -26,6 +26,8 @@ class Action:
         about: one sentence of what it does, for its tooltip.
         icon: its glyph in Font Awesome 4, for buttons.
         apart: a line stands above it in its menu.
+        group: the menu within its menu that shows it, without what is before a colon in its label; or empty.
+        rooms: the workspaces in which its keys mean it, before what they mean elsewhere; empty for all.
     """
 
     id: str
@@ -38,3 +40,19 @@ class Action:
     about: str = ""
     icon: str = ""
     apart: bool = False
+    group: str = ""
+    rooms: tuple[str, ...] = ()
+
+    @property
+    def entry(self) -> str:
+        """Its name in its menu: "legs" for "With: legs" in the menu "With"."""
+        return self.label.removeprefix(f"{self.group}: ") if self.group else self.label
+
+    @property
+    def place(self) -> str:
+        """Where it is found: "Perform/With/legs"."""
+        return "/".join(part for part in (self.menu, self.group, self.entry) if part)
+
+    def rivals(self, other: Action) -> bool:
+        """Whether a key cannot be that of both: they share a workspace, or both have theirs everywhere."""
+        return not (self.rooms or other.rooms) or bool({*self.rooms} & {*other.rooms})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.studio.actions.action import Action
@@ -26,12 +26,14 @@ class ActionTable:
 
     Attributes:
         recent: ids of the actions that were done last, the newest first.
+        room: the workspace whose own keys come first; empty where none has keys of its own.
     """
 
     def __init__(self, toasts: Toasts, preferences: Preferences) -> None:
         self._toasts, self._preferences = toasts, preferences
         self._actions: dict[str, Action] = {}
         self.recent: list[str] = []
+        self.room: Callable[[], str] = lambda: ""
 
     def add(self, *actions: Action) -> None:
         """Add actions to their menus.
@@ -40,7 +42,8 @@ class ActionTable:
             InputError: where an id is there already, or a key is another's.
         """
         for action in actions:
-            taken = [(key, other) for key in action.keys for other in self if key in other.keys]
+            rivals = [other for other in self if other.rivals(action)]
+            taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
             if action.id in self._actions or taken:
                 said = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it is there already"
                 raise InputError(said, where=f"action {action.id}", mend="Give it another id or key.")
@@ -78,9 +81,14 @@ class ActionTable:
             self._toasts.tell(error, "Save your work, and report it.")
         return True
 
-    def press(self, key: str) -> bool:
-        """Do the action that has a key; returns whether one has."""
-        action = self.holder(key)
+    def press(self, key: str, *, own: bool = False) -> bool:
+        """Do the action that has a key; returns whether one has.
+
+        Args:
+            own: only those of the workspace, whose keys come before what the tool in hand does with them.
+        """
+        room = self.room() if own else ""
+        action = self.holder(key, room) if room or not own else None
         if action is not None:
             self.do(action.id)
         return action is not None
@@ -93,16 +101,21 @@ class ActionTable:
         """The first key of an action as people read it; empty where it has none."""
         return spoken(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
-    def holder(self, key: str) -> Action | None:
-        """The action that a key does."""
-        return next((action for action in self if key in self.keys_of(action)), None)
+    def holder(self, key: str, room: str = "") -> Action | None:
+        """The action that a key does in one workspace, or, where none is named, everywhere."""
+        with_key = (action for action in self if key in self.keys_of(action))
+        return next((one for one in with_key if (room in one.rooms if room else not one.rooms)), None)
+
+    def rival(self, action_id: str, key: str) -> Action | None:
+        """The other action whose key it is where an action would have it."""
+        wanted = self._actions[action_id]
+        others = (one for one in self if one is not wanted and one.rivals(wanted))
+        return next((one for one in others if key in self.keys_of(one)), None)
 
     def give(self, action_id: str, key: str) -> None:
         """Give an action a key instead of those it has, and take the key from another action."""
-        other = self.holder(key)
-        if other is not None and other.id != action_id:
-            left = tuple(one for one in self.keys_of(other) if one != key)
-            self._preferences.keys[other.id] = left
+        while (other := self.rival(action_id, key)) is not None:
+            self._preferences.keys[other.id] = tuple(one for one in self.keys_of(other) if one != key)
         self._preferences.keys[action_id] = (key,)
         self._tidy()
 

@@ -25,10 +25,9 @@ class WantedKey:
 
     def press(self, table: ActionTable, key: str) -> None:
         """Take a pressed key where it is free; Escape ends the waiting."""
-        holder = table.holder(key)
         if key == "escape":
             self.begin("")
-        elif holder is None or holder.id == self.action:
+        elif table.rival(self.action, key) is None:
             self.key = key
             self.take(table)
         else:

@@ -28,6 +28,7 @@ def view_actions(editor: Editor) -> Iterator[Action]:
             lambda name=name, key=key: _lacks(editor, name, key),
             about="The view that was stored.",
             apart=number == 1,
+            group="Bookmarks",
         )
     for number in _VIEWS:
         name = f"view {number}"
@@ -39,6 +40,7 @@ def view_actions(editor: Editor) -> Iterator[Action]:
             lambda name=name: store_view(editor, name),
             about="It is saved with the project.",
             apart=number == 1,
+            group="Bookmarks",
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.studio.actions import ActionTable
 from enliven_viewer.studio.panels.modal import button, modal
 from enliven_viewer.studio.panels.style import quiet
 from enliven_viewer.studio.workspace import Workspace
@@ -23,11 +24,7 @@ _MOUSE = (
 
 def draw_key_list(workspace: Workspace) -> None:
     """Draw the list, in as many columns as fit; it scrolls where the window is small."""
-    actions = workspace.actions
-    parts = [
-        (menu, [(actions.shown_key(one), one.label) for one in listed if actions.keys_of(one)])
-        for menu, listed in actions.menus.items()
-    ]
+    parts = parts_of(workspace.actions)
     with modal("Keys", *_SIZE) as shown:
         if not shown:
             return
@@ -51,6 +48,17 @@ def draw_key_list(workspace: Workspace) -> None:
 
 Part = tuple[str, list[tuple[str, str]]]
 """A title, and lines of a key and a name."""
+
+
+def parts_of(actions: ActionTable) -> list[Part]:
+    """The keys of each menu; those that count in some workspaces alone stand apart, under their names."""
+    parts: dict[str, list[tuple[str, str]]] = {}
+    for menu, listed in actions.menus.items():
+        for one in listed:
+            title = f"{menu}: keys in {' and '.join(one.rooms)}" if one.rooms else menu
+            if actions.keys_of(one):
+                parts.setdefault(title, []).append((actions.shown_key(one), one.label))
+    return list(parts.items())
 
 
 def _columns(parts: list[Part], count: int) -> list[list[Part]]:

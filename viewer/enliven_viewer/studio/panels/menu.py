@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 from imgui_bundle import imgui
@@ -19,23 +20,35 @@ def draw_menu(workspace: Workspace) -> None:
         opened = imgui.begin_menu(menu)
         workspace.remember(f"menu {menu}")
         if opened:
-            for number, action in enumerate(actions):
-                if action.apart and number:
-                    imgui.separator()
-                _entry(workspace, action)
-                if action.id == "file.open":
-                    _recent(workspace)
+            for number, (group, entries) in enumerate(itertools.groupby(actions, lambda one: one.group)):
+                _entries(workspace, group, list(entries), first=not number)
             imgui.end_menu()
     imgui.end_main_menu_bar()
+
+
+def _entries(workspace: Workspace, group: str, actions: list[Action], *, first: bool) -> None:
+    """The entries of one group, in a menu of their own where it has a name."""
+    if actions[0].apart and not first:
+        imgui.separator()
+    if group and not imgui.begin_menu(group):
+        return
+    for number, action in enumerate(actions):
+        if action.apart and number:
+            imgui.separator()
+        _entry(workspace, action)
+        if action.id == "file.open":
+            _recent(workspace)
+    if group:
+        imgui.end_menu()
 
 
 def _entry(workspace: Workspace, action: Action) -> None:
     """One line of a menu; grey where the action cannot be done."""
     actions, on = workspace.actions, action.on is not None and action.on()
     key, possible = actions.shown_key(action), not action.why_not()
-    if imgui.menu_item(action.label, key, on, possible)[0]:
+    if imgui.menu_item(action.entry, key, on, possible)[0]:
         actions.do(action.id)
-    workspace.remember(f"menu {action.menu}/{action.label}")
+    workspace.remember(f"menu {action.place}")
     action_tip(workspace, action.id)
 
 

@@ -86,7 +86,7 @@ def _capture(workspace: Workspace) -> None:
         for name, key in KEYS.items():
             if imgui.is_key_pressed(key, repeat=False):
                 wanted.press(actions, held_keys() + name)
-    other = actions.holder(wanted.key) if wanted.key else None
+    other = actions.rival(wanted.action, wanted.key) if wanted.key else None
     if other is None:
         quiet("Click a key to change it. While a tool works, keys that it names in its hint are its own.")
         imgui.dummy(ImVec2(0, imgui.get_frame_height() - 8))

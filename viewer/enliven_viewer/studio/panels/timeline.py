@@ -9,7 +9,7 @@ from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage import draw_growing
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.panels.timeline_lanes import LanePainter
-from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_span
+from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_sounds, draw_span
 from enliven_viewer.studio.panels.timeline_puppets import draw_details, tell_details
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.timeline import LABELS, RULER
@@ -167,6 +167,7 @@ def _cursor(kind: str) -> None:
 def _ruler(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     draw.add_rect_filled(origin, ImVec2(origin.x + size.x, origin.y + RULER), packed(DARK))
+    draw_sounds(workspace, origin)
     with small():
         for time, numbered in layout.ticks():
             x = origin.x + layout.x(time)

@@ -1,17 +1,21 @@
-"""The markers on the timeline's ruler, and the field in which one is named."""
+"""What lies on the timeline's ruler: sounds, the marked span, markers and the field in which one is named."""
 
 from __future__ import annotations
 
+import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.modeling.edits import remove_marker, rename_marker
 from enliven_viewer.studio.panels.fields import name_field
 from enliven_viewer.studio.panels.style import packed, small
+from enliven_viewer.studio.sound import envelope
 from enliven_viewer.studio.timeline import LABELS, RULER, SPAN
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import BAD, CHAIN, DARK, INK
+from enliven_viewer.theme import ACCENT, BAD, CHAIN, DARK, INK
 
 _POPUP = "marker name"
+_COLUMN = 2.0
+"""Pixels of a line of a sound's picture."""
 
 
 def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
@@ -33,6 +37,24 @@ def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     if timeline.marker and not imgui.is_popup_open(_POPUP):
         imgui.open_popup(_POPUP)
     _named(workspace)
+
+
+def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
+    """Draw how loud the sounds are along the ruler, and their names before it."""
+    draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
+    first, last = LABELS, workspace.timeline.width
+    count = int((last - first) / _COLUMN)
+    if not layout.project.sounds or count < 1:
+        return
+    middle, tint = origin.y + RULER / 2, packed(ACCENT, 0.5 if workspace.sound.heard else 0.2)
+    for one in layout.project.sounds.values():
+        loud = envelope(one, layout.time(first), layout.time(first + count * _COLUMN), count)
+        for column in np.flatnonzero(loud):
+            x, high = origin.x + first + column * _COLUMN, max(loud[column] * (RULER / 2 - 2), 0.5)
+            draw.add_line(ImVec2(x, middle - high), ImVec2(x, middle + high), tint, _COLUMN)
+    with small():
+        name = f"\uf001  {', '.join(layout.project.sounds)}"
+        draw.add_text(ImVec2(origin.x + 8, origin.y + 5), packed(INK, 0.9), name)
 
 
 def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:

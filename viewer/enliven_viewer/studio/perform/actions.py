@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from enliven_viewer.live import PARTS, LiveStage
-from enliven_viewer.studio.actions import Action, spoken
+from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.perform.session import ROOMS, PerformSession
 
 
@@ -29,6 +29,9 @@ class PerformAction:
     live: bool = True
     why_not: Callable[[PerformSession], str] = lambda session: ""
     on: Callable[[PerformSession], bool] | None = None
+    about: str = ""
+    group: str = ""
+    apart: bool = False
 
     @property
     def id(self) -> str:
@@ -49,24 +52,33 @@ NO_STAGE = "No stage is connected. Connect to one, or start one, in the Perform 
 def perform_actions(session: PerformSession) -> Iterator[Action]:
     """Every action, for menus, the palette and the list of keys."""
     for one in PERFORM_ACTIONS:
-        key = (one.key,) if one.key and not one.rooms else ()
-        about = f"{spoken(one.key)} in {' and '.join(one.rooms)}." if one.rooms else ""
         on = None if one.on is None else partial(one.on, session)
         yield Action(
             one.id,
             "Perform",
             one.label,
-            key,
+            (one.key,) if one.key else (),
             partial(one.do, session),
             partial(one.lacks, session),
             on,
-            about,
+            about=one.about,
+            apart=one.apart,
+            group=one.group,
+            rooms=one.rooms,
         )
 
 
 def _live(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
     """An action on what is followed; without a link it does nothing."""
     return lambda session: act(session.live) if session.live is not None else None
+
+
+def _several(
+    group: str, rooms: tuple[str, ...], *rows: tuple[str, str, Callable[[LiveStage], object]]
+) -> Iterator[PerformAction]:
+    """Actions on what is followed that one menu shows: label, key and what each does."""
+    for label, key, act in rows:
+        yield PerformAction(label, key, _live(act), rooms, group=group)
 
 
 def _go(room: str) -> Callable[[PerformSession], object]:
@@ -83,6 +95,7 @@ PERFORM_ACTIONS = (
             f"ctrl+{n + 1}",
             _go(room),
             live=False,
+            group="Workspace",
             on=lambda session, room=room: session.room == room,
         )
         for n, room in enumerate(ROOMS)
@@ -92,6 +105,7 @@ PERFORM_ACTIONS = (
         "ctrl+enter",
         PerformSession.put,
         why_not=PerformSession.lacks_to_put,
+        apart=True,
     ),
     PerformAction(
         "Take the chosen character from the stage",
@@ -104,6 +118,7 @@ PERFORM_ACTIONS = (
         "ctrl+r",
         lambda session: session.recording.record(),
         why_not=PerformSession.lacks_edge,
+        apart=True,
     ),
     PerformAction(
         "Record again from where it began",
@@ -131,7 +146,7 @@ PERFORM_ACTIONS = (
         ("Perform",),
         live=False,
     ),
-    PerformAction("Possess alone", "p", _live(LiveStage.possess), _HERE),
+    PerformAction("Possess alone", "p", _live(LiveStage.possess), _HERE, apart=True),
     PerformAction("Possess beside others", "j", _live(lambda live: live.possess("join")), _HERE),
     PerformAction("Hold with these parts as well", "e", _live(lambda live: live.possess("extend")), _HERE),
     PerformAction("Release", "r", _live(LiveStage.release), _HERE),
@@ -150,42 +165,61 @@ PERFORM_ACTIONS = (
         why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.meant),
     ),
     *(
-        PerformAction(f"With: {part}", str(n + 1), _live(lambda live, n=n: live.choose_parts(n)), _HERE)
+        PerformAction(
+            f"With: {part}",
+            str(n + 1),
+            _live(lambda live, n=n: live.choose_parts(n)),
+            _HERE,
+            group="With",
+            apart=n == 0,
+        )
         for n, part in enumerate(PARTS)
     ),
-    PerformAction("Next performer", "b", _live(LiveStage.choose_performer), _HERE),
-    PerformAction("Less smoothed", "comma", _live(lambda live: live.smoother(-1)), _HERE),
-    PerformAction("More smoothed", "period", _live(lambda live: live.smoother(1)), _HERE),
-    PerformAction("Only who is here now performs", "k", _live(LiveStage.toggle_lock), _HERE),
-    PerformAction("Next match with the pose", "n", _live(lambda live: live.browse(1)), _HERE),
-    PerformAction("Match before", "m", _live(lambda live: live.browse(-1)), _HERE),
-    PerformAction(
-        "See more of the bones", "v", lambda p: p.live and p.live.show_bones(p.editor.camera), _HERE
+    *_several(
+        "Performers",
+        _HERE,
+        ("Next performer", "b", LiveStage.choose_performer),
+        ("Less smoothed", "comma", lambda live: live.smoother(-1)),
+        ("More smoothed", "period", lambda live: live.smoother(1)),
+        ("Only who is here now performs", "k", LiveStage.toggle_lock),
     ),
-    PerformAction("Graph of the meshes", "g", _live(lambda live: live.switch("graph")), _HERE),
-    PerformAction(
-        "Performers' skeletons", "s", _live(lambda live: live.switch("body", "reveal", "cues")), _HERE
+    *_several(
+        "Matches",
+        _HERE,
+        ("Next match with the pose", "n", lambda live: live.browse(1)),
+        ("Match before", "m", lambda live: live.browse(-1)),
     ),
-    PerformAction("Back to what is live", "l", _live(lambda live: live.playhead.go_live()), _HERE),
-    PerformAction("Pause the stage", "space", _live(lambda live: live.playhead.toggle_pause()), ("Play",)),
-    PerformAction("A pose back", "left", _live(lambda live: live.playhead.step(-1)), ("Play",)),
-    PerformAction("A pose on", "right", _live(lambda live: live.playhead.step(1)), ("Play",)),
-    PerformAction("Faster", "up", _live(lambda live: live.playhead.faster(1)), ("Play",)),
-    PerformAction("Slower", "down", _live(lambda live: live.playhead.faster(-1)), ("Play",)),
+    PerformAction(
+        "See more of the bones",
+        "v",
+        lambda p: p.live and p.live.show_bones(p.editor.camera),
+        _HERE,
+        group="See",
+    ),
+    *_several(
+        "See",
+        _HERE,
+        ("Graph of the meshes", "g", lambda live: live.switch("graph")),
+        ("Performers' skeletons", "s", lambda live: live.switch("body", "reveal", "cues")),
+    ),
+    PerformAction(
+        "Close to the limb that takes hold",
+        "c",
+        lambda session: session.close_up.toggle(),
+        _HERE,
+        on=lambda session: session.close_up.on,
+        about="The view goes there while a pose chooses, with the side beside it, and back once it is held.",
+        group="See",
+    ),
+    *_several("Playing back", _HERE, ("Back to what is live", "l", lambda live: live.playhead.go_live())),
+    *_several(
+        "Playing back",
+        ("Play",),
+        ("Pause the stage", "space", lambda live: live.playhead.toggle_pause()),
+        ("A pose back", "left", lambda live: live.playhead.step(-1)),
+        ("A pose on", "right", lambda live: live.playhead.step(1)),
+        ("Faster", "up", lambda live: live.playhead.faster(1)),
+        ("Slower", "down", lambda live: live.playhead.faster(-1)),
+    ),
 )
 """Every action, the ones of all workspaces first."""
-
-
-def pressed(session: PerformSession, key: str) -> bool:
-    """Do what a key means in the workspace; returns whether it meant something."""
-    for action in PERFORM_ACTIONS:
-        if action.key != key or session.room not in action.rooms:
-            continue
-        if session.live is None and session.room == "Play":
-            return False  # the project plays there
-        if lacking := action.lacks(session):
-            session.editor.toasts.say(*lacking.split(". "))
-        else:
-            action.do(session)
-        return True
-    return False

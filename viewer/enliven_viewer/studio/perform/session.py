@@ -14,6 +14,7 @@ from enliven_viewer.render import Scene
 from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.addresses import Addresses
+from enliven_viewer.studio.perform.close_up import CloseUp
 from enliven_viewer.studio.perform.guests import Guest, together
 from enliven_viewer.studio.perform.holders import Holder
 from enliven_viewer.studio.perform.nearby import NearbyEdge
@@ -42,6 +43,7 @@ class PerformSession:
         recording: from the stage onto the timeline.
         guests: other edges, which are seen and recorded as well.
         sizes: how large characters stand on the stage.
+        close_up: the view of the limb that is about to be held.
         address: what is typed into the field.
     """
 
@@ -57,11 +59,17 @@ class PerformSession:
         self.recording = StageRecording(
             *(editor, lambda: self.live, lambda: self.connected, self._may, self.lacks_edge), self.guests
         )
+        self.close_up = CloseUp(editor)
         self.sender, self.sizes = StageSender(editor.toasts.say), StageSizes(editor)
         self.address = ""
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
         self._framed: tuple[str, ...] = ()
+
+    @property
+    def keys_of(self) -> str:
+        """The workspace whose own keys count; none in *Play* without a stage, where the project plays."""
+        return "" if self.room == "Play" and self.live is None else self.room
 
     # The link ---------------------------------------------------------------------------------------------
 
@@ -151,6 +159,7 @@ class PerformSession:
         if self._nearby is not None:
             self._nearby.close()
         self.live = self.scene = self._client = self._nearby = None
+        self.close_up.advance(0.0, None, None)
         self.there = ""
         self.editor.beside_box = None
         self.sender.forget()
@@ -238,6 +247,7 @@ class PerformSession:
         telling = Telling(performs and self.connected, heard, self.recording.replaces, self.live.held)
         self.scene = together(self._twins.shown(self.live.scene, telling), self.guests)
         self.editor.beside_box = self.scene.box
+        self.close_up.advance(seconds, self.scene if performs else None, self.meant)
         if performs and self.live.present != self._framed and self.live.scene.box:
             self.editor.frame_all(at_once=not self._framed, reset=not self._framed)
             self._framed = self.live.present

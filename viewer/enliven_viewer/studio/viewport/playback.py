@@ -13,12 +13,13 @@ _ALMOST = 0.02
 
 
 def length_of(project: Project, shortest: float) -> float:
-    """Seconds that the project plays: until each layer was played once, at least ``shortest``.
+    """Seconds that the project plays: until each layer and sound was played once, at least ``shortest``.
 
     With looping layers it is a little longer, where all of them then begin again together.
     """
     layers = [layer for character in project.characters.values() for layer in character.playing]
-    least = max([shortest, *(layer.end(project.length_of(layer)) for layer in layers)])
+    sounds = [one.end for one in project.sounds.values()]
+    least = max([shortest, *(layer.end(project.length_of(layer)) for layer in layers), *sounds])
     rounds = [layer.lasting(project.length_of(layer)) for layer in layers if layer.loop]
     rounds = [seconds for seconds in rounds if seconds > 0.05]
     if not rounds:

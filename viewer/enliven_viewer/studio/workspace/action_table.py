@@ -449,7 +449,8 @@ def _cameras(c: Commands) -> Iterator[Action]:
     )
     for name, key, around, up in sides:
         label = "From above" if name == "above" else f"From the {name}"
-        yield Action(f"view.{name}", "View", label, (key,), lambda to=(around, up): editor.camera.face(*to))
+        face = lambda to=(around, up): editor.camera.face(*to)  # noqa: E731
+        yield Action(f"view.{name}", "View", label, (key,), face, group="From a side")
     yield Action(
         "view.best",
         "View",
@@ -457,6 +458,7 @@ def _cameras(c: Commands) -> Iterator[Action]:
         ("v",),
         c.best_view,
         c.lacks_shape,
+        group="From a side",
         about="Turns the view so that the bones of the chosen shape hide one another least.",
     )
 

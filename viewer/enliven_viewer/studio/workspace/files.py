@@ -18,6 +18,7 @@ from enliven.modeling.puppet import make_puppet
 from enliven.samples import dancing_cactus, load_sample
 from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.sound import SOUNDS, read_sound
 
 MODELS = (".glb", ".gltf")
 MESHES = (".obj", ".ply", ".stl", ".off")
@@ -55,10 +56,19 @@ def add_file(editor: Editor, path: Path) -> None:
         _add_session(editor, path)
     elif ending in PERFORMANCES:
         _add_performance(editor, path)
+    elif ending in SOUNDS:
+        _add_sound(editor, path)
     else:
-        known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS))
+        known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
         what = f"{ending} is of no known kind" if ending else "its name has no ending"
         raise InputError(what, where=str(path), mend=f"Known: {known}.")
+
+
+def _add_sound(editor: Editor, path: Path) -> None:
+    """A sound that is performed along; it begins at the playhead, and takes the place of another one."""
+    sound = replace(read_sound(path), begin=editor.time)
+    if editor.edit(f"open {path.name}", lambda project: replace(project, sounds={sound.id: sound})):
+        editor.toasts.say(f"{path.name} begins here", "It is heard while you play and record.")
 
 
 def add_sample(editor: Editor, name: str) -> None:

@@ -8,6 +8,8 @@ from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.tools import BRUSHES, STEP, PaintTool
 from enliven_viewer.studio.workspace.input import ViewportInput
 
+_MENU = "Brush"
+"""The menu within the menu of shapes."""
 _KEYS = {"softer": "shift+w", "stiffer": "shift+q", "erase": "shift+e"}
 _ABOUT = {
     "softer": "Strokes let the mesh give way, and swing past what the performer does.",
@@ -38,9 +40,14 @@ def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
             on=lambda brush=brush: user_input.tool is tool and tool.brush == brush,
             about=_ABOUT[brush],
             apart=brush == "softer",
+            group=_MENU,
         )
-    yield Action("paint.larger", "Shape", "Larger brush", ("right_bracket",), lambda: tool.resize(STEP))
-    yield Action("paint.smaller", "Shape", "Smaller brush", ("left_bracket",), lambda: tool.resize(1 / STEP))
+    sizes = (("larger", "right_bracket", STEP), ("smaller", "left_bracket", 1 / STEP))
+    for name, key, step in sizes:
+        label = f"{name.title()} brush"
+        yield Action(
+            f"paint.{name}", "Shape", label, (key,), lambda step=step: tool.resize(step), group=_MENU
+        )
     yield Action(
         "paint.both_sides",
         "Shape",
@@ -48,6 +55,7 @@ def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
         ("shift+y",),
         both_sides,
         on=lambda: tool.both_sides,
+        group=_MENU,
         about="What is painted on the left is painted on the right too, where the mesh is its mirror image.",
     )
     yield Action(
@@ -57,5 +65,6 @@ def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
         ("alt+y",),
         tool.clear,
         tool.lacks_paint,
+        group=_MENU,
         about="Nothing of the chosen mesh is stiffer or softer than the rest.",
     )

@@ -15,10 +15,11 @@ from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.numbers import Figures
 from enliven_viewer.studio.outliner import Outliner, outliner_actions
-from enliven_viewer.studio.perform import PerformSession, perform_actions, pressed
+from enliven_viewer.studio.perform import PerformSession, perform_actions
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.scan import ScanSession, scan_actions
+from enliven_viewer.studio.sound import SOUNDS, SoundPlayer, sound_actions
 from enliven_viewer.studio.start import Tour, Toured
 from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.workspace.action_table import curve_action, ghost_action, studio_actions
@@ -58,6 +59,7 @@ class Workspace:
         outliner: the tree of all things.
         figures: where what is chosen stands and how large it is; typing: what is typed into its fields.
         depth: the tracker of depth that was opened.
+        sound: plays what is performed along.
         widgets: where each widget was drawn last, by name, so that a session can click on it.
         asking: the dialogue that is open, or empty.
         browser: what a dialogue about files shows.
@@ -81,9 +83,12 @@ class Workspace:
         self.actions.add(*studio_actions(self.commands, self.input, self.ask, self.preferences))
         self.timeline = TimelineInput(editor)
         self.curves = CurveInput(editor, self.timeline)
+        self.sound = SoundPlayer(editor)
+        self.actions.add(*sound_actions(self.sound))
         self.actions.add(ghost_action(self.ghosts), curve_action(self.curves))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
+        self.actions.room = lambda: self.perform.keys_of
         self.scan = ScanSession(editor, self.perform)
         self.input.over = self.scan
         self.actions.add(*scan_actions(self.scan))
@@ -92,7 +97,7 @@ class Workspace:
         self.actions.add(*outliner_actions(self.outliner))
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: (
-            pressed(self.perform, key) or self.curves.type(key) or self.timeline.rows.type(key)
+            self.actions.press(key, own=True) or self.curves.type(key) or self.timeline.rows.type(key)
         )
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
@@ -301,7 +306,7 @@ class Workspace:
     def _browse(self, dialogue: str) -> None:
         folder = self.store.path.parent if self.store.path else Path.cwd()
         endings = {
-            "open": (PROJECT, *MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS),
+            "open": (PROJECT, *MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS),
             "save as": (PROJECT,),
             "export": EXPORTS,
             "film": (FILM,),

@@ -1,0 +1,43 @@
+"""Draws the limb that is about to be held as it is seen from the side, in a corner of the picture."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.places import Area
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import INK, LINE
+
+_SHARE = 0.3
+"""Share of the picture's height."""
+_LEAST, _MOST = 104.0, 400.0
+"""Pixels of its height: a limb is told from others, and more shows no more."""
+_WIDE = 1.2
+"""Width over height, as of the performers in the other corner."""
+_MARGIN = 14.0
+"""Pixels to the border of the picture."""
+_TEXT = 13.0
+"""Pixels of its name."""
+
+
+def place_of_side_view(workspace: Workspace, area: Area) -> Area:
+    """Where it is in the window: at the top right, or below the performers where they are there."""
+    tall = min(max(_SHARE * area.height, _LEAST), _MOST, max(area.height / 2 - _MARGIN, 1.0))
+    wide, top = _WIDE * tall, area.y + _MARGIN
+    left = area.x + area.width - wide - _MARGIN
+    taken = workspace.widgets.get("performer inset")
+    if taken is not None and taken[2] > left and taken[1] < top + tall:
+        top = taken[3] + _MARGIN
+    return Area(left, top, wide, tall)
+
+
+def draw_side_view(workspace: Workspace, area: Area, texture: int) -> None:
+    """Draw the picture that the window made of it."""
+    draw, place = imgui.get_background_draw_list(), place_of_side_view(workspace, area)
+    low, high = ImVec2(place.x, place.y), ImVec2(place.x + place.width, place.y + place.height)
+    white = packed((1.0, 1.0, 1.0, 1.0))
+    draw.add_image_rounded(imgui.ImTextureRef(texture), low, high, ImVec2(0, 1), ImVec2(1, 0), white, 8.0)
+    draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
+    draw.add_text(imgui.get_font(), _TEXT, ImVec2(place.x + 9, place.y + 6), packed(INK), "From the side")
+    workspace.widgets["side view"] = (low.x, low.y, high.x, high.y)

@@ -1,0 +1,5 @@
+"""Sounds that are performed along: read, mixed and heard in step with the playhead."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,45 @@
+"""What is done with the sounds that are performed along."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from enliven.document import Project
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.sound.player import SoundPlayer
+
+_NONE = "There is no sound. Open one (.wav, .mp3, .ogg, .flac), or drop it onto the window."
+_MENU = "Sound"
+
+
+def sound_actions(player: SoundPlayer) -> Iterator[Action]:
+    """Hear the sounds, let them begin elsewhere, and remove them."""
+    editor = player.editor
+
+    def lacks() -> str:
+        return "" if editor.project.sounds else _NONE
+
+    def begin() -> None:
+        def change(project: Project) -> Project:
+            return project.with_sounds(*(replace(one, begin=editor.time) for one in project.sounds.values()))
+
+        editor.edit("begin the sound here", change)
+
+    def remove() -> None:
+        editor.edit("remove the sound", lambda project: replace(project, sounds={}))
+
+    yield Action(
+        "sound.hear",
+        "Clip",
+        "Hear the sound",
+        ("alt+m",),
+        player.toggle,
+        lacks,
+        lambda: player.heard,
+        about="While it plays, and while it is recorded along it.",
+        apart=True,
+        group=_MENU,
+    )
+    yield Action("sound.begin", "Clip", "The sound begins here", ("alt+b",), begin, lacks, group=_MENU)
+    yield Action("sound.remove", "Clip", "Remove the sound", (), remove, lacks, group=_MENU)

@@ -1,0 +1,37 @@
+"""The samples that are heard of a project's sounds, and how loud they are over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from enliven.arrays import Float32, Int16
+from enliven.document import SOUND_RATE, Sound
+
+_LOUDEST = 32767
+"""The largest sample of 16 bits."""
+
+
+def mixed(sounds: Iterable[Sound], first: int, count: int) -> Int16:
+    """(count,) what is heard of all sounds together from a sample of the project's time on."""
+    heard = np.zeros(count, np.int32)
+    for one in sounds:
+        begin = round(one.begin * SOUND_RATE)
+        low, high = max(first, begin), min(first + count, begin + len(one.samples))
+        if low < high:
+            heard[low - first : high - first] += one.samples[low - begin : high - begin]
+    return np.clip(heard, -_LOUDEST - 1, _LOUDEST).astype(np.int16)
+
+
+def envelope(sound: Sound, begin: float, end: float, columns: int) -> Float32:
+    """(columns,) the loudest sample of each equal part of the project's time between two seconds, 0 to 1."""
+    edges = np.linspace(begin - sound.begin, end - sound.begin, columns + 1) * SOUND_RATE
+    edges = np.clip(np.round(edges), 0, len(sound.samples)).astype(np.int64)
+    loud = np.zeros(columns, np.float32)
+    filled = np.flatnonzero(edges[1:] > edges[:-1])
+    if len(filled):
+        part = np.abs(sound.samples[edges[filled[0]] : edges[filled[-1] + 1]].astype(np.int32))
+        starts = edges[filled] - edges[filled[0]]
+        loud[filled] = np.maximum.reduceat(part, starts) / _LOUDEST
+    return loud

@@ -1,0 +1,55 @@
+"""Reads sound files into a project, to perform along."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Int16
+from enliven.document import SOUND_RATE, Sound
+from enliven.errors import InputError
+
+SOUNDS = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
+"""Endings of sound files."""
+_LONGEST = 1200.0
+"""Seconds of a sound at most, which are 77 MB of a project."""
+
+
+def read_sound(path: Path) -> Sound:
+    """Returns the sound of a file, as one channel of :data:`SOUND_RATE`.
+
+    Raises:
+        InputError: where it is none, is damaged before its first sample, or longer than 20 minutes.
+    """
+    import av  # 0.1 s to load, which a window without sounds does without
+
+    where = str(path)
+    parts, count = list[Int16](), 0
+    try:
+        with av.open(where) as file:
+            if not file.streams.audio:
+                raise InputError("it has no sound", where=where, mend="Give a .wav, .mp3, .ogg or .flac.")
+            for part in _samples(file, av.AudioResampler("s16", "mono", SOUND_RATE)):
+                parts.append(part)
+                count += len(part)
+                if count > _LONGEST * SOUND_RATE:
+                    what = f"it is longer than {_LONGEST / 60:.0f} minutes"
+                    raise InputError(what, where=where, mend="Cut out the part that is performed to.")
+    except (av.FFmpegError, OSError) as error:
+        if not count:
+            what = f"it cannot be read as sound ({str(error)[:80]})"
+            raise InputError(what, where=where, mend="Save it as .wav.") from None
+    if not count:
+        raise InputError("it has not one sample", where=where, mend="Save it again as .wav.")
+    return Sound(path.stem, np.concatenate(parts))
+
+
+def _samples(file: Any, resampler: Any):  # type: ignore[no-untyped-def]
+    """Yields (N,) int16 samples until the file ends, or is damaged."""
+    for frame in file.decode(file.streams.audio[0]):
+        for made in resampler.resample(frame):
+            yield made.to_ndarray()[0]
+    for made in resampler.resample(None):
+        yield made.to_ndarray()[0]
