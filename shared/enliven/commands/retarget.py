@@ -126,7 +126,8 @@ def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
         return
     other = next_best(made, rig.shape, quality)
     if other is None:
-        typer.echo("enliven: no other mapping does better: give those joints less weight (--write-map)", err=True)
+        told = "no other mapping does better: give those joints less weight (--write-map)"
+        typer.echo(f"enliven: {told}", err=True)
         return
     told = f"the next best mapping, {other.how}: {other.quality}"
     if write_map:

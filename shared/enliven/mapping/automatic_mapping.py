@@ -199,4 +199,3 @@ def retarget(
         project = with_feet_pinned(project, shape, stepping, level)
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)
-

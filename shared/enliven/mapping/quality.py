@@ -26,7 +26,7 @@ THROUGH = 0.03
 LEVEL = 0.03
 """Share of the height that the lowest point is off the floor above which feet are seen to sink or hover."""
 SLIDE = 20.0
-"""cm/s that feet slide while they stand above which it is seen: half of all pairs of the data have up to 8."""
+"""cm/s that feet slide while they stand above which it is seen: half of the data's pairs have up to 8."""
 _MOMENTS = 24
 """Moments of a motion that are measured: a pose that lasts a twentieth of it is among them."""
 _SLIVER = 1e-3
