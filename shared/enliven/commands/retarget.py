@@ -13,7 +13,7 @@ from enliven.files import need_folder
 if TYPE_CHECKING:
     from enliven.document import Clip
     from enliven.formats.rig import Rig
-    from enliven.mapping import Mode, Plan, Retargeted
+    from enliven.mapping import Mode, MotionQuality, Plan, Retargeted
 
 
 def retarget(
@@ -110,8 +110,8 @@ def retarget(
 
 
 def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
-    """Prints how good the motion is, and warns with a better mapping where the surface stretches."""
-    from enliven.mapping import BOUND, THROUGH, limb_of, next_best, quality_of, write_plan
+    """Prints how good the motion is, and warns with a better mapping where it has faults that are seen."""
+    from enliven.mapping import limb_of, next_best, quality_of, write_plan
 
     quality = quality_of(made.project, made.shape_id, made.clip, made.duration)
     typer.echo(f"enliven: {quality}")
@@ -119,23 +119,37 @@ def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
     if less:
         told = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
         typer.echo(f"enliven: moved less, so that the surface does not stretch: {told}")
-    if quality.through > THROUGH:
-        told = f"parts go through one another: {', '.join(quality.parts)}"
-        typer.echo(f"enliven: {told}. Give their chains less weight in the mapping (--write-map)", err=True)
-    if quality.stretch <= BOUND:
+    seen = _seen(quality)
+    for told in seen:
+        typer.echo(f"enliven: {told}", err=True)
+    if not seen:
         return
-    typer.echo(f"enliven: the surface stretches at {', '.join(quality.joints)}", err=True)
-    other = next_best(made, rig.shape)
+    other = next_best(made, rig.shape, quality)
     if other is None:
-        typer.echo("enliven: no other mapping stretches it less: give those joints less weight", err=True)
+        told = "no other mapping does better: give those joints less weight (--write-map)"
+        typer.echo(f"enliven: {told}", err=True)
         return
-    how, plan, stretch = other
-    told = f"enliven: the next best mapping, {how}, stretches it {stretch:.2f}"
+    told = f"the next best mapping, {other.how}: {other.quality}"
     if write_map:
         beside = write_map.with_suffix(f".next{write_map.suffix}")
-        write_plan(plan, beside)
+        write_plan(other.plan, beside)
         told += f": --map {beside}"
-    typer.echo(told, err=True)
+    typer.echo(f"enliven: {told}", err=True)
+
+
+def _seen(quality: MotionQuality) -> list[str]:
+    """What is beyond its bound, with the joints where it is."""
+    from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
+
+    sunk, afloat, feet = quality.sunk or 0.0, quality.afloat or 0.0, ", ".join(quality.feet)
+    told = {
+        f"the surface stretches at {', '.join(quality.joints)}": quality.stretch > BOUND,
+        f"it goes below the floor at {feet}": sunk > LEVEL,
+        f"it is above the floor at {feet} while the performer stands": afloat > max(LEVEL, sunk),
+        "its feet slide (--pin holds them)": (quality.slide or 0.0) > SLIDE,
+        f"parts go through one another: {', '.join(quality.parts)}": quality.through > THROUGH,
+    }
+    return [words for words, so in told.items() if so]
 
 
 _FAST_ENOUGH = 60.0

@@ -3,15 +3,17 @@ from .applying import apply_plan as apply_plan
 from .automatic_mapping import (
     Retargeted as Retargeted,
     automatic as automatic,
-    next_best as next_best,
     retarget as retarget,
     with_feet_pinned as with_feet_pinned,
 )
 from .facing import facing_of as facing_of, turned_about_y as turned_about_y
+from .next_best import NextBest as NextBest, next_best as next_best
 from .plan import Mode as Mode, Plan as Plan
 from .plan_file import read_plan as read_plan, write_plan as write_plan
 from .quality import (
     BOUND as BOUND,
+    LEVEL as LEVEL,
+    SLIDE as SLIDE,
     THROUGH as THROUGH,
     MotionQuality as MotionQuality,
     quality_of as quality_of,

@@ -16,7 +16,6 @@ from enliven.mapping.assignment import Drive, assigned, split
 from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.plan import ChainPlan, Mode, Plan
-from enliven.mapping.quality import stretches
 from enliven.mapping.softening import softened
 from enliven.mapping.steps import leg_of, legs_that_step, stepped
 from enliven.motion.contact import pin_feet
@@ -51,8 +50,6 @@ _ALIKE = np.radians(50.0)
 """How far the trunks of two bodies may point apart and the bodies still be posed alike."""
 _WRIST = 0.6
 """Arc length along a limb after which a piece of it is a hand or a foot."""
-_LESS = 0.98
-"""Share of the stretch that another mapping has at most, to be worth offering."""
 _TWINS = 0.02
 """Share of the size by which joints of twins are apart at most."""
 _STANDS = np.radians(45.0)
@@ -202,22 +199,3 @@ def retarget(
         project = with_feet_pinned(project, shape, stepping, level)
     theirs, ours = facings(clip, shape, plan)
     return Retargeted(project, shape.id, clip, plan, duration, ours, theirs)
-
-
-def next_best(made: Retargeted, shape: Shape) -> tuple[str, Plan, float] | None:
-    """Another mapping of what was made that stretches the surface less: how it differs, itself, its stretch.
-
-    None where none does.
-    """
-    found = []
-    for mode, how in ((None, "moved less"), ("move", "with --mode move"), ("pose", "with --mode pose")):
-        chains = tuple(replace(chain, mode=mode or chain.mode) for chain in made.plan.chains)
-        if mode and chains == made.plan.chains:
-            continue
-        plan = softened(replace(made.plan, chains=chains), made.clip, shape)
-        other = retarget(shape, made.clip, plan)
-        _, stretch = stretches(other.project, shape.id, other.duration)
-        found.append((how, plan, float(np.percentile(stretch, 99))))
-    _, stretch = stretches(made.project, shape.id, made.duration)
-    best = min(found, key=lambda one: one[2])
-    return best if best[2] < _LESS * float(np.percentile(stretch, 99)) else None

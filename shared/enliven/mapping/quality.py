@@ -17,12 +17,16 @@ from enliven.document import Clip, Project, Shape
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.ground import clearance, floor_of, stands, surfaces
 from enliven.mapping.overlap import Overlap
-from enliven.motion.layers import travel_scale
+from enliven.motion.layers import Player, travel_scale
 
 BOUND = 1.4
 """Stretch at the 99th percentile above which hands look like sheets: a maker's own run has 1.1 to 1.5."""
 THROUGH = 0.03
 """Share of a surface inside other parts above which it is seen: makers' own clips have up to this."""
+LEVEL = 0.03
+"""Share of the height that the lowest point is off the floor above which feet are seen to sink or hover."""
+SLIDE = 20.0
+"""cm/s that feet slide while they stand above which it is seen: half of the data's pairs have up to 8."""
 _MOMENTS = 24
 """Moments of a motion that are measured: a pose that lasts a twentieth of it is among them."""
 _SLIVER = 1e-3
@@ -33,6 +37,8 @@ _APART = 1.0 / 60.0
 """Seconds between the two moments that a slide is measured over: a frame of common displays."""
 _STANDING = 10.0
 """Per cent of the vertices at the floor that stand at least, while a foot that swings may be as low."""
+_WITHIN = 0.05
+"""How much a measure counts that is within its bound, against one beyond it: nobody sees it."""
 _NAMED = 4
 """Joints that are named where a surface stretches, and pairs of parts where it goes through itself."""
 
@@ -52,6 +58,7 @@ class MotionQuality:
         through: share of the surface that is inside another part of the body and is not at rest, at the
             moment when most is.
         parts: what is inside what then, by the joints at which the bones begin, the largest first.
+        feet: the joints of the bones that carry the lowest point where it is farthest off the floor.
     """
 
     stretch: float
@@ -62,6 +69,24 @@ class MotionQuality:
     slide: float | None
     through: float
     parts: tuple[str, ...]
+    feet: tuple[str, ...] = ()
+
+    @property
+    def beyond(self) -> float:
+        """How far it is beyond the bounds, in bounds, all measures together; 0 where nothing is."""
+        return sum(max(ratio - 1.0, 0.0) for ratio in self._ratios)
+
+    @property
+    def faults(self) -> float:
+        """The same, and a little for what is within the bounds: less is better."""
+        return self.beyond + _WITHIN * sum(min(ratio, 1.0) for ratio in self._ratios)
+
+    @property
+    def _ratios(self) -> tuple[float, ...]:
+        """Each measure in its bound: stretch, floor, slide, and what goes through other parts."""
+        off = max(self.sunk or 0.0, self.afloat or 0.0)
+        stretch = (self.stretch - 1.0) / (BOUND - 1.0)
+        return stretch, off / LEVEL, (self.slide or 0.0) / SLIDE, self.through / THROUGH
 
     def __str__(self) -> str:
         told = [f"edges stretch {self.stretch:.2f} at the 99th percentile, {self.stretch_most:.1f} at most"]
@@ -105,15 +130,18 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
     if not len(edges):
         return MotionQuality(1.0, 1.0, (), None, None, None, 0.0, ())
     times = np.linspace(0.0, duration, _MOMENTS)
-    sunk = afloat = None
+    sunk, afloat, feet = None, None, ()
     moments = list(surfaces(project, shape_id, times))
     if stands(shape):
         tall = float(np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1]))
         low = (np.array([at[:, 1].min() for at in moments]) - floor_of(shape)) / tall
         standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
+        worst = int(np.argmax(np.where(standing, np.abs(low), -low)))
+        feet = _lowest(shape, moments[worst])
     through, parts = _through(shape, moments)
-    walks = shape.travel is not None and stands(shape) and bool(anatomy_of(shape.skeleton).legs)
+    goes = shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
+    walks = goes and stands(shape) and bool(anatomy_of(shape.skeleton).legs)
     return MotionQuality(
         float(np.percentile(stretch, 99)),
         float(stretch.max()),
@@ -123,6 +151,7 @@ def quality_of(project: Project, shape_id: str, clip: Clip, duration: float) -> 
         _slide(project, shape, clip, times) if walks else None,
         through,
         parts,
+        feet,
     )
 
 
@@ -144,7 +173,17 @@ def _lengths(at: Float, edges: Int32) -> Float:
 
 def _torn(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
     """The joints of the bones that move most ends of edges stretched beyond the bound."""
-    count = np.bincount(edges.ravel(), np.repeat((stretch > BOUND).sum(0), 2).astype(float))
+    return _joints_of(shape, np.bincount(edges.ravel(), np.repeat((stretch > BOUND).sum(0), 2).astype(float)))
+
+
+def _lowest(shape: Shape, at: Float) -> tuple[str, ...]:
+    """The joints of the bones that carry the lowest vertices of a pose, (V, 3)."""
+    low, tall = float(at[:, 1].min()), float(np.ptp(at[:, 1]))
+    return _joints_of(shape, (at[:, 1] < low + _TOUCH * tall).astype(float))
+
+
+def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
+    """The joints of the bones that move most of what is counted at each of the first vertices, (V,)."""
     if shape.skin is None or not count.any():
         return ()
     weight = np.zeros(len(shape.skeleton))

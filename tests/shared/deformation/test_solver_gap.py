@@ -4,7 +4,7 @@ from concurrent.futures import Future
 
 import numpy as np
 from creatures import random_problem
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from plain_gauss_newton import PlainGaussNewton
 
@@ -16,6 +16,8 @@ GAP = 0.002
 """Share of the minimum by which a frame may end above it."""
 INVISIBLE = 1e-6
 """An energy in which shares mean nothing: a point a tenth of a millimetre off has it."""
+BUCKLES = 880092, 19, 1.9291120993690865
+"""A creature's seed, its nodes and its pace: a limb buckles in its frame 15."""
 
 
 def gap_of(peer, solver, targets):
@@ -28,7 +30,9 @@ def gap_of(peer, solver, targets):
 
 @settings(deadline=None, max_examples=12)
 @given(st.integers(0, 2**32 - 1), st.integers(12, 48), st.floats(0.3, 2.0))
-def test_every_frame_ends_near_the_minimum(seed, nodes, pace):
+# A limb buckles in frame 15: the steps promise nothing there, and the minimum is 6 % lower.
+@example(*BUCKLES)
+def test_every_frame_ends_near_the_minimum_or_says_that_it_does_not(seed, nodes, pace):
     problem = random_problem(seed, nodes, 16, pace)
     solver, peer = (
         EmbeddedSolver(problem.graph, problem.points),
@@ -36,8 +40,27 @@ def test_every_frame_ends_near_the_minimum(seed, nodes, pace):
     )
     for frame, targets in enumerate(problem.targets):
         solver.solve(targets)
-        if frame % 5 == 4:
-            assert gap_of(peer, solver, targets) <= GAP, frame
+        if frame % 5 == 0:
+            near = gap_of(peer, solver, targets) <= GAP
+            assert near or not solver.settled, frame
+
+
+def test_a_frame_on_a_ridge_says_so_and_the_next_is_below_it():
+    """Where a limb buckles no gradient tells of the lower energy; the next frame is there with it."""
+    seed, nodes, pace = BUCKLES
+    problem = random_problem(seed, nodes, 16, pace)
+    solver, unasked = (EmbeddedSolver(problem.graph, problem.points) for _ in range(2))
+    for targets in problem.targets:
+        solver.solve(targets)
+        unasked.solve(targets)
+    assert gap_of(PlainGaussNewton(problem.graph, problem.points), solver, targets) > 10 * GAP
+    np.testing.assert_array_equal(solver.state()[1], unasked.state()[1])
+    before = solver.energy["total"]
+    assert not solver.settled
+    np.testing.assert_array_equal(solver.state()[1], unasked.state()[1])
+    solver.solve(targets)
+    assert solver.settled
+    assert solver.energy["total"] < (1 - 10 * GAP) * before
 
 
 @settings(deadline=None, max_examples=6)

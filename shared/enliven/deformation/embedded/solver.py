@@ -24,30 +24,25 @@ from typing import Literal
 
 import numpy as np
 
-from enliven.arrays import Float, Int32
+from enliven.arrays import Float
 from enliven.deformation.constraints import PlaneConstraints, PointConstraints
+from enliven.deformation.embedded.afterwards import lower_state
 from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
 from enliven.deformation.embedded.budget import allowance_of
-from enliven.deformation.embedded.energy import Planes, Terms, gradient
+from enliven.deformation.embedded.energy import Terms, gradient
+from enliven.deformation.embedded.inputs import NO_PLANES, checked_stiffness, planes_of, rows_of, take_usable
 from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, record_energies, solve_frame
 from enliven.deformation.embedded.node_frame import plain_state
 from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.embedded.renewal import MatrixRenewal
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
-from enliven.kernels import njit
 from enliven.settings import setting
 
 _STALE = 1 << 30
 """Steps that count as an age at which a matrix is always made anew."""
 _STILL = 2
 """Steps up to which a frame has not moved enough for another matrix."""
-_FARTHEST = 1e4
-"""Metres; a target farther away than this is no measurement."""
-_NONE = np.empty(0)
-_NO_PLANES = Planes(
-    np.empty((0, 4), np.int32), np.empty((0, 4, 4)), np.empty((0, 4)), _NONE, _NONE, np.empty(0, np.bool_)
-)
 
 
 @dataclass(frozen=True)
@@ -96,9 +91,6 @@ class EmbeddedSolver:
     Attributes:
         energy: "rotation", "smoothness", "constraint", "rigidity", "planes" and "total", weighted.
         iterations: of the last frame.
-        settled: whether the last frame came as near to the minimum as ``tolerance`` says; False where it ran
-            out of its ``iterations`` or its ``budget_ms``. The next frames start from its answer and make it
-            up.
     """
 
     def __init__(
@@ -118,7 +110,7 @@ class EmbeddedSolver:
         self._order = elimination_order(count, pairs)
         self._place = np.empty(count, np.int64)
         self._place[self._order] = np.arange(count)
-        self._terms = self._terms_of(attachment, _checked_stiffness(stiffness, count))
+        self._terms = self._terms_of(attachment, checked_stiffness(stiffness, count))
         system = RigidSystem.empty(analyse(count, self._place[pairs]), self._terms)
         self._matrix = MatrixRenewal(system, self.settings.budget_ms > 0.0)
         self._work = SolverBuffers.empty(count)
@@ -127,10 +119,11 @@ class EmbeddedSolver:
         self._rest[:, 3, :3] = graph.positions[self._order]
         self._x = self._rest.copy()
         self._ones = np.ones(len(nodes))
-        self._planes = self._planes_of(None)
+        self._planes = NO_PLANES
         self.energy: dict[str, float] = {}
         self.iterations = 0
-        self.settled = True
+        self._ended = True
+        self._lower: list[Float | None] = []
         self._allowance = UNLIMITED
         self.reset(start)
         if self.settings.budget_ms > 0.0:
@@ -141,7 +134,7 @@ class EmbeddedSolver:
     def _terms_of(self, attachment: PointConstraints, stiffness: Float) -> Terms:
         """The energy's constants, with the nodes numbered in elimination order."""
         graph, settings = self.graph, self.settings
-        nodes, rows = self._rows_of(attachment)
+        nodes, rows = rows_of(attachment, graph.positions, self._place)
         edges, rigid = graph.edges, np.flatnonzero(graph.rigid).astype(np.int32)
         along = np.sqrt(stiffness[edges[:, 0]] * stiffness[edges[:, 1]])
         return Terms(
@@ -158,41 +151,6 @@ class EmbeddedSolver:
             hanging=settings.rigidity * along[rigid],
         )
 
-    def _rows_of(self, points: PointConstraints) -> tuple[Int32, Float]:
-        """(L, 4) nodes in elimination order, ascending, each once, and (L, 4, 4) their coefficients."""
-        nodes = np.ascontiguousarray(points.node_indices, np.int64).reshape(-1, 4)
-        weights = np.asarray(points.node_weights, np.float64).reshape(-1, 4)
-        arms = np.asarray(points.points, np.float64).reshape(-1, 1, 3) - self.graph.positions[nodes]
-        rows = np.concatenate([arms, np.ones((len(nodes), 4, 1))], -1) * weights[..., None]
-        place = self._place[nodes]
-        order = np.argsort(place, 1, kind="stable")
-        place = np.take_along_axis(place, order, 1)
-        rows = np.take_along_axis(rows, order[..., None], 1)
-        for k in (3, 2, 1):
-            # A node given twice counts once, with both weights.
-            twice = place[:, k] == place[:, k - 1]
-            rows[twice, k - 1] += rows[twice, k]
-            rows[twice, k] = 0.0
-        return place.astype(np.int32), np.ascontiguousarray(rows)
-
-    def _planes_of(self, planes: PlaneConstraints | None) -> Planes:
-        """The frame's planes in the kernels' form, without those that are not finite."""
-        if planes is None or not len(planes):
-            return _NO_PLANES
-        nodes, rows = self._rows_of(planes)
-        normals = np.zeros((len(nodes), 4))
-        normals[:, :3] = planes.normals
-        weights = self.settings.planes * np.asarray(planes.weights, np.float64)
-        usable = np.isfinite(normals).all(1) & (np.abs(planes.offsets) < _FARTHEST) & np.isfinite(weights)
-        return Planes(
-            nodes,
-            rows,
-            np.where(usable[:, None], normals, 0.0),
-            np.where(usable, planes.offsets, 0.0),
-            np.where(usable & (weights > 0), weights, 0.0),
-            np.asarray(planes.one_sided, np.bool_),
-        )
-
     def reset(self, start: tuple[Float, Float] | None = None) -> None:
         """Go to ``start`` (linear parts, positions), or to rest."""
         self._matrix.latest()
@@ -203,6 +161,8 @@ class EmbeddedSolver:
             self._x[:, 3, :3] = start[1][self._order]
         self._work.last[:] = self._x.reshape(-1)
         self._work.age[:] = -1, _STALE, 1
+        self._ended = True
+        self._lower.clear()
         record_energies(self._work, gradient(self._x.reshape(-1), self._terms, self._planes, self._work.raw))
         self._report()
 
@@ -222,7 +182,8 @@ class EmbeddedSolver:
         if self._matrix.latest():
             self._work.age[:2] = -1, 0
         self._take(targets, weights)
-        self._planes = self._planes_of(planes)
+        self._planes = planes_of(planes, self.settings.planes, self.graph.positions, self._place)
+        self._leave()
         self.iterations = solve_frame(
             self._x.reshape(-1),
             self._rest.reshape(-1),
@@ -234,11 +195,34 @@ class EmbeddedSolver:
             self.settings.tolerance,
             self._allowance,
         )
-        self.settled = bool(self._work.age[2])
-        if self.iterations > _STILL and self._planes is _NO_PLANES:
+        self._ended = bool(self._work.age[2])
+        if self.iterations > _STILL and self._planes is NO_PLANES:
             self._matrix.renew(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
         self._report()
         return self.state()
+
+    @property
+    def settled(self) -> bool:
+        """Whether the last frame ended within 0.1 % of the minimum below it.
+
+        False where it ran out of its ``iterations`` or its ``budget_ms``, or ended on a ridge. The next frame
+        starts from its answer, or from below the ridge, and makes it up. It is found out when it is asked
+        for, by going on, which takes as long as a few frames.
+        """
+        if self._ended and not self._lower:
+            self._lower.append(lower_state(self._x.reshape(-1), self._terms, self._planes, self._system))
+        return self._ended and self._lower[0] is None
+
+    def _leave(self) -> None:
+        """Begin below the ridge that the last frame was found on, where that is better by now."""
+        beyond = self._lower.pop() if self._lower else None
+        if beyond is None:
+            return
+        here = gradient(self._x.reshape(-1), self._terms, self._planes, self._work.trial)
+        there = gradient(beyond, self._terms, self._planes, self._work.trial)
+        if there[5] < here[5]:
+            self._x.reshape(-1)[:] = self._work.last[:] = beyond
+            record_energies(self._work, there)
 
     @property
     def _system(self) -> RigidSystem:
@@ -261,35 +245,9 @@ class EmbeddedSolver:
                 f"targets {targets.shape} and weights {pulls.shape} for {len(terms.pulls)} constraints",
                 where="embedded deformation",
             )
-        _take_usable(targets, pulls, self.settings.constraint, terms.targets, terms.pulls)
+        take_usable(targets, pulls, self.settings.constraint, terms.targets, terms.pulls)
 
     def _report(self) -> None:
         """Fill ``energy`` with each term, weighted, and their sum."""
         names = ("rotation", "smoothness", "constraint", "rigidity", "planes", "total")
         self.energy = dict(zip(names, self._work.energies.tolist(), strict=True))
-
-
-@njit(cache=True, nogil=True)
-def _take_usable(targets, weights, scale, out, pulls):  # type: ignore[no-untyped-def]
-    """Fill ``out`` (L, 4) with the usable targets, and ``pulls`` (L,) with the weights, 0 for the others."""
-    for m in range(len(pulls)):
-        usable = weights[m] > 0.0 and np.isfinite(weights[m])
-        for a in range(3):
-            usable = usable and abs(targets[m, a]) < _FARTHEST
-        pulls[m] = scale * weights[m] if usable else 0.0
-        for a in range(3):
-            out[m, a] = targets[m, a] if usable else 0.0
-
-
-def _checked_stiffness(stiffness: Float | None, count: int) -> Float:
-    """(N,) the factors, 1 where None; or an InputError."""
-    if stiffness is None:
-        return np.ones(count)
-    factors = np.asarray(stiffness, np.float64)
-    if factors.shape != (count,) or not (np.isfinite(factors) & (factors > 0)).all():
-        raise InputError(
-            f"the stiffness is {factors.shape} with values from {np.min(factors, initial=np.inf):g}",
-            where="embedded deformation",
-            mend=f"Give ({count},) finite factors above 0.",
-        )
-    return factors

@@ -1,0 +1,93 @@
+"""What the solver is given, in the kernels' form: nodes in elimination order, and measurements alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Int, Int32
+from enliven.deformation.constraints import PlaneConstraints, PointConstraints
+from enliven.deformation.embedded.energy import Planes
+from enliven.errors import InputError
+from enliven.kernels import njit
+
+_FARTHEST = 1e4
+"""Metres; a target farther away than this is no measurement."""
+_NONE = np.empty(0)
+NO_PLANES = Planes(
+    np.empty((0, 4), np.int32), np.empty((0, 4, 4)), np.empty((0, 4)), _NONE, _NONE, np.empty(0, np.bool_)
+)
+"""A frame without planes."""
+
+
+def rows_of(
+    points: PointConstraints | PlaneConstraints, positions: Float, places: Int
+) -> tuple[Int32, Float]:
+    """(L, 4) nodes in elimination order, ascending, each once, and (L, 4, 4) their coefficients.
+
+    Args:
+        positions: (N, 3) metres, the nodes at rest.
+        places: (N,) of each node in the elimination order.
+    """
+    nodes = np.ascontiguousarray(points.node_indices, np.int64).reshape(-1, 4)
+    weights = np.asarray(points.node_weights, np.float64).reshape(-1, 4)
+    arms = np.asarray(points.points, np.float64).reshape(-1, 1, 3) - positions[nodes]
+    rows = np.concatenate([arms, np.ones((len(nodes), 4, 1))], -1) * weights[..., None]
+    place = places[nodes]
+    order = np.argsort(place, 1, kind="stable")
+    place = np.take_along_axis(place, order, 1)
+    rows = np.take_along_axis(rows, order[..., None], 1)
+    for k in (3, 2, 1):
+        # A node given twice counts once, with both weights.
+        twice = place[:, k] == place[:, k - 1]
+        rows[twice, k - 1] += rows[twice, k]
+        rows[twice, k] = 0.0
+    return place.astype(np.int32), np.ascontiguousarray(rows)
+
+
+def planes_of(planes: PlaneConstraints | None, weight: float, positions: Float, places: Int) -> Planes:
+    """The frame's planes in the kernels' form, without those that are not finite.
+
+    Args:
+        weight: of all planes; positions, places: as of :func:`rows_of`.
+    """
+    if planes is None or not len(planes):
+        return NO_PLANES
+    nodes, rows = rows_of(planes, positions, places)
+    normals = np.zeros((len(nodes), 4))
+    normals[:, :3] = planes.normals
+    weights = weight * np.asarray(planes.weights, np.float64)
+    usable = np.isfinite(normals).all(1) & (np.abs(planes.offsets) < _FARTHEST) & np.isfinite(weights)
+    return Planes(
+        nodes,
+        rows,
+        np.where(usable[:, None], normals, 0.0),
+        np.where(usable, planes.offsets, 0.0),
+        np.where(usable & (weights > 0), weights, 0.0),
+        np.asarray(planes.one_sided, np.bool_),
+    )
+
+
+@njit(cache=True, nogil=True)
+def take_usable(targets, weights, scale, out, pulls):  # type: ignore[no-untyped-def]
+    """Fill ``out`` (L, 4) with the usable targets, and ``pulls`` (L,) with the weights, 0 for the others."""
+    for m in range(len(pulls)):
+        usable = weights[m] > 0.0 and np.isfinite(weights[m])
+        for a in range(3):
+            usable = usable and abs(targets[m, a]) < _FARTHEST
+        pulls[m] = scale * weights[m] if usable else 0.0
+        for a in range(3):
+            out[m, a] = targets[m, a] if usable else 0.0
+
+
+def checked_stiffness(stiffness: Float | None, count: int) -> Float:
+    """(N,) the factors, 1 where None; or an InputError."""
+    if stiffness is None:
+        return np.ones(count)
+    factors = np.asarray(stiffness, np.float64)
+    if factors.shape != (count,) or not (np.isfinite(factors) & (factors > 0)).all():
+        raise InputError(
+            f"the stiffness is {factors.shape} with values from {np.min(factors, initial=np.inf):g}",
+            where="embedded deformation",
+            mend=f"Give ({count},) finite factors above 0.",
+        )
+    return factors
