@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from enliven.deformation.graph.surface_ends import _peaks, extremities
+from enliven.deformation.graph.surface_ends import _SMALL, _peaks, extremities, joined_shells
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh, refine
 
@@ -69,8 +71,33 @@ def test_a_finer_mesh_has_the_same_ends():
 
 def test_loose_vertices_are_no_ends():
     mesh = star([1.0, 0.8, 0.8])
-    more = Mesh(np.concatenate([mesh.vertices, [[9.0, 9.0, 9.0]]]), mesh.faces)
-    assert len(mesh.vertices) not in extremities(more)
+    loose = np.random.default_rng(3).normal(0.0, 9.0, (3000, 3))
+    more = Mesh(np.concatenate([mesh.vertices, loose]), mesh.faces)
+    assert extremities(more).tolist() == extremities(mesh).tolist()
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.sampled_from([(1, 4), (30, 1), (30, 3), (5, 2 * _SMALL)]))
+def test_shells_are_joined_by_the_shortest_pairs_that_make_them_one(seed, sizes):
+    """As the obvious way joins them: of all pairs of shells the nearest one that is not one piece yet."""
+    chance, (shells, largest) = np.random.default_rng(seed), sizes
+    label = np.concatenate([np.full(n, k) for k, n in enumerate(chance.integers(1, largest + 1, shells))])
+    points = chance.normal(size=(len(label), 3)) + 4.0 * chance.normal(size=(shells, 3))[label]
+    joints = joined_shells(points, label)
+    between = np.linalg.norm(points[:, None] - points, axis=2)
+    piece, expected = label.copy(), 0.0
+    for a, b in zip(*np.unravel_index(np.argsort(between, axis=None), between.shape), strict=True):
+        if piece[a] != piece[b]:
+            piece[piece == piece[a]], expected = piece[b], expected + between[a, b]
+        if (piece == piece[0]).all():
+            break
+    assert len(joints) == shells - 1
+    # Two sums of the same lengths in another order.
+    assert between[joints[:, 0], joints[:, 1]].sum() == pytest.approx(expected, rel=1e-12)
+    piece = label.copy()
+    for a, b in joints:
+        piece[piece == piece[a]] = piece[b]
+    assert (piece == piece[0]).all()
 
 
 def test_peaks_stand_over_their_passes():

@@ -7,6 +7,7 @@ to one that is farther out (its persistence): a hand first by its longest finger
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from enliven.deformation.graph.geodesic_kernels import spread
 from enliven.deformation.graph.surface import SurfaceNet, net_of
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.meshes import Mesh
+from enliven.meshes import Mesh, submesh
 from enliven.union_find import root_of
 
 _NODES = 200
@@ -28,6 +29,9 @@ _SOURCES = 32
 them."""
 _LEAST = 0.02
 """Part of the longest way along the mesh; ends that stand out less are none."""
+
+_SMALL = 64
+"""Points of a shell up to which it is joined by the neighbours of its points among all points."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,8 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NODES) -> LimbEnds:
     """
     if not mesh.area > 0:
         raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
-    net = net_of(mesh, float(np.sqrt(mesh.area / nodes)))
+    surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))  # vertices without a face are none of it
+    net = net_of(surface, float(np.sqrt(mesh.area / nodes)))
     ways = _ways(net)
     from_sources = _spread_out(ways, _SOURCES)
     far = from_sources.mean(0)
@@ -140,19 +145,53 @@ def _peaks(offsets, neighbours, height, order):  # type: ignore[no-untyped-def]
 
 def _ways(net: SurfaceNet) -> csr_matrix:
     """(C, C) the net's edges, its shells joined where they are nearest."""
-    count = len(net.points)
-    rows, columns, lengths = net.graph.edges[:, 0], net.graph.edges[:, 1], net.graph.lengths
-    while True:
-        graph = csr_matrix((lengths, (rows, columns)), (count, count))
-        graph = graph + graph.T
-        shells, label = connected_components(graph, directed=False)
-        if shells == 1:
-            return graph
-        from scipy.spatial import cKDTree
+    count, edges = len(net.points), net.graph.edges
+    graph = csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
+    joints = joined_shells(net.points, connected_components(graph, directed=False)[1])
+    lengths = np.linalg.norm(net.points[joints[:, 0]] - net.points[joints[:, 1]], axis=1)
+    graph = graph + csr_matrix((np.maximum(lengths, 1e-12), (joints[:, 0], joints[:, 1])), (count, count))
+    return csr_matrix(graph + graph.T)
 
-        inside = label == label[np.bincount(label)[label].argmin()]
-        distance, other = cKDTree(net.points[~inside]).query(net.points[inside])
-        first = int(distance.argmin())
-        rows = np.append(rows, np.flatnonzero(inside)[first])
-        columns = np.append(columns, np.flatnonzero(~inside)[other[first]])
-        lengths = np.append(lengths, max(float(distance[first]), 1e-12))
+
+def joined_shells(points: Float, label: Int) -> Int:
+    """Returns (S - 1, 2) pairs of points that make one piece of S shells, the shortest that do.
+
+    Every shell but the largest takes its nearest point of another one, again and again until all are one
+    (Borůvka's algorithm): a few rounds, however many shells there are.
+
+    Args:
+        points: (C, 3) metres.
+        label: (C,) the shell that each point is on, from 0.
+    """
+    edges, count = np.empty((0, 2), np.int64), int(label.max()) + 1
+    while count > 1:
+        point, length, other = (
+            np.concatenate(column) for column in zip(*_beside(points, label), strict=True)
+        )
+        order = np.lexsort((length, label[point]))
+        nearest = order[np.unique(label[point[order]], return_index=True)[1]]
+        pairs = np.sort(np.column_stack([point[nearest], other[nearest]]), axis=1)
+        edges = np.unique(np.vstack([edges, pairs]), axis=0)
+        links = csr_matrix((np.ones(len(pairs)), (label[pairs[:, 0]], label[pairs[:, 1]])), (count, count))
+        count, merged = connected_components(links, directed=False)
+        label = merged[label]
+    return edges
+
+
+def _beside(points: Float, label: Int) -> Iterator[tuple[Int, Float, Int]]:
+    """Yields (P,) points of shells but the largest, metres to the nearest point of another, and that one."""
+    from scipy.spatial import cKDTree  # 0.05 s to load, which an edge's start does without
+
+    size = np.bincount(label)
+    largest = int(size.argmax())
+    small = np.flatnonzero((size[label] <= _SMALL) & (label != largest))
+    if len(small):
+        # Of so many neighbours of a point one at least is on another shell.
+        near, around = cKDTree(points).query(points[small], int(size[label[small]].max()) + 1)
+        rows, place = np.arange(len(small)), (label[around] != label[small][:, None]).argmax(1)
+        yield small, near[rows, place], around[rows, place]
+    for shell in np.flatnonzero(size > _SMALL):
+        if shell != largest:
+            inside, outside = np.flatnonzero(label == shell), np.flatnonzero(label != shell)
+            near, around = cKDTree(points[outside]).query(points[inside])
+            yield inside, near, outside[around]
