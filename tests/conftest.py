@@ -8,6 +8,10 @@ import tempfile
 import time
 from pathlib import Path
 
+# Test processes share the cores. Beside others, BLAS's own threads wait for one another by spinning, so a
+# small dense fit took 13 times as much of the processor. It is read where NumPy is loaded first.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import hypothesis
 import pytest
 
