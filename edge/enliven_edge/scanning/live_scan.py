@@ -262,7 +262,7 @@ class LiveScan(threading.Thread):
             time_ns=self._now_ns,
             fused=diary.counts[ScanState.SCANNING],
             way=diary.way,
-            full=diary.full,
+            full=scanner.full,
             undoable=self._checkpoints.seconds(self._now_ns),
             missing=missing,
             stage_from_scan=place.rows(),
