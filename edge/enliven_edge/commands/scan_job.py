@@ -15,7 +15,15 @@ from rich.console import Console
 from enliven.arrays import Float
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
-from enliven.scanning import CutOutSettings, Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings
+from enliven.scanning import (
+    CutOutSettings,
+    Scanner,
+    ScanSettings,
+    ScanState,
+    ScanStep,
+    VolumeSettings,
+    alone_within,
+)
 from enliven.scanning.objects import MovedScanner
 from enliven_edge.commands.progress import frame_progress, interruptible
 from enliven_edge.scanning import (
@@ -33,9 +41,6 @@ from enliven_edge.scanning import (
     write_scan,
 )
 
-_LEAST_ALONE = 0.01
-"""Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
-
 
 def scanner_of(voxel: float, reach: float, within: float | None, memory: int, thing: int = 1) -> Scanner:
     """Returns a scanner.
@@ -50,8 +55,7 @@ def scanner_of(voxel: float, reach: float, within: float | None, memory: int, th
     volume = VolumeSettings(voxel=voxel * 1e-3, reach=reach, memory=memory)
     if within is None:
         return Scanner(ScanSettings(volume=volume, cut_out=CutOutSettings(number=thing)))
-    near = replace(volume, reach=min(reach, within), far=within)
-    return Scanner(ScanSettings(volume=near, least_depth=_LEAST_ALONE))
+    return Scanner(alone_within(volume, within))
 
 
 def corners_of(box: str) -> tuple[Float, Float] | None:

@@ -93,7 +93,7 @@ class ScanDiary:
             said.append("Often only a blank surface was seen, which does not tell where the camera is.")
         if self._quick > _OFTEN * total:
             said.append("The camera was often faster than 1 m/s; slower scans are sharper.")
-        if self.full:
+        if self.full or (scanner is not None and scanner.full):
             full = "The memory for voxels was full: nothing more was added, and all until then was kept."
             said.append(f"{full} Take larger voxels (--voxel), or more memory (--memory).")
         return said

@@ -16,7 +16,7 @@ from enliven.arrays import Float
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
-from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings
+from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings, alone_within
 from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState, following
 from enliven.wire import Scan, ScanMessage, ScanPieceMessage
 from enliven_edge.scanning.checkpoints import Checkpoints
@@ -40,8 +40,6 @@ _WAITS = 0.03
 """Seconds that an image of a recording waits before the edge's loop looks after other things: a frame."""
 _TRIANGLES = 50_000
 """Of the mesh that the scan becomes: a chair keeps within a millimetre."""
-_LEAST_ALONE = 0.01
-"""Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
 
 Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
 _PHASE_AFTER: dict[str, Phase] = {"pause": "paused", "go on": "scanning", "done": "finishing"}
@@ -62,11 +60,9 @@ class ScanRun:
 def scan_settings(order: Scan) -> ScanSettings:
     """Returns the settings of a scan that a viewer asked for."""
     volume = VolumeSettings(voxel=order.voxel)
-    within = FARTHEST if order.person else order.within
-    if within is None:
-        return ScanSettings(volume=volume)
-    near = replace(volume, reach=within if order.person else min(volume.reach, within), far=within)
-    return ScanSettings(volume=near, least_depth=_LEAST_ALONE)
+    if order.person:
+        return alone_within(replace(volume, reach=FARTHEST), FARTHEST)
+    return ScanSettings(volume=volume) if order.within is None else alone_within(volume, order.within)
 
 
 def _scanner_of(order: Scan) -> Scanner | MovedScanner:
@@ -266,7 +262,7 @@ class LiveScan(threading.Thread):
             time_ns=self._now_ns,
             fused=diary.counts[ScanState.SCANNING],
             way=diary.way,
-            full=diary.full,
+            full=scanner.full,
             undoable=self._checkpoints.seconds(self._now_ns),
             missing=missing,
             stage_from_scan=place.rows(),

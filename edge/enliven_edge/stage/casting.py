@@ -14,6 +14,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph, character_from, graph_of
 from enliven.meshes import Axis, Mesh
+from enliven.person import Body
 from enliven.possession import (
     ActorSettings,
     BodyInMesh,
@@ -94,14 +95,17 @@ def cast_mesh(
         joints = joints if joints is None else as_moved(joints, given, mesh.vertices[: len(given)])
     if at:
         settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
+    height = None
     if joints is not None and len(joints):
         settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
+        # Where a part of them was in view, the mesh is less high than the person.
+        height = Body(0, joints, np.ones(len(joints))).height
     seeks = seeks_person(settings) and not settings.joints
     with ThreadPoolExecutor(1) as beside:  # the search takes as long as the graph does, most of it in kernels
         person = beside.submit(_person_in, mesh, settings) if seeks else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
         found = None if person is None else person.result
-        actor = EmbeddedActor(character, graph_of(character), settings, size, person=found)
+        actor = EmbeddedActor(character, graph_of(character), settings, size, height, found)
     for doubt in actor.likeness.doubts if actor.likeness else ():
         mend = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
         log.warning("%s: %s %s", name, doubt, mend)

@@ -39,5 +39,6 @@ from .settings import (
     ObjectSettings as ObjectSettings,
     RegistrationSettings as RegistrationSettings,
     TrackingSettings as TrackingSettings,
+    alone_within as alone_within,
 )
 from .volume import Fused as Fused, DistanceVolume as DistanceVolume

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from enliven.settings import setting
+
+_LEAST_ALONE = 0.01
+"""Share of an image that a thing fills at least where nothing else is in it: a hand's width at a metre."""
+_UNSURE_ALONE = 0.25
+"""Metres by which the camera's place about it may be off: a few images of a thing half a metre high leave
+open how it is turned by some degrees, and only more of them tell it."""
 
 
 @dataclass(frozen=True)
@@ -220,3 +226,10 @@ class ScanSettings:
     moved: ObjectSettings = setting(ObjectSettings, "How what is moved meanwhile is followed.")
     registration: RegistrationSettings = setting(RegistrationSettings, "How it is found again.")
     least_depth: float = setting(0.05, "Share of an image that must show a surface.", low=0, high=1)
+
+
+def alone_within(volume: VolumeSettings, within: float) -> ScanSettings:
+    """Returns the settings of a scan of what alone is nearer than so many metres, and may be turned."""
+    near = replace(volume, reach=min(volume.reach, within), far=within)
+    tracking = TrackingSettings(unsure=_UNSURE_ALONE)
+    return ScanSettings(volume=near, tracking=tracking, least_depth=_LEAST_ALONE)

@@ -18,8 +18,8 @@ _TREMOR = 0.01
 """Metres by which hands do not hold it still."""
 _ARM = 0.6
 """Metres of an arm that are in view, from the hand on."""
-_BEHIND, _SWAY = 0.55, 0.03
-"""Metres that who holds it stands behind it, and sways to and fro."""
+_SWAY = 0.03
+"""Metres by which who holds it sways to and fro."""
 _THICK = 4.0
 """Times that a trunk is as thick as an arm: 28 cm."""
 
@@ -35,6 +35,7 @@ class InHandsWay:
         tilt: radians by which it leans to and fro as it turns.
         grips: how often each hand takes hold anew in a turn.
         reach: metres from the thing's axis, and above its lowest point, at which hands hold it.
+        behind: metres behind it at which who holds it stands; 0: they are not in view but for their arms.
     """
 
     begins: float = 1.5
@@ -43,6 +44,7 @@ class InHandsWay:
     tilt: float = 0.15
     grips: int = 4
     reach: tuple[float, float] = (0.12, 0.22)
+    behind: float = 0.0
 
     def world_from_thing(self, time: float) -> Float:
         """Returns the (4, 4) pose of the thing at a time in seconds."""
@@ -65,12 +67,13 @@ class InHandsWay:
 
     def arms(self, time: float) -> list[Mesh]:
         """Returns trunk and arms, world: each hand stays where it holds it, until it takes hold anew."""
-        feet = np.array([_SWAY * math.sin(1.9 * time), 0.0, -_BEHIND])
-        trunk = arm_mesh(feet + np.array([0.0, 1.3, 0.0]), feet, _THICK)
+        arms = list[Mesh]()
+        if self.behind:
+            feet = np.array([_SWAY * math.sin(1.9 * time), 0.0, -self.behind])
+            arms.append(arm_mesh(feet + np.array([0.0, 1.3, 0.0]), feet, _THICK))
         if time < self.begins - 0.4:
-            return [trunk]
+            return arms
         pose, angle, step = self.world_from_thing(time), self._angle(time), 2.0 * math.pi / self.grips
-        arms = [trunk]
         for side in (0, 1):
             # One hand after the other, where its own side of the thing then is.
             turned = step * math.floor(angle / step + 0.5 * side)

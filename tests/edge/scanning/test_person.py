@@ -13,7 +13,7 @@ from turning import TurningPerson
 
 from enliven.errors import InputError
 from enliven.formats.project import read_project
-from enliven.meshes import load_mesh
+from enliven.meshes import load_mesh, submesh
 from enliven.person import Body, Joint
 from enliven.possession import ActorSettings
 from enliven.scanning import ScanSettings, ScanState, VolumeSettings
@@ -95,6 +95,17 @@ def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, scene, 
         after = actor.perform([replace(body, joints=raised)], n * 33_333_333).positions[hands]
     lifted = (after - before)[:, 1]
     assert lifted[0] > 0.3 and abs(lifted[1]) < 0.1, "the mesh raises its left hand as they do"
+
+
+def test_of_whom_a_part_was_in_view_that_part_is_as_large_as_they_are(scanned):
+    person = scanned[0].person()
+    high = person.mesh.vertices[person.mesh.faces, 1].min(1) > 0.8
+    upper = submesh(person.mesh, high)
+    actor = cast_mesh(upper, "me", settings=ActorSettings(how="mapped"), fit=False, joints=person.bones)
+    body = Body(1, person.bones, np.ones(20))
+    actor.perform([body], 0)
+    actor.possess(body)
+    assert actor.place[0] == pytest.approx(1.0, abs=0.01)
 
 
 def test_what_was_not_seen_of_a_person_is_as_of_one_who_stands(scanned):

@@ -9,6 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven import rotation
+from enliven.scanning import ScanSettings, VolumeSettings
+from enliven.scanning.depth_view import only
+from enliven.scanning.objects import MovedScanner, ObjectModel
 from enliven.scanning.objects.nearness import distances_in
 from enliven.scanning.objects.vacated import share_vacated
 
@@ -95,3 +98,16 @@ def test_beside_a_surface_nothing_is_known(sphere):
     pose = looking(0.0)
     view = prepared(plane_depth(-pose[:3, 2], -0.9, pose))
     assert np.isnan(distances_in(sphere, view, pose)).all()
+
+
+def test_an_object_that_fills_the_memory_ends_its_scan():
+    volume = VolumeSettings(voxel=0.001, memory=16)
+    scanner, pose = MovedScanner(ScanSettings(volume=volume)), looking(0.0)
+    scanner.model = ObjectModel(scanner.settings)
+    view = prepared(sphere_depth((0, 0, 0), RADIUS, pose))
+    scanner.model.fuse(only(view, view.worth < 0), pose)
+    assert not scanner.full
+    for n in range(40):
+        pose = looking(0.15 * n)
+        scanner.model.fuse(prepared(sphere_depth((0, 0, 0), RADIUS, pose)), pose)
+    assert scanner.full

@@ -36,7 +36,7 @@ class BodyInMesh:
 
     @classmethod
     def known(cls, joints: Float) -> BodyInMesh:
-        """Returns the skeleton of a person whose joints (20, 3) are known, metres, rest space."""
+        """Returns a person's skeleton from the joints (20, 3), metres, rest space."""
         lefts = (
             joints[[Joint.HIP_LEFT, Joint.SHOULDER_LEFT]] - joints[[Joint.HIP_RIGHT, Joint.SHOULDER_RIGHT]]
         )

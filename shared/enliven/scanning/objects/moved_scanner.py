@@ -171,7 +171,8 @@ class MovedScanner:
     @property
     def full(self) -> bool:
         """Whether the memory for voxels is full."""
-        return any(rest.scanner.full for rest in self.rests)
+        alone = self.model is not None and self.model.full
+        return alone or any(rest.scanner.full for rest in self.rests)
 
     def surface(self, since: int = 0) -> Mesh:
         """Returns the surface of the first room with the object in it, as :meth:`Scanner.surface` does."""

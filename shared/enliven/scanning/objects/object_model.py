@@ -21,11 +21,13 @@ class ObjectModel:
 
     Attributes:
         volumes: from the finest to the coarsest, in the object's frame.
+        full: whether the memory was full: nothing new was added from then on.
     """
 
     def __init__(self, settings: ScanSettings) -> None:
         self.settings = settings
         self.volumes = empty_volumes(settings.volume)
+        self.full = False
         self._box = np.array([[np.inf] * 3, [-np.inf] * 3])
 
     @property
@@ -93,5 +95,5 @@ class ObjectModel:
 
     def fuse(self, view: DepthView, object_from_camera: Float) -> None:
         """Average a view into it, of which only the object's points have worth."""
-        for volume in self.volumes:
-            volume.integrate(view, object_from_camera)
+        room = [volume.integrate(view, object_from_camera).room for volume in self.volumes]
+        self.full = self.full or not all(room)

@@ -46,8 +46,6 @@ _LOOKS = 7
 """Images of a rest that tell whether the object stood still in it."""
 _FEW = 2000
 """Points of each thing that are looked for in each image: 0.3 ms."""
-_TALLEST = 1.2
-"""Metres of height beyond which it is no thing that is turned, but a person who stands by and sways."""
 _FOLLOWS = 0.5
 """Share of an object's points in known space that lie at its surface, below which it has moved."""
 
@@ -100,8 +98,6 @@ class ObjectRest:
             return
         focus = focus_of([pose for _, pose in self.scanner.poses])
         parts = parts_about(mesh, ground, focus, cut)
-        if self.settings.moved.followed:
-            parts = [one for one in parts if np.ptp(ground.heights(one.vertices)) < _TALLEST]
         if len(parts) < self._choice:
             return
         self.ground, self.parts = ground, parts[: max(_PARTS, self._choice)]
