@@ -14,7 +14,17 @@ and keys has no effect, without a word, which on a busy machine looks like a win
 
 
 def scripted(work: Callable[[imgui.test_engine.TestContext], None]) -> Callable[[], None]:
-    """Returns what lets a window do a script from its first picture on: its ``register_tests``."""
+    """Returns what lets a window do a script from its first picture on: its ``register_tests``.
+
+    A script that raises ends the window.
+    """
+
+    def guarded(ctx: imgui.test_engine.TestContext) -> None:
+        try:
+            work(ctx)
+        except BaseException:
+            hello_imgui.get_runner_params().app_shall_exit = True
+            raise
 
     def register() -> None:
         engine = hello_imgui.get_imgui_test_engine()
@@ -22,7 +32,7 @@ def scripted(work: Callable[[imgui.test_engine.TestContext], None]) -> Callable[
         how.config_run_speed = imgui.test_engine.TestRunSpeed.fast
         how.config_watchdog_warning = how.config_watchdog_kill_test = PATIENCE
         test = imgui.test_engine.register_test(engine, "window", "script")
-        test.test_func = work
+        test.test_func = guarded
         imgui.test_engine.queue_test(engine, test)
 
     return register

@@ -16,7 +16,7 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from coarse_pixels import coarse_pixels
-from deeds import by_key, by_menu, scripted
+from deeds import by_key, by_menu, press, scripted
 from strokes import limb
 
 from enliven.modeling.edits import cut_character, handle_characters, scale_character
@@ -170,12 +170,12 @@ def close_by(
     perform, camera = window.workspace.perform, window.workspace.editor.camera
     until(lambda: not perform.holders, "a chair that is free", lambda: ctx.key_press(int(imgui.Key.r)))
     before = camera.goal
-    ctx.key_press(int(imgui.Key.key_3))
+    press(ctx, "3")
     ctx.key_press(int(imgui.Key.c))
     until(lambda: perform.close_up.box is not None and "side view" in window.workspace.widgets, "the legs")
     shot("close up")
     near = camera.goal
-    ctx.key_press(int(imgui.Key.key_1))
+    press(ctx, "1")
     until(lambda: perform.holders, "who holds the chair again", lambda: ctx.key_press(int(imgui.Key.p)))
     until(lambda: perform.close_up.box is None, "the view of before")
     ctx.key_press(int(imgui.Key.c))
