@@ -12,8 +12,10 @@ _EVERY_NS = 200_000_000
 """Nanoseconds of the sensor's clock between two pictures: movement is followed, for 30 kB/s."""
 _HIGH = 72
 """Pixels of the picture's height at most: a person is recognised in it."""
-_NEAR, _FAR = 400.0, 6000.0
-"""Millimetres that are as bright and as dark as it gets: what depth cameras see."""
+_NEAR = 400.0
+"""Millimetres that are as light as it gets: nearer, depth cameras see nothing."""
+_FAR = 6000.0
+"""Millimetres that are as dark as it gets: performers stand nearer."""
 _USUAL_LENS = [0.9, 0.9, 0.6, 0.5]
 """Of a sensor that tracks people itself: 58 degrees high."""
 

@@ -25,7 +25,7 @@ _SAME = 1e-6
 
 
 class CloseUp:
-    """Moves the editor's camera while somebody chooses what to take hold of.
+    """Moves the editor's camera while a performer chooses what to take hold of.
 
     Attributes:
         on: whether the view goes there.

@@ -68,7 +68,7 @@ class PerformSession:
 
     @property
     def keys_of(self) -> str:
-        """The workspace whose own keys count; none in *Play* without a stage, where the project plays."""
+        """The workspace that has keys of its own; none in *Play* without a stage, where the project plays."""
         return "" if self.room == "Play" and self.live is None else self.room
 
     # The link ---------------------------------------------------------------------------------------------
